@@ -1,0 +1,130 @@
+"""The gear train: tooth counts in; speed ratios, torque map and preload direction out.
+
+Two driving gears D1, D2 mesh with one follower F. "Pinion" is the driving gear of this final mesh; "motor" is the shaft
+in front of the pre-reduction. The senses of the pre-reduction are counted so that a motor turning positively turns its
+pinion positively; the only minus sign left is that of the external final mesh in equations (1) and (2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plant.errors import BadParameter
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearTrain:
+    """Two pinions on one follower, each behind the same pre-reduction.
+
+    With theta the follower's angle, phi_i and xi_i the angle and torque of pinion i, tau_f the torque on the follower:
+
+        phi_i = -(Nf/Ni) theta                                        (1)
+        tau_f = -(Nf/N1) xi1 - (Nf/N2) xi2                            (2)
+        xi    = particular(tau_f) + lambda [N1, -N2]                  (3)
+
+    (equations 1 to 3 of the drive/anti-drive paper). The lambda term moves nothing: it only preloads the meshes, in
+    the sense [+ -] for lambda > 0.
+
+    Attributes:
+        pinion_teeth: teeth (N1, N2) of the two driving gears.
+        follower_teeth: teeth Nf of the follower.
+        stages: (driven, driving) teeth of each pre-reduction stage between a motor and its pinion; empty if there is
+            none.
+
+    Raises:
+        BadParameter: a tooth count that is not a positive whole number, or a stage that is not a pair.
+    """
+
+    pinion_teeth: tuple[int, int]
+    follower_teeth: int
+    stages: tuple[tuple[int, int], ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check every tooth count."""
+        if len(self.pinion_teeth) != 2:
+            raise BadParameter(f"pinion_teeth must hold two tooth counts (N1, N2), not {self.pinion_teeth!r}.")
+        for stage in self.stages:
+            if len(stage) != 2:
+                raise BadParameter(f"Each stage must be a pair (driven teeth, driving teeth), not {stage!r}.")
+        for count in chain(self.pinion_teeth, (self.follower_teeth,), *self.stages):
+            if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+                raise BadParameter(f"A tooth count must be a positive whole number, not {count!r}.")
+
+    @classmethod
+    def paper(cls) -> GearTrain:
+        """The paper's train: 46/18, 41/17, 42/21 and 161/20, which reduce 99.231 to 1."""
+        return cls(pinion_teeth=(20, 20), follower_teeth=161, stages=((46, 18), (41, 17), (42, 21)))
+
+    @property
+    def pre_reduction(self) -> float:
+        """Motor turns for one turn of the pinion."""
+        return float(np.prod([driven / driving for driven, driving in self.stages]))
+
+    @property
+    def mesh_ratios(self) -> Array:
+        """Magnitudes (Nf/N1, Nf/N2) of the final mesh, shape (2,)."""
+        return self.follower_teeth / np.array(self.pinion_teeth, dtype=np.float64)
+
+    @property
+    def motor_ratios(self) -> Array:
+        """Turns of each motor for one turn of the load, shape (2,), without the sign of the final mesh."""
+        return self.pre_reduction * self.mesh_ratios
+
+    @property
+    def ratio(self) -> float:
+        """Turns of motor 1 for one turn of the load (the paper's total gear reduction)."""
+        return float(self.motor_ratios[0])
+
+    @property
+    def angle_map(self) -> Array:
+        """Pinion angles for one radian of the follower, shape (2,), equation (1)."""
+        return -self.mesh_ratios
+
+    @property
+    def torque_map(self) -> Array:
+        """Follower torque for one newton metre on each pinion, shape (2,), equation (2)."""
+        return -self.mesh_ratios
+
+    @property
+    def null_vector(self) -> Array:
+        """Pinion torques [N1, -N2], shape (2,), that put no torque on the follower, equation (3)."""
+        n1, n2 = self.pinion_teeth
+        return np.array([n1, -n2], dtype=np.float64)
+
+    def particular(self, torque: ArrayLike) -> Array:
+        """Pinion torques of least norm for a follower torque, the first term of equation (3).
+
+        Args:
+            torque: follower torque [N m], any shape (...).
+
+        Returns:
+            Pinion torques [N m], shape (..., 2).
+        """
+        a = self.torque_map
+        return np.asarray(torque, dtype=np.float64)[..., None] * (a / (a @ a))
+
+    def split(self, torque: ArrayLike, preload: ArrayLike) -> Array:
+        """Pinion torques for a follower torque and a preload, equation (3).
+
+        Args:
+            torque: follower torque [N m], any shape (...).
+            preload: lambda [N m per tooth], shape that broadcasts with `torque`.
+
+        Returns:
+            Pinion torques [N m], shape (..., 2).
+        """
+        return self.particular(torque) + np.asarray(preload, dtype=np.float64)[..., None] * self.null_vector
+
+    def follower_torque(self, torques: ArrayLike) -> Array:
+        """Follower torque [N m], shape (...), of pinion torques [N m], shape (..., 2), equation (2)."""
+        return np.asarray(np.asarray(torques, dtype=np.float64) @ self.torque_map)
+
+    def load_speed(self, motor_speed: float) -> float:
+        """Speed of the load at a speed of motor 1, in the same unit and without the sign of the final mesh."""
+        return motor_speed / self.ratio
