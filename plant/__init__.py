@@ -1,1 +1,22 @@
-"""plant"""
+"""The plant: what moves, and how. Every other package asks here."""
+
+from __future__ import annotations
+
+from plant.discrete import sample_step, simulate
+from plant.effects import Effect, catalogue
+from plant.errors import AntidriveError, BadModelFile, BadParameter
+from plant.model_file import ModelFile, read_model
+from plant.servo import ServoModel
+
+__all__ = [
+    "AntidriveError",
+    "BadModelFile",
+    "BadParameter",
+    "Effect",
+    "ModelFile",
+    "ServoModel",
+    "catalogue",
+    "read_model",
+    "sample_step",
+    "simulate",
+]

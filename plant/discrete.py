@@ -1,0 +1,235 @@
+"""One sample ahead: the servo model integrated over a time step, as a CasADi function.
+
+The function is built once for a structure (which effects, which method) and is then mapped over a log or a horizon;
+parameters, the time step and the smoothing width are its inputs.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, Literal, TypeAlias
+
+import casadi as ca
+import numpy as np
+
+from plant.effects.effect import Array, Expression
+from plant.errors import BadParameter
+from plant.servo import ServoModel
+
+Method: TypeAlias = Literal["rk4", "backward_difference"]
+
+INPUTS = ("command", "previous_command", "servo_gain", "command_limit", "dt", "width")
+"""What a step takes besides state and parameters.
+
+command:           torque command from now on [N m]; of a position servo: servo gain times goal
+previous_command:  the command before, which acts until a delay inside the sample has passed [N m]
+servo_gain:        by how much the drive's torque falls with the angle [N m/rad]; 0 when the log gives the torque
+command_limit:     bound on the drive's torque [N m]; inf if there is none
+dt:                time step [s]
+width:             velocity over which dry friction is smoothed [rad/s]; 0 is the exact form, in which stiction holds
+"""
+
+
+def sample_step(model: ServoModel, *, substeps: int = 1, method: Method = "rk4") -> Any:
+    """The step (state, inputs, parameters) -> next state, as a `casadi.Function`.
+
+    Args:
+        model: its structure is used, not its numbers.
+        substeps: integration steps in one sample.
+        method: "rk4" integrates eqs. (4), (6) and the effects by the classical Runge-Kutta method, dry friction by
+            an implicit step; "backward_difference" is eq. (5) of the paper, for models without effects that carry
+            dry friction or state.
+
+    Returns:
+        Function of (n,) state [rad, rad/s, effect states], (6,) inputs (see `INPUTS`), (P,) parameters.
+
+    Raises:
+        BadParameter: unknown method, or eq. (5) asked for a model that it cannot express.
+    """
+    if substeps < 1:
+        raise BadParameter(f"substeps must be at least 1, not {substeps}.")
+    if method not in ("rk4", "backward_difference"):
+        raise BadParameter(f"method must be 'rk4' or 'backward_difference', not {method!r}.")
+    if method == "backward_difference" and (len(model.states) > 2 or model.dry_friction(0.0) is not None):
+        raise BadParameter("Equation (5) knows no dry friction and no actuator states; use the method 'rk4'.")
+    return _build(_Structure(model), substeps, method)
+
+
+class _Structure:
+    """A model seen as the key of a cache: equal when the equations are."""
+
+    def __init__(self, model: ServoModel) -> None:
+        self.model = model
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Structure) and self.model.structure == other.model.structure
+
+    def __hash__(self) -> int:
+        return hash(self.model.structure)
+
+
+@lru_cache(maxsize=256)
+def _build(structure: _Structure, substeps: int, method: Method) -> Any:
+    template = structure.model
+    state = ca.SX.sym("state", len(template.states))
+    inputs = ca.SX.sym("inputs", len(INPUTS))
+    parameters = ca.SX.sym("parameters", len(template.names))
+    model = template.bound(parameters)
+    command, previous, gain, limit, dt, width = ca.vertsplit(inputs)
+
+    advance = _runge_kutta if method == "rk4" else _backward_difference
+    has_delay = any(effect.name == "input_delay" for effect in model.effects)
+    # A delay inside the sample splits it at the instant at which the new command arrives.
+    late = ca.fmin(model.delay(), dt)
+    stretches = [(previous, late), (command, dt - late)] if has_delay else [(command, dt)]
+    end = state
+    for torque, length in stretches:
+        for _ in range(substeps):
+            drive = ca.fmax(ca.fmin(torque - gain * end[0], limit), -limit)
+            end = advance(model, end, drive, length / substeps, width)
+    names = (["state", "inputs", "parameters"], ["next_state"])
+    return ca.Function("sample_step", [state, inputs, parameters], [end], *names, {"cse": True})
+
+
+def _actuator(model: ServoModel, state: Expression, drive: Expression, h: Expression) -> tuple[Expression, list[Any]]:
+    """Torque behind the actuator and the states of its effects, `h` after the drive's torque was set."""
+    torque, states, place = drive, [], 2
+    for effect in model.effects:
+        own = 0.0
+        if effect.has_state:
+            own = effect.advance(state[place], torque, h)
+            states.append(own)
+            place += 1
+        torque = effect.command(torque, own)
+    return torque, states
+
+
+def _runge_kutta(model: ServoModel, state: Any, drive: Expression, h: Expression, width: Expression) -> Any:
+    """Classical Runge-Kutta for what is smooth, then an implicit step for dry friction."""
+    start, _ = _actuator(model, state, drive, 0.0)
+    middle, _ = _actuator(model, state, drive, h / 2)
+    end, states = _actuator(model, state, drive, h)
+    x, v = state[0], state[1]
+    a1 = model.smooth_acceleration(x, v, start)
+    v2 = v + h / 2 * a1
+    a2 = model.smooth_acceleration(x + h / 2 * v, v2, middle)
+    v3 = v + h / 2 * a2
+    a3 = model.smooth_acceleration(x + h / 2 * v2, v3, middle)
+    v4 = v + h * a3
+    a4 = model.smooth_acceleration(x + h * v3, v4, end)
+    angle = x + h / 6 * (v + 2 * v2 + 2 * v3 + v4)
+    velocity = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    angle, velocity = _with_dry_friction(model, x, v, angle, velocity, h, width)
+    return ca.vertcat(angle, velocity, *states)
+
+
+def _with_dry_friction(
+    model: ServoModel, x: Any, v: Any, angle: Any, velocity: Any, h: Expression, width: Expression
+) -> tuple[Any, Any]:
+    """Take the impulse of dry friction off a step that was free of it.
+
+    Friction takes up to F h / J of the velocity, and all of it when less is left: the implicit step of a set-valued
+    law (Moreau 1988), so stiction holds exactly and nothing chatters at any step length. A width w > 0 replaces the
+    jump by a ramp of that width, again in closed form.
+    """
+    levels = model.dry_friction((v + velocity) / 2)
+    if levels is None:
+        return angle, velocity
+    forward, backward = levels
+    most = h / model.inertia * ca.if_else(velocity > 0, forward, backward)
+    reach = width + most + 1e-300
+    taken = most * ca.fmax(ca.fmin(velocity / reach, 1), -1)
+    slowed = velocity - taken
+    sticks = ca.fabs(velocity) < reach
+    # Sliding: a constant friction torque over the step. Sticking: from v to (almost) rest, so that rest stays rest.
+    moved = ca.if_else(sticks, x + h / 2 * (v + slowed), angle - h / 2 * taken)
+    return moved, slowed
+
+
+def _backward_difference(model: ServoModel, state: Any, drive: Expression, h: Expression, width: Expression) -> Any:
+    """Equation (5) of the paper: J x'' and K x' by backward differences, gravity and torque at the new sample.
+
+    The angle to find stands on both sides; Newton's method on it converges to rounding in a few steps, because
+    alpha T^2 / (J + K T) is far below 1. The state's velocity stands for (x[k-1] - x[k-2]) / T.
+    """
+    torque, _ = _actuator(model, state, drive, h)
+    before, velocity = state[0], state[1]
+    guess = before + h * velocity
+    x = ca.SX.sym("x")
+    v = (x - before) / h
+    balance = (v - velocity) / h - model.smooth_acceleration(x, v, torque)
+    newton = x - balance / ca.jacobian(balance, x)
+    for _ in range(4):
+        guess = ca.substitute(newton, x, guess)
+    return ca.vertcat(guess, (guess - before) / h)
+
+
+def held_commands(command: Array, dt: Array, delay: float) -> tuple[Array, Array, float]:
+    """The two commands that act within each sample under a delay, and the part of the delay inside a sample.
+
+    Args:
+        command: (T,) torque command, each held until the next [N m].
+        dt: (T,) time step that follows each sample [s].
+        delay: dead time [s].
+
+    Returns:
+        (T,) the command from the switch on, (T,) the command until the switch, and when the switch comes [s].
+    """
+    step = float(np.median(dt))
+    whole = int(np.floor(delay / step + 1e-9))
+    index = np.arange(command.size)
+    return command[np.maximum(index - whole, 0)], command[np.maximum(index - whole - 1, 0)], delay - whole * step
+
+
+def simulate(
+    model: ServoModel,
+    *,
+    command: Array,
+    dt: Array | float,
+    state: Array | None = None,
+    servo_gain: Array | float = 0.0,
+    command_limit: float = np.inf,
+    substeps: int = 1,
+    width: float = 0.0,
+    method: Method = "rk4",
+) -> Array:
+    """Free simulation over a sequence of commands.
+
+    Args:
+        model: the servo.
+        command: (T,) torque command, each held for its time step [N m].
+        dt: time steps [s], one or (T,).
+        state: (n,) state at the first sample; at rest at angle zero by default.
+        servo_gain: see `INPUTS`, one or (T,).
+        command_limit: see `INPUTS`.
+        substeps: integration steps in one sample.
+        width: smoothing of dry friction [rad/s]; 0 is exact.
+        method: see `sample_step`.
+
+    Returns:
+        (T + 1, n) states, the first one being `state`.
+    """
+    command = np.asarray(command, dtype=float)
+    steps = np.broadcast_to(np.asarray(dt, dtype=float), command.shape)
+    begin = rest(model) if state is None else np.asarray(state, dtype=float)
+    now, before, switch = held_commands(command, steps, float(model.delay()))
+    values = at_switch(model, switch)
+    gain = np.broadcast_to(np.asarray(servo_gain, dtype=float), command.shape)
+    constant = np.ones_like(steps)
+    inputs = np.stack((now, before, gain, command_limit * constant, steps, width * constant))
+    step = sample_step(model, substeps=substeps, method=method)
+    states = np.array(step.mapaccum(command.size)(begin, inputs, values))
+    return np.vstack((begin[None, :], states.T))
+
+
+def rest(model: ServoModel, angle: float = 0.0, torque: float = 0.0) -> Array:
+    """(n,) state at rest at an angle, with actuator states settled at a torque."""
+    return np.array([angle, 0.0] + [torque] * (len(model.states) - 2))
+
+
+def at_switch(model: ServoModel, switch: float) -> Array:
+    """(P,) parameter values with the delay reduced to its part inside a sample."""
+    values = model.values
+    if "input_delay.time" in model.names:
+        values[model.names.index("input_delay.time")] = switch
+    return values

@@ -1,0 +1,34 @@
+"""Coulomb friction: constant against the motion, and it holds at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoulombFriction(Effect):
+    """Friction of constant size against the motion; at rest it holds up to that size."""
+
+    name = "coulomb_friction"
+    title = "Coulomb friction"
+    stage = Stage.LOAD
+    equation = r"\tau_f \in -F_c\,\mathrm{sgn}(\dot x)"
+    trace = "jump in missing torque at zero velocity"
+    confused_with = ("stribeck_friction", "asymmetric_friction", "dead_zone", "presliding_hysteresis")
+
+    torque: float = parameter("{torque}", "friction torque F_c", lower=0.0)
+
+    def dry_friction(self, velocity: Expression) -> tuple[Expression, Expression]:
+        """The same in both directions."""
+        return self.torque, self.torque
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """The direction of motion."""
+        yield Trace(
+            columns=-motion.sign[:, None],
+            start=lambda c: cls(torque=within(c[0], cls, "torque")),
+        )

@@ -1,0 +1,37 @@
+"""Quadratic drag: a resistance that grows with the square of speed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
+
+
+@dataclass(frozen=True, kw_only=True)
+class QuadraticDrag(Effect):
+    """Air or churning resistance."""
+
+    name = "quadratic_drag"
+    title = "quadratic drag"
+    stage = Stage.LOAD
+    equation = r"\tau_d = -c\,\dot x\,|\dot x|"
+    trace = "curved missing torque over velocity"
+    confused_with = ("stribeck_friction", "coulomb_friction")
+
+    drag: float = parameter("{torque} s^2/{angle}^2", "drag coefficient c", lower=0.0)
+
+    def load_torque(self, angle: Expression, velocity: Expression) -> Expression:
+        """Against the motion."""
+        return -self.drag * velocity * ca.fabs(velocity)
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """The signed square of the velocity."""
+        yield Trace(
+            columns=-(motion.velocity * np.abs(motion.velocity))[:, None],
+            start=lambda c: cls(drag=within(c[0], cls, "drag")),
+        )

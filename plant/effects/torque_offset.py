@@ -1,0 +1,33 @@
+"""Torque offset: a constant bias of the drive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueOffset(Effect):
+    """A constant torque that the command does not contain: current sensor bias, unbalanced amplifier."""
+
+    name = "torque_offset"
+    title = "torque offset"
+    stage = Stage.ACTUATOR
+    equation = r"\tau \leftarrow \tau + \tau_0"
+    trace = "missing torque: constant"
+    confused_with = ("gravity_offset", "asymmetric_friction", "cable_stiffness")
+
+    torque: float = parameter("{torque}", "constant bias")
+
+    def load_torque(self, angle: Expression, velocity: Expression) -> Expression:
+        """The bias, on the load: behind the dead zone it is not swallowed."""
+        return self.torque
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """A constant."""
+        yield Trace(columns=np.ones((motion.time.size, 1)), start=lambda c: cls(torque=float(c[0])))

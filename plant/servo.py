@@ -1,0 +1,161 @@
+"""The servo model: inertia, gravity, viscous friction and a tuple of effects (paper, eqs. 4 and 6)."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self, get_args
+
+import numpy as np
+
+from plant.effects import DeadZone, Effect
+from plant.effects.effect import Array, Axis, Expression, Parameter, parameter, parameters_of
+from plant.errors import BadParameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServoModel:
+    """One load on one axis, driven by a torque.
+
+        J x'' = -alpha cos x - K x' + h(tau) + torques of the effects        (paper, eqs. 4 and 6)
+
+    Attributes:
+        inertia: J [N m s^2/rad = kg m^2; kg on a linear axis].
+        gravity: alpha, torque of gravity at angle zero [N m]; zero on a linear axis.
+        viscous_friction: K [N m s/rad; N s/m].
+        effects: what acts besides; at most one of a kind.
+        axis: "rotary" (rad, N m) or "linear" (m, N).
+
+    Raises:
+        BadParameter: a parameter is not finite or out of its bounds, or an effect appears twice.
+    """
+
+    inertia: float = parameter("{torque} s^2/{angle}", "inertia J", lower=1e-12, default=2.0)
+    gravity: float = parameter("{torque}", "gravity torque alpha", default=0.5)
+    viscous_friction: float = parameter("{torque} s/{angle}", "viscous friction K", lower=0.0, default=0.8)
+    effects: tuple[Effect, ...] = ()
+    axis: Axis = "rotary"
+
+    def __post_init__(self) -> None:
+        """Validate everything; effects are kept in the catalogue's order."""
+        from plant.effects import catalogue
+
+        if self.axis not in get_args(Axis):
+            raise BadParameter(f"ServoModel: axis must be 'rotary' or 'linear', not {self.axis!r}.")
+        for spec in parameters_of(type(self)):
+            spec.check("ServoModel", getattr(self, spec.name))
+        if self.axis == "linear" and self.gravity != 0.0:
+            raise BadParameter("ServoModel: a linear axis has no gravity cos x; set gravity to 0.")
+        names = [effect.name for effect in self.effects]
+        if len(set(names)) != len(names):
+            raise BadParameter(f"ServoModel: an effect appears twice among {', '.join(names)}.")
+        order = {name: place for place, name in enumerate(catalogue)}
+        ordered = tuple(sorted(self.effects, key=lambda effect: order.get(effect.name, len(order))))
+        object.__setattr__(self, "effects", ordered)
+
+    @classmethod
+    def paper(cls) -> Self:
+        """J = 2, alpha = 0.5, K = 0.8 and the dead zone of 0.5 (paper, sections 3.2 and 4)."""
+        return cls(inertia=2.0, gravity=0.5, viscous_friction=0.8, effects=(DeadZone(half_width=0.5),))
+
+    # The parameters as a flat vector, effects behind the rigid body: what a fit moves.
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All parameters in order; those of an effect are named `effect.parameter`."""
+        own = tuple(replace(spec, unit=spec.unit_on(self.axis)) for spec in parameters_of(type(self)))
+        theirs = tuple(
+            replace(spec, name=f"{effect.name}.{spec.name}", unit=spec.unit_on(self.axis))
+            for effect in self.effects
+            for spec in effect.parameters()
+        )
+        return own + theirs
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters, in order."""
+        return tuple(spec.name for spec in self.parameters)
+
+    @property
+    def values(self) -> Array:
+        """(P,) values of all parameters, in order."""
+        own = [getattr(self, spec.name) for spec in parameters_of(type(self))]
+        return np.array(own + [value for effect in self.effects for value in effect.values], dtype=float)
+
+    def with_values(self, values: Sequence[float] | Array) -> Self:
+        """The same structure with other values (P,), clipped into their bounds by at most rounding.
+
+        Raises:
+            BadParameter: a value is out of its bounds, or the number of values is wrong.
+        """
+        if len(values) != len(self.names):
+            raise BadParameter(f"ServoModel has {len(self.names)} parameters, but {len(values)} values were given.")
+        other = self.bound([float(value) for value in values])
+        return replace(other, effects=tuple(replace(effect) for effect in other.effects))
+
+    def bound(self, values: Any) -> Self:
+        """The same structure with expressions (P,) in place of the numbers, unchecked: to build equations."""
+        other = copy.copy(self)
+        specs = parameters_of(type(self))
+        for place, spec in enumerate(specs):
+            object.__setattr__(other, spec.name, values[place])
+        place, effects = len(specs), []
+        for effect in self.effects:
+            count = len(effect.parameters())
+            effects.append(effect.bound([values[place + i] for i in range(count)]))
+            place += count
+        object.__setattr__(other, "effects", tuple(effects))
+        return other
+
+    # The effects.
+
+    def effect(self, name: str) -> Effect | None:
+        """The effect of that name, or None."""
+        return next((effect for effect in self.effects if effect.name == name), None)
+
+    def with_effect(self, effect: Effect) -> Self:
+        """The model with one effect more; it replaces an effect of its own kind and those it contains."""
+        gone = {effect.name, *effect.contains}
+        return replace(self, effects=(*(e for e in self.effects if e.name not in gone), effect))
+
+    def without_effect(self, name: str) -> Self:
+        """The model without the effect of that name."""
+        return replace(self, effects=tuple(e for e in self.effects if e.name != name))
+
+    # The mechanics, in numbers or in symbols.
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states: angle, velocity, then those that effects bring."""
+        return ("angle", "velocity", *(e.name for e in self.effects if e.has_state))
+
+    def smooth_acceleration(self, angle: Expression, velocity: Expression, torque: Expression) -> Expression:
+        """Acceleration without dry friction [rad/s^2] (eq. 4) under a torque that has passed the actuator."""
+        import casadi as ca
+
+        added = sum((effect.load_torque(angle, velocity) for effect in self.effects), start=0.0)
+        return (torque + added - self.gravity * ca.cos(angle) - self.viscous_friction * velocity) / self.inertia
+
+    def dry_friction(self, velocity: Expression) -> tuple[Expression, Expression] | None:
+        """Sum of the dry friction of all effects against forward and backward motion [N m], None if there is none."""
+        levels = [level for effect in self.effects if (level := effect.dry_friction(velocity)) is not None]
+        if not levels:
+            return None
+        return sum(f for f, _ in levels), sum(b for _, b in levels)
+
+    def delay(self) -> Expression:
+        """Dead time of the command [s]."""
+        return sum((effect.delay() for effect in self.effects), start=0.0)
+
+    def __str__(self) -> str:
+        """The parameters with their units."""
+        return ", ".join(
+            f"{spec.name} = {value:.4g} {spec.unit}" for spec, value in zip(self.parameters, self.values, strict=True)
+        )
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """What the equations depend on besides numbers: equal structures share compiled functions."""
+        return (type(self), self.axis, tuple(type(effect) for effect in self.effects))
+
