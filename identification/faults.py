@@ -1,0 +1,164 @@
+"""Faults that a measured channel shows by itself: spikes, counter wraps, clipping, freezing.
+
+Each detector takes one channel and says which samples are concerned; none of them changes anything. They are built
+to let motion, steps, stick-slip and noise pass: a fault must stand out from its own neighbourhood, by a multiple.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.recording import Array
+
+_FLANK = 5  # samples on either side that a spike is compared with
+_WIDEST_SPIKE = 4
+_OVER_FLANK, _OVER_NOISE, _OVER_QUANTUM = 8.0, 10.0, 5.0
+
+
+def quantum(values: Array) -> float:
+    """The smallest step between two neighbouring samples, 0 for a constant channel."""
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 0]
+    return float(steps.min()) if len(steps) else 0.0
+
+
+def find_spikes(values: Array) -> NDArray[np.bool_]:
+    """Mask (T,) of isolated jumps that return within a few samples, as a bus fault makes them.
+
+    A parabola through five samples on either side predicts the samples between. They are a spike if each is off by
+    more than 8 times the worst misfit of the flanks (so that bends, steps and ringing pass), 10 times the local
+    noise, and 5 encoder steps.
+    """
+    spikes = np.zeros(len(values), dtype=bool)
+    if len(values) < 4 * _FLANK:
+        return spikes
+    index = np.arange(len(values))
+    step = quantum(values)
+    cleaned = values
+    for _ in range(3):  # what hides beside a large spike shows once that one is gone
+        found = _spike_pass(cleaned, step)
+        if not np.any(found & ~spikes):
+            break
+        spikes |= found
+        cleaned = np.interp(index, index[~spikes], values[~spikes])
+    return spikes
+
+
+def _spike_pass(values: Array, step: float) -> NDArray[np.bool_]:
+    from scipy.ndimage import median_filter
+
+    count = len(values)
+    spikes = np.zeros(count, dtype=bool)
+    ends = np.median(values[:_FLANK]), np.median(values[-_FLANK:])
+    padded = np.pad(values, _FLANK, constant_values=ends)
+    noise: Array = np.zeros(1)
+    for width in range(1, _WIDEST_SPIKE + 1):
+        predict, misfit, flank = _parabola(width)
+        length = 2 * _FLANK + width
+        windows = np.lib.stride_tricks.sliding_window_view(padded, length)
+        off = np.stack(
+            [padded[_FLANK + k : _FLANK + k + len(windows)] - np.correlate(padded, predict[k]) for k in range(width)]
+        )
+        least = np.abs(off).min(axis=0)
+        if width == 1:
+            noise = 1.4826 * np.maximum(np.median(least), median_filter(least, size=min(101, count), mode="nearest"))
+            noise = np.append(noise, np.repeat(noise[-1], _WIDEST_SPIKE))
+        limit = np.maximum(_OVER_NOISE * noise[: len(least)], _OVER_QUANTUM * step)
+        for start in np.flatnonzero(least > limit):
+            if least[start] > _OVER_FLANK * np.abs(misfit @ windows[start, flank]).max():
+                spikes[start : start + width] = True
+    return spikes
+
+
+def _parabola(width: int) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Prediction (width, window) of the middle, misfit (10, 10) of the flanks, and the flanks' place in the window."""
+    place = np.arange(2 * _FLANK + width)
+    flank = np.r_[place[:_FLANK], place[-_FLANK:]]
+    basis = np.vander((place - place.mean()) / _FLANK, 3)
+    solve = np.linalg.pinv(basis[flank])
+    predict = np.zeros((width, len(place)))
+    predict[:, flank] = basis[_FLANK : _FLANK + width] @ solve
+    return predict, np.eye(len(flank)) - basis[flank] @ solve, flank.astype(np.int64)
+
+
+def find_wraps(values: Array, turn: float | None) -> tuple[Array, float]:
+    """Offsets (T,) that continue a counter which wrapped around, and its period (0 if it never did).
+
+    A wrap is a jump across nearly the whole range of the readings, after which the motion goes on as before, by a
+    period that counters have: `turn` times a power of two (1 and up), or 2^8 to 2^32 encoder steps.
+    """
+    none = np.zeros(len(values)), 0.0
+    span = float(np.ptp(values)) if len(values) > 8 else 0.0
+    steps = np.diff(values)
+    jumps = np.flatnonzero(np.abs(steps) > 0.8 * span)
+    if span == 0 or len(jumps) == 0 or len(jumps) > len(values) // 4:
+        return none
+    motion = steps.copy()
+    motion[jumps] = np.nan
+    around = [motion[max(0, j - 5) : j + 6] for j in jumps]
+    if any(np.isnan(part).all() for part in around):
+        return none
+    usual = np.array([np.nanmedian(part) for part in around])
+    noise = 1.4826 * float(np.nanmedian(np.abs(motion - np.nanmedian(motion))))
+    slack = 3 * np.abs(usual).max() + 2 * quantum(values) + 6 * noise
+    if np.any(np.abs(steps[jumps]) < 8 * np.abs(usual)):
+        return none
+    period = float(np.median(np.abs(steps[jumps] - usual)))
+    if np.any(np.abs(np.abs(steps[jumps] - usual) - period) > slack):
+        return none
+    known = quantum(values) * 2.0 ** np.arange(8, 33)
+    if turn is not None:
+        known = np.append(turn * 2.0 ** np.arange(0, 17), known)
+    nearest = float(known[np.argmin(np.abs(known - period))])
+    if abs(nearest - period) > min(slack, 0.02 * nearest):
+        return none
+    offsets = np.zeros(len(values))
+    offsets[1:][jumps] = -np.sign(steps[jumps]) * nearest
+    return np.cumsum(offsets), nearest
+
+
+def find_flat_tops(values: Array) -> NDArray[np.bool_]:
+    """Mask (T,) of samples at the channel's very end of scale, run into at speed: a clipped signal.
+
+    A held step also sits at its extreme, but the samples before it do not point beyond it; a smooth peak slows down
+    before it turns.
+    """
+    clipped = np.zeros(len(values), dtype=bool)
+    step = quantum(values)
+    for extreme, sign in ((values.max(), 1.0), (values.min(), -1.0)):
+        tops, cut = [], 0
+        for start, stop in stretches(values == extreme):
+            if stop - start < 3:
+                continue
+            tops.append((start, stop))
+            if start >= 3:
+                slope = sign * (values[start - 1] - values[start - 3]) / 2
+                left = sign * (extreme - values[start - 1])
+                cut += bool(slope > 3 * step and left <= 1.2 * slope)
+        if tops and 2 * cut > len(tops) and sum(stop - start for start, stop in tops) >= 5:
+            for start, stop in tops:
+                clipped[start:stop] = True
+    return clipped
+
+
+def find_frozen(values: Array) -> NDArray[np.bool_]:
+    """Mask (T,) of readings that stand still for five samples or more in the midst of motion and then catch up."""
+    frozen = np.zeros(len(values), dtype=bool)
+    step = quantum(values)
+    for start, stop in stretches(np.append(np.diff(values) == 0, False)):
+        stop += 1  # a stretch of equal differences has one sample more
+        if stop - start < 5 or start < 3 or stop >= len(values):
+            continue
+        slope = (values[start] - values[start - 3]) / 3
+        jump = values[stop] - values[stop - 1]
+        # A stuck load leaves slowly; only a stuck reading makes up for all the motion that it missed.
+        if abs(slope) > 3 * step and np.sign(jump) == np.sign(slope) and abs(jump) > 0.4 * abs(slope) * (stop - start):
+            frozen[start + 1 : stop] = True
+    return frozen
+
+
+def stretches(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """(start, stop) of each unbroken stretch of True."""
+    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

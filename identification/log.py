@@ -1,0 +1,251 @@
+"""`Log`: measured experiments, read, checked and repaired only where it says so."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from identification.checks import check, excited
+from identification.columns import COLUMNS, Gears, Reading, read_recordings
+from identification.errors import MalformedLog
+from identification.readers import Table, read_table
+from identification.recording import Finding, Recording
+from identification.run import Run
+from plant.errors import BadParameter
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Axis", "Log", "Run", "Source"]
+
+Axis = Literal["rotary", "linear"]
+_TOLD = 3  # findings of one kind that are told one by one
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """A file (or "DataFrame", "arrays") and the hash of its content."""
+
+    file: str
+    sha256: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Log:
+    """Experiments on one machine.
+
+    runs: at least one.
+    warnings: what was found, `repairs`: what was masked, continued or left out; one sentence each.
+    command_unit: "N m", "N", or "V", "A" where the torque's scale is unknown, as `notes` then say.
+
+    Raises `MalformedLog` when there is no run.
+    """
+
+    runs: tuple[Run, ...]
+    axis: Axis
+    warnings: tuple[str, ...] = ()
+    repairs: tuple[str, ...] = ()
+    sources: tuple[Source, ...] = ()
+    command_unit: str = "N m"
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse an empty log or an unknown axis."""
+        if not self.runs:
+            raise MalformedLog("the log holds no runs, give at least one.")
+        if self.axis not in ("rotary", "linear"):
+            raise BadParameter(f"the axis is '{self.axis}', it must be 'rotary' or 'linear'.")
+
+    def __repr__(self) -> str:
+        """Runs, samples, rate and duration in one line."""
+        samples = sum(map(len, self.runs))
+        rate = 1 / np.median([run.sample_time for run in self.runs])
+        runs = f"{len(self.runs)} run{'s' * (len(self.runs) != 1)}"
+        duration = sum(run.duration for run in self.runs)
+        return f"Log({runs}, {samples} samples, {rate:.4g} Hz, {duration:.2f} s, {self.axis})"
+
+    @classmethod
+    def read(
+        cls,
+        paths: str | Path | Sequence[str | Path],
+        *,
+        mapping: Mapping[str, str] | None = None,
+        units: Mapping[str, str] | None = None,
+        scales: Mapping[str, float] | None = None,
+        gears: Gears | None = None,
+    ) -> Log:
+        """Read one or several files: CSV, Parquet, MAT (v5 to v7.3), NPZ.
+
+        mapping: column of the log contract -> its name in the file, `{"angle": "qm"}`.
+        units: column -> its unit in the file, `{"angle": "deg"}`.
+        scales: column -> factor on the file's values, `{"torque": 35.15}`, applied before the unit.
+        gears: the gear train, when only the pinion torques were logged.
+
+        Raises `MalformedLog` for what cannot be used and `BadParameter` for options that do not fit.
+        """
+        listed = [paths] if isinstance(paths, str | Path) else list(paths)
+        if not listed:
+            raise BadParameter("no log is given, name at least one file.")
+        reading = Reading(mapping=mapping or {}, units=units or {}, scales=scales or {}, gears=gears)
+        return cls.merge([cls._from_table(read_table(path), reading) for path in listed])
+
+    @classmethod
+    def from_dataframe(
+        cls,
+        frame: pd.DataFrame,
+        *,
+        label: str = "DataFrame",
+        mapping: Mapping[str, str] | None = None,
+        units: Mapping[str, str] | None = None,
+        scales: Mapping[str, float] | None = None,
+        gears: Gears | None = None,
+    ) -> Log:
+        """A log from the columns of a DataFrame; arguments and errors as in `read`."""
+        columns = {str(name): frame[name].to_numpy() for name in dict.fromkeys(frame.columns)}
+        reading = Reading(mapping=mapping or {}, units=units or {}, scales=scales or {}, gears=gears)
+        return cls._from_table(_table(columns, label), reading)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        *,
+        label: str = "arrays",
+        units: Mapping[str, str] | None = None,
+        scales: Mapping[str, float] | None = None,
+        gears: Gears | None = None,
+        **channels: ArrayLike,
+    ) -> Log:
+        """A log from arrays (T,) named as the log contract names them: `time=..., torque=..., angle=...`.
+
+        Arguments and errors as in `read`.
+        """
+        for name in channels:
+            if name not in COLUMNS:
+                raise BadParameter(f"there is no channel '{name}', a log has {', '.join(COLUMNS)}.")
+        reading = Reading(mapping={}, units=units or {}, scales=scales or {}, gears=gears)
+        return cls._from_table(_table({name: np.asarray(v) for name, v in channels.items()}, label), reading)
+
+    @classmethod
+    def from_recordings(
+        cls,
+        recordings: Iterable[Recording],
+        *,
+        axis: Axis,
+        sources: Sequence[Source],
+        command_unit: str,
+        notes: Sequence[str] = (),
+    ) -> Log:
+        """Check recordings and keep what can be used.
+
+        Raises `MalformedLog` when a recording is unusable, all are too short, or nothing ever moves.
+        """
+        usable: list[Recording] = []
+        findings: list[Finding] = []
+        for recording in recordings:
+            parts, found = check(recording)
+            usable += parts
+            findings += found
+        if not usable:
+            short = [finding.text for finding in findings if finding.kind == "too short"]
+            raise MalformedLog(short[0].replace("left out, as ", "") + "." if short else "the log holds no runs.")
+        if not any(map(excited, usable)):
+            first = usable[0]
+            raise MalformedLog(
+                f"{first.label}: neither '{first.name('command')}' nor '{first.name('output')}' ever changes, "
+                "record a log in which the drive moves the load."
+            )
+        return cls(
+            runs=tuple(map(Run.from_recording, usable)),
+            axis=axis,
+            warnings=_told(finding for finding in findings if not finding.repaired),
+            repairs=_told(finding for finding in findings if finding.repaired),
+            sources=tuple(sources),
+            command_unit=command_unit,
+            notes=tuple(notes),
+        )
+
+    @classmethod
+    def _from_table(cls, table: Table, reading: Reading) -> Log:
+        recorded = read_recordings(table, reading)
+        log = cls.from_recordings(
+            recorded.recordings,
+            axis=cast(Axis, recorded.axis),
+            sources=[Source(file=table.name, sha256=table.sha256)],
+            command_unit=recorded.command_unit,
+            notes=recorded.notes,
+        )
+        return replace(log, warnings=table.notes + log.warnings)
+
+    @classmethod
+    def merge(cls, logs: Sequence[Log]) -> Log:
+        """All runs of several logs of one machine; runs are numbered anew when numbers meet twice.
+
+        Raises `MalformedLog` when the logs differ in axis or in the command's unit.
+        """
+        if not logs:
+            raise MalformedLog("there are no logs to merge, give at least one.")
+        first = logs[0]
+        for log in logs[1:]:
+            if (log.axis, log.command_unit) != (first.axis, first.command_unit):
+                raise MalformedLog(
+                    f"{log.runs[0].label}: a {log.axis} axis driven in {log.command_unit} does not go with "
+                    f"{first.runs[0].label}, a {first.axis} axis driven in {first.command_unit}; "
+                    "treat them one by one."
+                )
+        notes = dict.fromkeys(note for log in logs for note in log.notes)
+        taken = [{run.number for run in log.runs} for log in logs]
+        runs = [run for log in logs for run in log.runs]
+        if sum(map(len, taken)) > len(set().union(*taken)):
+            numbers: dict[tuple[int, int], int] = {}  # parts of one run keep one number
+            keys = [(k, run.number) for k, log in enumerate(logs) for run in log.runs]
+            runs = [
+                replace(run, number=numbers.setdefault(key, len(numbers))) for run, key in zip(runs, keys, strict=True)
+            ]
+            notes["the runs of several files are numbered anew, in the order of the files"] = None
+        return replace(
+            first,
+            runs=tuple(runs),
+            warnings=tuple(text for log in logs for text in log.warnings),
+            repairs=tuple(text for log in logs for text in log.repairs),
+            sources=tuple(dict.fromkeys(source for log in logs for source in log.sources)),
+            notes=tuple(notes),
+        )
+
+    def head(self, n_runs: int) -> Log:
+        """The first `n_runs` runs."""
+        return replace(self, runs=self.runs[:n_runs])
+
+    def select(self, runs: Sequence[int]) -> Log:
+        """The runs at these places (0 is the first), in this order."""
+        wrong = [place for place in runs if not -len(self.runs) <= place < len(self.runs)]
+        if wrong:
+            raise BadParameter(f"there is no run at place {wrong[0]}, the log has {len(self.runs)} runs.")
+        return replace(self, runs=tuple(self.runs[place] for place in runs))
+
+
+def _table(columns: dict[str, Any], label: str) -> Table:
+    digest = hashlib.sha256()
+    for name, values in columns.items():
+        digest.update(name.encode())
+        plain = values.astype(str) if values.dtype.kind == "O" else values
+        digest.update(np.ascontiguousarray(plain).tobytes())
+    return Table(name=label, columns=columns, sha256=digest.hexdigest())
+
+
+def _told(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """One sentence each, but of many findings of one kind only the first and how many follow."""
+    kinds: dict[str, list[str]] = defaultdict(list)
+    for finding in findings:
+        kinds[finding.kind].append(finding.text)
+    told = []
+    for kind, texts in kinds.items():
+        rest = len(texts) - _TOLD
+        told += texts if rest <= 0 else [*texts[:_TOLD], f"{kind}: the same in {rest} further runs"]
+    return tuple(told)

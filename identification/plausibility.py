@@ -1,0 +1,101 @@
+"""Units that do not fit together. Never repaired: the message names the option that would."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from identification.errors import MalformedLog
+from identification.faults import quantum
+from identification.recording import Finding, Recording
+
+SLOWEST_SAMPLING = 0.5  # [s]
+FASTEST_SAMPLING = 1e-6  # [s]
+FASTEST_LOAD = 1000.0  # [rad/s], 9550 rpm on the load's side
+
+# How many times too fast the output moves against the velocity channel, and what the column must then be measured in.
+_RATIOS = {
+    "rotary": (
+        (180 / np.pi, "angle=deg"),
+        (np.pi / 180, "velocity=deg/s"),
+        (np.pi / 30, "velocity=rpm"),
+        (1 / (2 * np.pi), "angle=turn"),
+        (1e-3, "time=ms"),
+        (1e-6, "time=us"),
+        (1e3, "angle=mrad"),
+    ),
+    "linear": ((1e3, "position=mm"), (1e-3, "velocity=mm/s"), (1e-6, "time=us"), (1e6, "position=um")),
+}
+
+
+def check_time_unit(recording: Recording) -> None:
+    """Refuse a sample time that no servo log has: milliseconds or microseconds read as seconds."""
+    if len(recording) < 2:
+        return
+    step = float(np.median(np.diff(recording.time)))
+    if step > SLOWEST_SAMPLING:
+        unit = "ms" if step <= 500 else "us"
+        raise MalformedLog(
+            f"{recording.label}: a sample time of {step:.3g} s is too slow to identify a servo; "
+            f"if '{recording.name('time')}' is not in seconds, give its unit, for example --unit time={unit}."
+        )
+    if step < FASTEST_SAMPLING:
+        raise MalformedLog(
+            f"{recording.label}: a sample time of {step:.3g} s is faster than any servo log, "
+            "give the unit of the time with --unit time=UNIT."
+        )
+
+
+def velocity_ratio(recording: Recording) -> float | None:
+    """Slope of the output's increments over the integral of the velocity channel; None if they do not correlate."""
+    velocity = recording.others.get("velocity")
+    if velocity is None or np.ptp(velocity) == 0:
+        return None
+    path = np.append(0.0, np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(recording.time)))
+    window = max(1, len(path) // 50)
+    sound = recording.valid[window:] & recording.valid[:-window]
+    driven = (path[window:] - path[:-window])[sound]
+    moved = (recording.output[window:] - recording.output[:-window])[sound]
+    size = float(driven @ driven) * float(moved @ moved)
+    if size <= 0 or abs(float(driven @ moved)) < 0.9 * np.sqrt(size):
+        return None
+    return float(driven @ moved) / float(driven @ driven)
+
+
+def check_velocity_unit(recording: Recording) -> tuple[Recording, list[Finding]]:
+    """Refuse a velocity that contradicts the output by the factor of a unit; drop one of another shaft or sign."""
+    ratio = velocity_ratio(recording)
+    if ratio is None or 0.8 < ratio < 1.25:
+        return recording, []
+    output, velocity = recording.name("output"), recording.name("velocity")
+    for factor, option in _RATIOS[recording.axis]:
+        if ratio > 0 and abs(np.log(ratio / factor)) < 0.1:
+            raise MalformedLog(
+                f"{recording.label}: '{output}' moves {ratio:.4g} times as fast as '{velocity}' says, which is the "
+                f"factor of a unit: try --unit {option}, or give the right unit of one of them."
+            )
+    text = (
+        f"{recording.label}: '{output}' moves {ratio:.4g} times as fast as '{velocity}' says, so the velocity is not "
+        "used; give --scale velocity=FACTOR if it belongs to another shaft or has another sign"
+    )
+    others = {name: values for name, values in recording.others.items() if name != "velocity"}
+    return replace(recording, others=others), [Finding(kind="velocity", repaired=True, text=text)]
+
+
+def warn_of_degrees(recording: Recording) -> Iterable[Finding]:
+    """Without a velocity channel, degrees can only be suspected: an impossible speed, or encoder steps of 360/2^n."""
+    if recording.axis != "rotary" or "velocity" in recording.others:
+        return
+    speeds = np.abs(np.diff(recording.output) / np.diff(recording.time))
+    lines = 360.0 / max(quantum(recording.output), 1e-9)
+    power = np.log2(lines)
+    if float(np.quantile(speeds, 0.99)) > FASTEST_LOAD:
+        reason = f"moves at {float(np.quantile(speeds, 0.99)):.3g} rad/s"
+    elif 256 <= lines <= 2**26 and abs(power - round(power)) < 1e-4:
+        reason = f"has steps of 360/{round(lines)}"
+    else:
+        return
+    text = f"{recording.label}: '{recording.name('output')}' {reason}, which looks like degrees: --unit angle=deg"
+    yield Finding(kind="degrees", repaired=False, text=text)

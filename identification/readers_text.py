@@ -1,0 +1,182 @@
+"""Text tables as engineers' tools export them: any separator, decimal commas, one time column per channel."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import MalformedLog
+
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
+_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?$")
+_COMMENT = ("#", "%", "//")
+_SEARCHED_LINES = 200  # no export has a longer preamble
+
+
+def parse_text(content: bytes, name: str) -> tuple[dict[str, NDArray[Any]], int, tuple[str, ...]]:
+    """Columns, the line of the first data row, and what was skipped or interpolated.
+
+    Raises `MalformedLog` when there is no header, no data, or a line that does not fit.
+    """
+    lines = _decode(content, name).splitlines()
+    while lines and not lines[-1].strip():
+        lines.pop()
+    separator, start = _layout(lines, name)
+    header_line, header = _header(lines, separator, start, name)
+    notes = []
+    if start - header_line > 1:
+        notes.append(
+            f"{name}: the lines {header_line + 2} to {start} between the header and the data are not read; "
+            "units written there must be given with --unit"
+        )
+    width = len(header)
+    if len(_split(lines[-1], separator)) < width:
+        notes.append(f"{name}: the last line ({len(lines)}) is cut off and left out")
+        lines.pop()
+    decimal = "," if separator != "," and _has_decimal_comma(lines[start:], separator) else "."
+    frame = _parse(lines[start:], separator, decimal, width, start, name)
+    columns = {
+        column: values
+        for column, values in zip(_unique(header), frame, strict=True)
+        if column  # unnamed: index
+    }
+    if _is_paired(header):
+        columns, note = _merge_pairs(header, frame, name)
+        notes.append(note)
+    return columns, start + 1, tuple(notes)
+
+
+def _decode(content: bytes, name: str) -> str:
+    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
+    for encoding in ("utf-16",) if wide else ("utf-8-sig", "latin-1"):  # latin-1 reads any byte
+        try:
+            text = content.decode(encoding)
+        except UnicodeError:
+            continue
+        if "\0" not in text:
+            return text
+    raise MalformedLog(f"{name}: this is not a text table, check the file or its suffix.")
+
+
+def _split(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return line.split()
+    try:
+        cells = next(csv.reader([line], delimiter=separator), [])
+    except csv.Error:
+        cells = line.split(separator)
+    return [cell.strip() for cell in cells]
+
+
+def _is_value(cell: str) -> bool:
+    return bool(_NUMBER.match(cell) or _DATE.match(cell))
+
+
+def _is_data(cells: list[str]) -> bool:
+    filled = [cell for cell in cells if cell]
+    return bool(filled) and 2 * sum(map(_is_value, filled)) >= len(filled)
+
+
+def _layout(lines: list[str], name: str) -> tuple[str, int]:
+    """Separator and index of the first data line: the separator that gives two columns or more, a lone comma last."""
+    for separator in ("\t", ";", "|", ",", " "):
+        for index, line in enumerate(lines[:_SEARCHED_LINES]):
+            cells = _split(line, separator)
+            if len(cells) >= 2 and not line.lstrip().startswith(_COMMENT) and _is_data(cells):
+                return separator, index
+    raise MalformedLog(
+        f"{name}: no table of numbers is found; a log needs one line of column names and then rows of "
+        "numbers separated by comma, semicolon, tab or |."
+    )
+
+
+def _header(lines: list[str], separator: str, start: int, name: str) -> tuple[int, list[str]]:
+    """The names: the first line of the block above the data that has as many cells as the data."""
+    width = len(_split(lines[start], separator))
+    best: tuple[int, list[str]] | None = None
+    for index in range(start - 1, -1, -1):
+        cells = _split(lines[index].lstrip("#% "), separator)
+        while len(cells) > width and not cells[-1]:
+            cells.pop()
+        if len(cells) != width:
+            if best is None and lines[index].strip():
+                raise MalformedLog(
+                    f"{name}, line {start + 1}: the data have {width} columns but the line of names above has "
+                    f"{len(cells)}, make them match."
+                )
+            break
+        best = (index, cells)
+    if best is None:
+        raise MalformedLog(f"{name}: no column names stand above the numbers, add a line like time,torque,angle.")
+    return best
+
+
+def _unique(header: list[str]) -> list[str]:
+    """The first of several columns of one name keeps it."""
+    seen: set[str] = set()
+    names = []
+    for column in header:
+        names.append("" if column in seen else column)
+        seen.add(column)
+    return names
+
+
+def _has_decimal_comma(lines: list[str], separator: str) -> bool:
+    cells = [cell for line in lines[:_SEARCHED_LINES] for cell in _split(line, separator)]
+    return any(_DECIMAL_COMMA.match(cell) for cell in cells)
+
+
+def _parse(lines: list[str], separator: str, decimal: str, width: int, start: int, name: str) -> list[NDArray[Any]]:
+    import pandas as pd
+
+    try:
+        frame = pd.read_csv(
+            io.StringIO("\n".join(lines)),
+            sep=r"\s+" if separator == " " else separator,
+            decimal=decimal,
+            header=None,
+            names=list(range(width)),
+            index_col=False,
+            skip_blank_lines=False,  # so that rows keep their line numbers
+            skipinitialspace=True,
+            low_memory=False,
+        )
+    except Exception as error:  # ParserError, but also ValueError and OverflowError
+        found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+        if found:
+            line = int(found[2]) + start
+            raise MalformedLog(
+                f"{name}, line {line}: {found[3]} cells where the names give {width}, repair or delete this line."
+            ) from error
+        raise MalformedLog(f"{name}: the table cannot be read ({type(error).__name__}), export it again.") from error
+    if len(frame) != len(lines):
+        raise MalformedLog(f"{name}: a quotation mark is opened and not closed, remove it.")
+    return [frame[k].to_numpy() for k in range(width)]
+
+
+def _is_paired(header: list[str]) -> bool:
+    """True for time, a, time, b, ... as oscilloscope-like exports write it: a time column for each channel."""
+    firsts = {name.lower() for name in header[::2]}
+    return len(header) >= 4 and len(header) % 2 == 0 and len(firsts) == 1 and bool(firsts & {"name", "time", "t"})
+
+
+def _merge_pairs(header: list[str], frame: list[NDArray[Any]], name: str) -> tuple[dict[str, NDArray[Any]], str]:
+    """All channels on the time of the first one, by linear interpolation."""
+    try:
+        numbers = [np.asarray(values, dtype=np.float64) for values in frame]
+    except (ValueError, TypeError) as error:
+        raise MalformedLog(f"{name}: a channel holds text among its numbers, export the log again.") from error
+    time = numbers[0][np.isfinite(numbers[0])]
+    columns: dict[str, NDArray[Any]] = {"time": time}
+    for channel, stamps, values in zip(header[1::2], numbers[::2], numbers[1::2], strict=True):
+        known = np.isfinite(stamps) & np.isfinite(values)
+        if known.sum() < 2 or np.any(np.diff(stamps[known]) <= 0):
+            raise MalformedLog(f"{name}: the time of channel '{channel}' does not increase, export it again.")
+        columns[channel] = np.interp(time, stamps[known], values[known], left=np.nan, right=np.nan)
+    return columns, f"{name}: each channel has its own time; all are interpolated on the time of '{header[1]}'"

@@ -1,0 +1,79 @@
+"""One experiment as it was recorded, before and while it is being checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """What a check found in one recording.
+
+    `kind` names the check, so that the same finding in a hundred runs can be told once; `repaired` is True
+    when samples were changed, masked or left out; `text` is one sentence that says where.
+    """
+
+    kind: str
+    repaired: bool
+    text: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recording:
+    """One experiment in SI units and the contract's sign conventions, not yet trusted.
+
+    time, command, output, servo_gain: (T,) [s], [N m] or [N], [rad] or [m], [N m/rad] or [N/m].
+    valid: (T,) False where the output is masked out of the fit.
+    rows: (T,) data row of each sample, counted from 1; `first_line` is the line of row 1 in a text file.
+    names: what the file calls "command" and "output", for messages.
+    others: further channels by their contract name, (T,) each.
+    """
+
+    label: str
+    number: int
+    time: Array
+    command: Array
+    output: Array
+    servo_gain: Array
+    valid: NDArray[np.bool_]
+    rows: NDArray[np.int64]
+    axis: str = "rotary"
+    command_limit: float = np.inf
+    first_line: int | None = None
+    names: dict[str, str] = field(default_factory=dict)
+    others: dict[str, Array] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return len(self.time)
+
+    def name(self, channel: str) -> str:
+        """The name under which the user knows "command", "output" or another channel."""
+        return self.names.get(channel, channel)
+
+    def where(self, index: int) -> str:
+        """File, row, line and time of one sample, for messages."""
+        row = int(self.rows[index])
+        line = "" if self.first_line is None else f" (line {row + self.first_line - 1})"
+        time = self.time[index]
+        return f"{self.label}, row {row}{line}" + (f", t = {time:.6g} s" if np.isfinite(time) else "")
+
+    def take(self, index: NDArray[np.bool_] | NDArray[np.int64] | slice, label: str | None = None) -> Recording:
+        """The samples that `index` selects, in every channel."""
+        return replace(
+            self,
+            label=label or self.label,
+            time=self.time[index],
+            command=self.command[index],
+            output=self.output[index],
+            servo_gain=self.servo_gain[index],
+            valid=self.valid[index],
+            rows=self.rows[index],
+            others={name: values[index] for name, values in self.others.items()},
+        )

@@ -1,0 +1,120 @@
+"""One experiment, checked: what the fit, the prediction and the diagnosis work on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import MalformedLog
+from identification.recording import Array, Recording
+
+_OPTIONAL = ("velocity", "reference", "goal")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """One experiment with an initial state of its own.
+
+    The drive's torque is `clip(command - servo_gain * output_true, -command_limit, command_limit)`, so a torque log
+    has `servo_gain` 0 and a position servo has `command = servo_gain * goal`.
+
+    label: where it comes from, "log.csv run 3".
+    number: value of the run column, 0 if there is none.
+    time: (T,) strictly increasing [s].
+    command: (T,) follower torque [N m] or force [N].
+    output: (T,) load angle [rad] or position [m]; masked samples hold interpolated values.
+    valid: (T,) False where the output is masked out of the fit.
+    servo_gain: (T,) torque per output error [N m/rad] or [N/m].
+    command_limit: largest magnitude of the drive's torque [N m] or force [N].
+    velocity, reference, goal: (T,) of the load, when logged.
+    drive_angles, torques: (T, 2) motor shaft angles [rad] and pinion torques [N m], when logged.
+
+    Raises `MalformedLog` when shapes differ, a number is not finite, or time does not increase.
+    """
+
+    label: str
+    number: int
+    time: Array
+    command: Array
+    output: Array
+    valid: NDArray[np.bool_]
+    servo_gain: Array
+    command_limit: float = np.inf
+    velocity: Array | None = None
+    reference: Array | None = None
+    goal: Array | None = None
+    drive_angles: Array | None = None
+    torques: Array | None = None
+
+    def __post_init__(self) -> None:
+        """Bring the channels to float arrays and refuse what does not fit together."""
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
+            ("time", "command", "output", "servo_gain", *_OPTIONAL), (len(self.time),)
+        )
+        shapes |= dict.fromkeys(("drive_angles", "torques"), (len(self.time), 2))
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value is None and name in (*_OPTIONAL, "drive_angles", "torques"):
+                continue
+            value = np.asarray(value, dtype=np.float64)
+            if value.shape != shape:
+                raise MalformedLog(f"{self.label}: '{name}' has shape {value.shape} instead of {shape}.")
+            if not np.isfinite(value).all():
+                index = int(np.argwhere(~np.isfinite(value))[0][0])
+                raise MalformedLog(f"{self.label}, sample {index}: '{name}' is not a finite number, mask or repair it.")
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "valid", np.asarray(self.valid, dtype=bool))
+        if self.valid.shape != self.time.shape:
+            raise MalformedLog(f"{self.label}: 'valid' has shape {self.valid.shape} instead of {self.time.shape}.")
+        if len(self.time) < 2 or np.any(np.diff(self.time) <= 0):
+            raise MalformedLog(f"{self.label}: a run needs two samples or more and a time that strictly increases.")
+        if not self.command_limit > 0:
+            raise MalformedLog(f"{self.label}: the command limit is {self.command_limit:g}, it must be positive.")
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return len(self.time)
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def sample_time(self) -> float:
+        """Median time step [s]."""
+        return float(np.median(np.diff(self.time)))
+
+    def slice(self, start: int | None, stop: int | None) -> Run:
+        """The samples `start` to `stop` (by index, as in `a[start:stop]`), with their times unchanged."""
+        names = ("time", "command", "output", "valid", "servo_gain", *_OPTIONAL, "drive_angles", "torques")
+        cut = {name: getattr(self, name)[start:stop] for name in names if getattr(self, name) is not None}
+        return replace(self, **cut)
+
+    @classmethod
+    def from_recording(cls, recording: Recording) -> Run:
+        """A checked recording as a run."""
+        others = recording.others
+        return cls(
+            label=recording.label,
+            number=recording.number,
+            time=recording.time,
+            command=recording.command,
+            output=recording.output,
+            valid=recording.valid,
+            servo_gain=recording.servo_gain,
+            command_limit=recording.command_limit,
+            velocity=others.get("velocity"),
+            reference=others.get("reference"),
+            goal=others.get("goal"),
+            drive_angles=_pair(others, "angle_1", "angle_2"),
+            torques=_pair(others, "torque_1", "torque_2"),
+        )
+
+
+def _pair(others: dict[str, Array], first: str, second: str) -> Array | None:
+    if first in others and second in others:
+        return np.stack([others[first], others[second]], axis=1)
+    return None
