@@ -105,45 +105,67 @@ def _actuator(model: ServoModel, state: Expression, drive: Expression, h: Expres
 
 
 def _runge_kutta(model: ServoModel, state: Any, drive: Expression, h: Expression, width: Expression) -> Any:
-    """Classical Runge-Kutta for what is smooth, then an implicit step for dry friction."""
+    """Classical Runge-Kutta step; dry friction opposes the motion at its start and is put right after a reversal."""
     start, _ = _actuator(model, state, drive, 0.0)
     middle, _ = _actuator(model, state, drive, h / 2)
     end, states = _actuator(model, state, drive, h)
     x, v = state[0], state[1]
-    a1 = model.smooth_acceleration(x, v, start)
+    slides = model.dry_friction(v) is not None
+
+    def acceleration(angle: Any, velocity: Any, torque: Any) -> Any:
+        smooth = model.smooth_acceleration(angle, velocity, torque)
+        return smooth - _friction(model, velocity, v) if slides else smooth
+
+    a1 = acceleration(x, v, start)
     v2 = v + h / 2 * a1
-    a2 = model.smooth_acceleration(x + h / 2 * v, v2, middle)
+    a2 = acceleration(x + h / 2 * v, v2, middle)
     v3 = v + h / 2 * a2
-    a3 = model.smooth_acceleration(x + h / 2 * v2, v3, middle)
+    a3 = acceleration(x + h / 2 * v2, v3, middle)
     v4 = v + h * a3
-    a4 = model.smooth_acceleration(x + h * v3, v4, end)
+    a4 = acceleration(x + h * v3, v4, end)
     angle = x + h / 6 * (v + 2 * v2 + 2 * v3 + v4)
     velocity = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-    angle, velocity = _with_dry_friction(model, x, v, angle, velocity, h, width)
+    if slides:
+        angle, velocity = _stop_and_go(model, x, v, angle, velocity, h, width)
     return ca.vertcat(angle, velocity, *states)
 
 
-def _with_dry_friction(
+def _friction(model: ServoModel, velocity: Any, direction: Any) -> Any:
+    """Deceleration by dry friction for motion in a direction, zero at rest [rad/s^2]."""
+    forward, backward = (level / model.inertia for level in model.dry_friction(velocity) or (0.0, 0.0))
+    return ca.if_else(direction > 0, forward, 0) - ca.if_else(direction < 0, backward, 0)
+
+
+def _stop_and_go(
     model: ServoModel, x: Any, v: Any, angle: Any, velocity: Any, h: Expression, width: Expression
 ) -> tuple[Any, Any]:
-    """Take the impulse of dry friction off a step that was free of it.
+    """Correct a step from (x, v) to (angle, velocity), taken with the friction of its start, for a stop inside it.
 
-    Friction takes up to F h / J of the velocity, and all of it when less is left: the implicit step of a set-valued
-    law (Moreau 1988), so stiction holds exactly and nothing chatters at any step length. A width w > 0 replaces the
-    jump by a ramp of that width, again in closed form.
+    Exact form (width 0): the load slides until it stops; from there on it holds, or slides on if the torque is above
+    breakaway. Nothing chatters at any step length, stiction holds to rounding, and the instant of the reversal is
+    found inside the step.
+
+    Smooth form: friction rises linearly with velocity up to `width`, as an implicit step in closed form (Moreau 1988
+    for width 0), so that a fit sees a slope also where the load sticks.
     """
-    levels = model.dry_friction((v + velocity) / 2)
-    if levels is None:
-        return angle, velocity
-    forward, backward = levels
-    most = h / model.inertia * ca.if_else(velocity > 0, forward, backward)
-    reach = width + most + 1e-300
-    taken = most * ca.fmax(ca.fmin(velocity / reach, 1), -1)
-    slowed = velocity - taken
-    sticks = ca.fabs(velocity) < reach
-    # Sliding: a constant friction torque over the step. Sticking: from v to (almost) rest, so that rest stays rest.
-    moved = ca.if_else(sticks, x + h / 2 * (v + slowed), angle - h / 2 * taken)
-    return moved, slowed
+    between = (v + velocity) / 2
+    forward, backward = (level / model.inertia for level in model.dry_friction(between) or (0.0, 0.0))
+    slowing = _friction(model, between, v)
+    pull = (velocity - v) / ca.fmax(h, 1e-15) + slowing  # mean acceleration without dry friction
+
+    free = v + pull * h
+    most = h * ca.if_else(free > 0, forward, backward)
+    reach = width + most + 1e-15  # so that no friction at all has a derivative too
+    taken = most * ca.fmax(ca.fmin(free / reach, 1), -1)
+    smooth = (angle + slowing * h**2 / 2 - h / 2 * taken, free - taken)
+
+    same_way = v * velocity > 0
+    to_rest = ca.fmin(h * v / ca.if_else(same_way, ca.sign(v) * 1e15, v - velocity + 1e-300), h)
+    again = ca.fmax(pull - forward, 0) + ca.fmin(pull + backward, 0)
+    stopped = (x + v * to_rest / 2 + again * (h - to_rest) ** 2 / 2, again * (h - to_rest))
+    exact = [ca.if_else(same_way, a, b) for a, b in zip((angle, velocity), stopped, strict=True)]
+    angles, velocities = zip(smooth, exact, strict=True)
+    return ca.if_else(width > 0, *angles), ca.if_else(width > 0, *velocities)
 
 
 def _backward_difference(model: ServoModel, state: Any, drive: Expression, h: Expression, width: Expression) -> Any:

@@ -1,0 +1,182 @@
+"""What a diagnosis says: verdict, causes with their odds, the gain, and the pictures' data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.missing_torque import MissingTorque
+from identification.fit import Fit
+from plant.effects.effect import Array
+from plant.servo import ServoModel
+
+SCHEMA = 1
+Verdict: TypeAlias = Literal["named", "nothing_missing", "unknown", "ambiguous"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A number with its standard error (None where unknown) and unit."""
+
+    value: float
+    std: float | None
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """One named effect.
+
+    Attributes:
+        effect: its name in the catalogue.
+        probability: that this effect, and not one of the alternatives or none, is what the data show.
+        alternatives: the rivals with their probabilities, the likeliest first.
+        parameters: estimates by parameter name.
+        gain: share by which the held-out error fell when the effect was added [-].
+        evidence: rise of the log-likelihood when the effect was added.
+    """
+
+    effect: str
+    probability: float
+    alternatives: tuple[tuple[str, float], ...]
+    parameters: Mapping[str, Estimate]
+    gain: float
+    evidence: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gain:
+    """Held-out error of a free simulation, in the unit of the output.
+
+    Attributes:
+        held_out_rms_before, held_out_rms_after: with the base and the extended model.
+        noise_floor: standard deviation of the measurement noise, as far as the data tell.
+        unit: "rad" or "m".
+        window: seconds after which the simulation restarts; None for a simulation through whole runs.
+        runs: labels of the held-out runs.
+    """
+
+    held_out_rms_before: float
+    held_out_rms_after: float
+    noise_floor: float
+    unit: str
+    window: float | None
+    runs: tuple[str, ...]
+
+    @property
+    def cut(self) -> float:
+        """Share of the error that went away [-]."""
+        return 1.0 - self.held_out_rms_after / self.held_out_rms_before if self.held_out_rms_before else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unexplained:
+    """What remains: share of the held-out error power above the noise floor, and the variables it depends on."""
+
+    share: float
+    depends_on: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """One effect that was tried in one round of the search.
+
+    `evidence` is the rise in log-likelihood, `score` the same less the charge for parameters and search; `refitted` is
+    False where the screen alone has judged.
+    """
+
+    round: int
+    effect: str
+    evidence: float
+    score: float
+    probability: float
+    refitted: bool
+    parameters: Mapping[str, Estimate]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Replay:
+    """One run measured and simulated freely: arrays (T,) [s; rad or m]."""
+
+    label: str
+    time: Array
+    measured: Array
+    before: Array
+    after: Array
+    valid: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Diagnosis:
+    """The answer to "what does this model get wrong, and why?".
+
+    Attributes:
+        verdict: "named", "nothing_missing", "ambiguous" or "unknown".
+        causes: what the verdict stands on, the most important first.
+        gain: on held-out runs; None when nothing could be held out.
+        unexplained: what remains after the causes.
+        warnings: faults and limits of the data.
+        base: fit of the base model to the estimation runs.
+        extended: fit of the extended model; the same object as `base` when nothing was added.
+        missing_before, missing_after: the torque that each of the two models lacks, over the estimation runs.
+        candidates: everything that was tried.
+        replays: the held-out runs, or the estimation runs when nothing was held out.
+        whiteness: share of the extended model's innovations that are still predictable from their own past [-].
+    """
+
+    verdict: Verdict
+    causes: tuple[Cause, ...]
+    gain: Gain | None
+    unexplained: Unexplained
+    warnings: tuple[str, ...]
+    base: Fit
+    extended: Fit
+    missing_before: MissingTorque
+    missing_after: MissingTorque
+    candidates: tuple[Candidate, ...]
+    replays: tuple[Replay, ...]
+    whiteness: float
+
+    @property
+    def model(self) -> ServoModel:
+        """The extended model."""
+        return self.extended.model
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of diagnosis.json."""
+        return {
+            "schema": SCHEMA,
+            "verdict": self.verdict,
+            "causes": [
+                {
+                    "effect": cause.effect,
+                    "probability": cause.probability,
+                    "alternatives": [{"effect": name, "probability": p} for name, p in cause.alternatives],
+                    "parameters": {
+                        name: {"value": e.value, "std": e.std, "unit": e.unit} for name, e in cause.parameters.items()
+                    },
+                    "gain": cause.gain,
+                }
+                for cause in self.causes
+            ],
+            "gain": None
+            if self.gain is None
+            else {
+                "held_out_rms_before": self.gain.held_out_rms_before,
+                "held_out_rms_after": self.gain.held_out_rms_after,
+                "noise_floor": self.gain.noise_floor,
+                "unit": self.gain.unit,
+                "window": self.gain.window,
+                "runs": list(self.gain.runs),
+            },
+            "unexplained": {
+                "share": self.unexplained.share,
+                "depends_on": list(self.unexplained.depends_on),
+            },
+            "data": {"warnings": list(self.warnings)},
+            "separating_experiment": None,
+        }

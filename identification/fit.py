@@ -1,0 +1,376 @@
+"""Fit a servo model to a log: maximum likelihood of the one-step prediction errors, output error as its limit.
+
+The noise ratio, as the bandwidth of the observer in `identification.predictor`, is fitted beside the physics. The fit
+goes from a large bandwidth, where every start converges, to a small one, where the parameters are sharpest, and ends
+with a plain free simulation (bandwidth 0); the best likelihood wins. Dry friction is smoothed on the way down and exact
+at the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.inverse import starting_values
+from identification.least_squares import Minimum, NormalEquations, covariance, minimise
+from identification.log import Log
+from identification.predictor import Predictor, stack
+from plant.effects.effect import Array
+from plant.errors import BadParameter
+from plant.servo import ServoModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class FittedParameter:
+    """One line of a fit: `value` and `std` in `unit`; both are None where the data cannot tell."""
+
+    name: str
+    value: float | None
+    std: float | None
+    unit: str
+    start: float
+    fixed: bool = False
+    at_bound: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """A fitted model with its uncertainty.
+
+    Attributes:
+        model: with the estimates; a parameter that the data cannot tell keeps its start.
+        parameters: one line each.
+        free: (F,) places of the fitted parameters.
+        covariance: (F, F) of the fitted parameters.
+        initial: (R, 2) estimated angle and velocity at the first sample of each run.
+        bandwidth: of the observer [rad/s]; 0 when what the model misses is measurement noise alone.
+        noise_std: standard deviation of the innovations [rad].
+        log_likelihood: of the valid samples.
+        samples: number of valid samples.
+        innovations: (T,) of all runs, one after another; zero where masked.
+        substeps: integration steps in one sample.
+        converged: whether the last iteration ended because nothing was left to gain.
+        evaluations: passes over the log.
+        log: what was fitted.
+    """
+
+    model: ServoModel
+    parameters: tuple[FittedParameter, ...]
+    free: tuple[int, ...]
+    covariance: NDArray[np.float64]
+    initial: Array
+    bandwidth: float
+    noise_std: float
+    log_likelihood: float
+    samples: int
+    innovations: Array
+    substeps: int
+    converged: bool
+    evaluations: int
+    log: Log
+
+    @property
+    def unidentifiable(self) -> tuple[str, ...]:
+        """Names of the parameters that the data cannot tell."""
+        return tuple(p.name for p in self.parameters if p.value is None)
+
+    @property
+    def correlation(self) -> NDArray[np.float64]:
+        """(F, F) correlation of the fitted parameters."""
+        std = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
+        return np.asarray(self.covariance / np.outer(std, std))
+
+    def __getitem__(self, name: str) -> FittedParameter:
+        """The parameter of that name."""
+        for p in self.parameters:
+            if p.name == name:
+                return p
+        raise BadParameter(f"The fit has no parameter {name!r}; it has {', '.join(p.name for p in self.parameters)}.")
+
+    def __str__(self) -> str:
+        """The report."""
+        from identification.fit_report import fit_report
+
+        return fit_report(self)
+
+
+def fit(
+    log: Log,
+    model: ServoModel | None = None,
+    *,
+    fixed: Collection[str] = (),
+    progress: Callable[[str], None] | None = None,
+) -> Fit:
+    """Estimate the parameters of a model from a log.
+
+    Args:
+        log: one or more runs; a run's initial state is estimated.
+        model: structure and start; by default eqs. (4) and (6) of the paper, J, alpha, K and gamma.
+        fixed: names of parameters to keep.
+        progress: called with a line of text at each stage.
+
+    Returns:
+        The fit; parameters that the data cannot tell are marked, not guessed.
+
+    Raises:
+        BadParameter: a name in `fixed` is not a parameter of the model, or the model's axis is not the log's.
+    """
+    model = base_model(log) if model is None else model
+    problem = Problem.of(log, model, fixed=fixed)
+    return problem.solve(progress=progress)
+
+
+def base_model(log: Log) -> ServoModel:
+    """Where a fit starts that was told nothing: eqs. (4) and (6), without gravity on a linear axis."""
+    from plant.effects import DeadZone
+
+    effects = (DeadZone(half_width=0.0),)
+    if log.axis == "linear":
+        return ServoModel(inertia=1.0, gravity=0.0, viscous_friction=1.0, effects=effects, axis="linear")
+    return ServoModel(inertia=1.0, gravity=0.0, viscous_friction=0.1, effects=effects)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """A fit before it is solved: a log, a model's structure and what may move."""
+
+    log: Log
+    model: ServoModel
+    predictor: Predictor
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def of(cls, log: Log, model: ServoModel, *, fixed: Collection[str] = ()) -> Problem:
+        """Prepare a fit; gravity is fixed on a linear axis."""
+        unknown = set(fixed) - set(model.names)
+        if unknown:
+            raise BadParameter(f"fixed: {min(unknown)!r} is not a parameter; they are {', '.join(model.names)}.")
+        if log.axis != model.axis:
+            raise BadParameter(f"The log is of a {log.axis} axis, the model of a {model.axis} one.")
+        kept = {*fixed, "gravity"} if model.axis == "linear" else set(fixed)
+        free = tuple(place for place, name in enumerate(model.names) if name not in kept)
+        specs = [model.parameters[place] for place in free]
+        unbounded = np.full(2 * len(log.runs), np.inf)
+        return cls(
+            log=log,
+            model=model,
+            predictor=Predictor(model=model, runs=log.runs, free=free, substeps=integration_steps(log)),
+            lower=np.concatenate(([spec.lower for spec in specs], -unbounded)),
+            upper=np.concatenate(([spec.upper for spec in specs], unbounded)),
+        )
+
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Places of the parameters that move."""
+        return self.predictor.free
+
+    @property
+    def samples(self) -> int:
+        """Number of samples that count."""
+        return int(sum(run.valid.sum() for run in self.log.runs))
+
+    def unpack(self, point: Array) -> tuple[Array, Array]:
+        """Parameters (P,) and initial states (R, 2) of a point (F + 2R,)."""
+        values = self.model.values
+        values[list(self.free)] = point[: len(self.free)]
+        return values, point[len(self.free) :].reshape(-1, 2)
+
+    def pack(self, values: Array, initial: Array) -> Array:
+        """The point (F + 2R,) of parameters (P,) and initial states (R, 2)."""
+        return np.concatenate((values[list(self.free)], initial.ravel()))
+
+    def linearise(self, point: Array, bandwidth: float, width: float) -> NormalEquations:
+        """The normal equations at a point."""
+        values, initial = self.unpack(point)
+        predictions = self.predictor.predict(values, initial, bandwidth=bandwidth, width=width)
+        return NormalEquations.of(*stack(predictions))
+
+    def cost(self, point: Array, bandwidth: float, width: float) -> float:
+        """Sum of squared innovations at a point, infinite where the prediction overflows."""
+        values, initial = self.unpack(point)
+        predictions = self.predictor.predict(values, initial, bandwidth=bandwidth, width=width, sensitivities=False)
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = float(sum(p.innovations @ p.innovations for p in predictions))
+        return total if np.isfinite(total) else np.inf
+
+    def likelihood(self, cost: float) -> float:
+        """Log-likelihood with the noise level at its best value."""
+        n = self.samples
+        return -0.5 * n * (np.log(2.0 * np.pi * max(cost, 1e-300) / n) + 1.0)
+
+    def minimise(self, start: Array, bandwidth: float, width: float, iterations: int = 30) -> Minimum:
+        """The best point at a bandwidth and a width."""
+        return minimise(
+            lambda point: self.linearise(point, bandwidth, width),
+            start,
+            self.lower,
+            self.upper,
+            samples=self.samples,
+            iterations=iterations,
+        )
+
+    def solve(
+        self, *, starts: Sequence[Array] | None = None, progress: Callable[[str], None] | None = None
+    ) -> Fit:
+        """Fit from scratch: starts from the data, bandwidth from large to zero, friction from smooth to exact.
+
+        Args:
+            starts: parameter vectors (P,) to begin from besides the model's own and those from the data.
+            progress: called with a line of text at each stage.
+        """
+        widest = 0.1 / self.log.runs[0].sample_time
+        width = self.widths()[0]
+        at_first = first_states(self.log)
+        candidates = [self.model.values, *(starts or ()), *self._starts_from_data()]
+        points = [np.clip(self.pack(values, at_first), self.lower, self.upper) for values in candidates]
+        point = min(points, key=lambda p: self.cost(p, widest, width))
+        visited: list[tuple[float, Minimum]] = []
+        bandwidths = [widest, widest / 10.0, widest / 100.0, widest / 1000.0, 0.0]
+        for bandwidth, width in zip(bandwidths, self.widths(), strict=True):
+            best = self.minimise(point, bandwidth, width, iterations=4 if bandwidth else 30)
+            if bandwidth and not self._plausible(best):
+                break
+            visited.append((bandwidth, best))
+            point = best.point
+            if progress is not None:
+                progress(f"observer at {bandwidth:.3g} rad/s: noise {np.sqrt(best.equations.cost / self.samples):.3g}")
+        return self.finish(visited)
+
+    def _plausible(self, minimum: Minimum) -> bool:
+        return bool(np.isfinite(minimum.equations.cost))
+
+    def widths(self) -> list[float]:
+        """Smoothing of dry friction from wide to exact [rad/s], one for each stage of the bandwidth."""
+        speeds = [np.abs(np.diff(run.output[run.valid]) / np.diff(run.time[run.valid])) for run in self.log.runs]
+        typical = float(np.quantile(np.concatenate(speeds), 0.9)) or 1.0
+        return [0.1 * typical, 0.03 * typical, 0.01 * typical, 0.003 * typical, 0.0]
+
+    def _starts_from_data(self) -> list[Array]:
+        rate = 1.0 / self.log.runs[0].sample_time
+        found = (starting_values(self.log, self.model, share * rate) for share in (0.005, 0.02, 0.06))
+        return [values for values in found if values is not None]
+
+    def finish(self, visited: Sequence[tuple[float, Minimum]]) -> Fit:
+        """Choose the bandwidth by likelihood, in the exact form of friction, and refine it."""
+        trials = {bandwidth: self._exact(bandwidth, minimum) for bandwidth, minimum in visited}
+        best = self._refined(trials)
+        bandwidth, minimum = best
+        return self._result(bandwidth, minimum, sum(m.evaluations for _, m in visited))
+
+    def _exact(self, bandwidth: float, minimum: Minimum) -> Minimum:
+        if bandwidth == 0.0 or self.model.dry_friction(0.0) is None:
+            return minimum
+        return self.minimise(minimum.point, bandwidth, 0.0, iterations=4)
+
+    def _refined(self, trials: dict[float, Minimum]) -> tuple[float, Minimum]:
+        """The best of the trials after a search between its neighbours; a bandwidth above 0 must pay for itself."""
+
+        def score(bandwidth: float) -> float:
+            charge = 0.5 * np.log(self.samples) if bandwidth else 0.0
+            return self.likelihood(trials[bandwidth].equations.cost) - charge
+
+        for factor in (3.0, 1.7, 1.3):
+            top = max(trials, key=score)
+            if top == 0.0:
+                lowest = min((b for b in trials if b), default=0.0)
+                if not lowest or score(lowest) < score(0.0) - 20.0:
+                    break
+                around: list[float] = [lowest / factor]
+            else:
+                around = [top * factor, top / factor]
+            for bandwidth in around:
+                trials[bandwidth] = self.minimise(trials[top].point, bandwidth, 0.0, iterations=4)
+        top = max(trials, key=score)
+        return top, self.minimise(trials[top].point, top, 0.0)
+
+    def _result(self, bandwidth: float, minimum: Minimum, evaluations: int) -> Fit:
+        values, initial = self.unpack(minimum.point)
+        variance = minimum.equations.cost / max(self.samples - minimum.point.size, 1)
+        spread, lost = covariance(minimum.equations.information, variance)
+        count = len(self.free)
+        spread, lost = spread[:count, :count], lost[:count]
+        lost = lost | self._without_weight(values, np.sqrt(np.diag(spread)))
+        values[np.array(self.free)[lost]] = self.model.values[np.array(self.free)[lost]]
+        fitted = self.model.with_values(values)
+        predictions = self.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
+        return Fit(
+            model=fitted,
+            parameters=self._lines(fitted, spread, lost),
+            free=self.free,
+            covariance=spread,
+            initial=initial,
+            bandwidth=bandwidth,
+            noise_std=float(np.sqrt(variance)),
+            log_likelihood=self.likelihood(minimum.equations.cost),
+            samples=self.samples,
+            innovations=np.concatenate([p.innovations for p in predictions]),
+            substeps=self.predictor.substeps,
+            converged=minimum.converged,
+            evaluations=evaluations + minimum.evaluations,
+            log=self.log,
+        )
+
+    def _without_weight(self, values: Array, std: Array) -> NDArray[np.bool_]:
+        """(F,) parameters whose uncertainty is worth more than the torque in the log: the data cannot tell them.
+
+        What a standard error is worth is the torque that it makes over the log's motion; for the parameters of an
+        effect, whose torque is not known before it is named, the value itself is the scale.
+        """
+        torque = np.concatenate([run.command - run.servo_gain * run.output for run in self.log.runs])
+        level = float(np.sqrt(np.nanmean(torque**2)))
+        speeds = np.concatenate([np.gradient(run.output, run.time) for run in self.log.runs])
+        speed = float(np.sqrt(np.nanmean(speeds**2)))
+        slowest = 2.0 * np.pi / max(run.duration for run in self.log.runs)
+        worth = {"inertia": slowest * speed, "gravity": 1.0, "viscous_friction": speed}
+        lost = np.zeros(len(self.free), dtype=bool)
+        for row, place in enumerate(self.free):
+            name = self.model.names[place]
+            scale = max(abs(values[place]), level / worth[name] if worth.get(name) else 0.0)
+            lost[row] = std[row] > scale and not self._at_bound(row, values[place])
+        return lost
+
+    def _at_bound(self, row: int, value: float) -> bool:
+        return bool(value <= self.lower[row] or value >= self.upper[row])
+
+    def _lines(self, fitted: ServoModel, spread: Array, lost: NDArray[np.bool_]) -> tuple[FittedParameter, ...]:
+        lines = []
+        for place, (spec, value) in enumerate(zip(fitted.parameters, fitted.values, strict=True)):
+            line = FittedParameter(
+                name=spec.name,
+                value=float(value),
+                std=None,
+                unit=spec.unit,
+                start=float(self.model.values[place]),
+                fixed=place not in self.free,
+            )
+            if place in self.free:
+                row = self.free.index(place)
+                known = not lost[row]
+                line = replace(
+                    line,
+                    value=float(value) if known else None,
+                    std=float(np.sqrt(spread[row, row])) if known else None,
+                    at_bound=known and self._at_bound(row, float(value)),
+                )
+            lines.append(line)
+        return tuple(lines)
+
+
+def integration_steps(log: Log) -> int:
+    """Integration steps in one sample: at most 5 ms each, 2 ms where a position servo closes its loop inside."""
+    longest = 0.002 if any(np.any(run.servo_gain) for run in log.runs) else 0.005
+    return int(np.ceil(max(run.sample_time for run in log.runs) / longest * (1.0 - 1e-6)))
+
+
+def first_states(log: Log) -> Array:
+    """(R, 2) angle and velocity at the first sample of each run, from a line through its first samples."""
+    states = np.zeros((len(log.runs), 2))
+    for row, run in enumerate(log.runs):
+        early = np.flatnonzero(run.valid)[:10]
+        slope, level = np.polyfit(run.time[early] - run.time[0], run.output[early], 1) if early.size > 1 else (0, 0)
+        states[row] = level, slope
+    return states

@@ -1,0 +1,112 @@
+"""The inverse model: the torque that the measured motion needs, beside the torque that was commanded.
+
+Derivatives of the measured angle come from a zero-phase Butterworth filter and central differences, and every signal
+passes the same filter (Gautier 1997; the practice of robot identification). It gives a start for the fit, because
+J, alpha and K are linear in it, and the relative torque error in which inverse models are published.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy import optimize, signal
+
+from identification.log import Log, Run
+from plant.effects.effect import Array
+from plant.servo import ServoModel
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FilteredMotion:
+    """A run's motion and torque behind the same low pass, on a uniform time grid.
+
+    Attributes:
+        time, angle, velocity, acceleration, torque: (T,) [s, rad, rad/s, rad/s^2, N m]; a linear axis has m and N.
+    """
+
+    time: Array
+    angle: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+
+
+def filtered_motion(run: Run, cutoff: float) -> FilteredMotion:
+    """Filter a run with a zero-phase 4th-order Butterworth low pass at `cutoff` [Hz]."""
+    good = run.valid
+    dt = run.sample_time
+    time = np.arange(run.time[0], run.time[-1], dt)
+    output = np.interp(time, run.time[good], run.output[good])
+    held = np.clip(np.searchsorted(run.time, time + 1e-9 * dt, side="right") - 1, 0, run.time.size - 1)
+    drive = run.command[held] - run.servo_gain[held] * output
+    torque = np.clip(drive, -run.command_limit, run.command_limit)
+    # A command is held for the sample that follows: on average it acts half a sample later than it is logged.
+    torque = np.append(torque[:1], 0.5 * (torque[1:] + torque[:-1]))
+    low_pass = signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
+
+    def smooth(values: Array) -> Array:
+        return np.asarray(signal.sosfiltfilt(low_pass, values, padlen=min(3 * 10, values.size - 1)), dtype=float)
+
+    angle = smooth(output)
+    velocity = np.gradient(angle, dt)
+    return FilteredMotion(
+        time=time,
+        angle=angle,
+        velocity=velocity,
+        acceleration=np.gradient(velocity, dt),
+        torque=smooth(torque),
+    )
+
+
+def starting_values(log: Log, model: ServoModel, cutoff: float) -> Array | None:
+    """(P,) values with J, alpha and K from linear regression on the filtered torque balance, effects as they are.
+
+    None if the regression has nothing to stand on (no motion).
+    """
+    motions = [filtered_motion(run, cutoff) for run in log.runs]
+    rows = []
+    for m in motions:
+        gravity = np.cos(m.angle) if model.axis == "rotary" else np.zeros_like(m.angle)
+        edge = min(m.time.size // 10, 100)
+        rows.append(np.column_stack((m.acceleration, gravity, m.velocity, m.torque))[edge : m.time.size - edge])
+    table = np.vstack(rows)
+    regressors, torque = table[:, :3], table[:, 3]
+    scale = np.sqrt(np.mean(regressors**2, axis=0))
+    if scale[0] <= 0.0 or scale[2] <= 0.0:
+        return None
+    scale[1] = scale[1] or 1.0
+    found = optimize.lsq_linear(regressors / scale, torque, bounds=([1e-9, -np.inf, 0.0], np.inf)).x / scale
+    values = model.values
+    values[:3] = np.maximum(found, [spec.lower for spec in model.parameters[:3]])
+    return values
+
+
+def torque_error(log: Log, model: ServoModel, *, cutoff: float) -> float:
+    """Relative error of the inverse model over a log: |torque - needed torque| / |torque| [-].
+
+    Args:
+        log: measured motion and torque.
+        model: its dry friction acts by the direction of the filtered velocity; actuator effects are not inverted.
+        cutoff: of the filter [Hz]; figures compare only at the same one.
+    """
+    misses, torques = [], []
+    for run in log.runs:
+        m = filtered_motion(run, cutoff)
+        edge = min(m.time.size // 10, int(2.0 / (cutoff * run.sample_time)))
+        inner = slice(edge, m.time.size - edge)
+        misses.append((m.torque - needed_torque(model, m))[inner])
+        torques.append(m.torque[inner])
+    return float(np.linalg.norm(np.concatenate(misses)) / np.linalg.norm(np.concatenate(torques)))
+
+
+def needed_torque(model: ServoModel, motion: FilteredMotion) -> Array:
+    """(T,) torque behind the actuator that the motion needs [N m]: eq. (4) solved for it."""
+    x, v = ca.SX.sym("x"), ca.SX.sym("v")
+    free = -model.inertia * model.smooth_acceleration(x, v, 0.0)
+    levels = model.dry_friction(v)
+    if levels is not None:
+        free += ca.if_else(v > 0, levels[0], -levels[1]) * ca.fabs(ca.sign(v))
+    passive = ca.Function("passive", [x, v], [free])
+    return model.inertia * motion.acceleration + np.array(passive(motion.angle, motion.velocity)).ravel()

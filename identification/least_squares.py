@@ -1,0 +1,131 @@
+"""Damped Gauss-Newton with bounds on the normal equations (Levenberg 1944, Marquardt 1963).
+
+Logs are long and parameters few, so the work is one pass over the log for each trial; what remains is a system of the
+size of the parameter vector, solved here with an active set for the bounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.effects.effect import Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NormalEquations:
+    """A least-squares problem linearised at a point.
+
+    Attributes:
+        cost: sum of squares of the residuals.
+        gradient: (n,) of half the cost.
+        information: (n, n) Jacobian transposed times Jacobian.
+    """
+
+    cost: float
+    gradient: Array
+    information: Array
+
+    @classmethod
+    def of(cls, residuals: Array, jacobian: Array) -> NormalEquations:
+        """From residuals (T,) and their Jacobian (T, n); a residual that overflowed makes the cost infinite."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            cost = float(residuals @ residuals)
+            gradient, information = jacobian.T @ residuals, jacobian.T @ jacobian
+        if not (np.isfinite(cost) and np.isfinite(gradient).all() and np.isfinite(information).all()):
+            cost = np.inf
+        return cls(cost=cost, gradient=gradient, information=information)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Minimum:
+    """Where the iteration ended, and the problem linearised there."""
+
+    point: Array
+    equations: NormalEquations
+    converged: bool
+    evaluations: int
+
+
+def minimise(
+    evaluate: Callable[[Array], NormalEquations],
+    start: Array,
+    lower: Array,
+    upper: Array,
+    *,
+    samples: int,
+    iterations: int = 30,
+    tolerance: float = 1e-3,
+    at_start: NormalEquations | None = None,
+) -> Minimum:
+    """Minimise a sum of squares within bounds.
+
+    Args:
+        evaluate: linearises the problem at a point (n,).
+        start: (n,) first point, clipped into the bounds.
+        lower: (n,) lower bounds.
+        upper: (n,) upper bounds.
+        samples: number of residuals.
+        iterations: most evaluations of the problem.
+        tolerance: stop when a step promises to raise the log-likelihood (samples/2 log cost) by less than this.
+        at_start: the problem at `start`, if known already.
+    """
+    point = np.clip(start, lower, upper)
+    here = at_start if at_start is not None else evaluate(point)
+    evaluations, damping, converged = int(at_start is None), 1e-6, False
+    while evaluations < iterations and np.isfinite(here.cost) and here.cost > 0.0:
+        step = _bounded_step(here, point, lower, upper, damping)
+        promise = -(2.0 * here.gradient @ step + step @ here.information @ step)
+        if 0.5 * samples * promise / here.cost < tolerance:
+            converged = True
+            break
+        there = evaluate(point + step)
+        evaluations += 1
+        gain = (here.cost - there.cost) / promise
+        if gain > 1e-4:
+            point, here = point + step, there
+            damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 5.0), 1e-12)
+        else:
+            damping = max(damping * 30.0, 1e-5)
+            if damping > 1e10:
+                break
+    return Minimum(point=point, equations=here, converged=converged, evaluations=evaluations)
+
+
+def _bounded_step(here: NormalEquations, point: Array, lower: Array, upper: Array, damping: float) -> Array:
+    """The damped step within the bounds: a coordinate that would leave stops at its bound, the others go on."""
+    scale = np.sqrt(np.maximum(np.diag(here.information), 1e-300))
+    information = here.information / np.outer(scale, scale)
+    information[np.diag_indices_from(information)] += damping
+    gradient, least, most = here.gradient / scale, (lower - point) * scale, (upper - point) * scale
+    step = np.zeros_like(point)  # in units in which every parameter carries the same information
+    moving = ~(((least >= 0.0) & (gradient > 0.0)) | ((most <= 0.0) & (gradient < 0.0)))
+    for _ in range(point.size):
+        if not moving.any():
+            break
+        pull = -(gradient + information @ np.where(moving, 0.0, step))
+        step[moving] = np.linalg.lstsq(information[np.ix_(moving, moving)], pull[moving], rcond=1e-13)[0]
+        outside = moving & ((step < least) | (step > most))
+        if not outside.any():
+            break
+        step[outside] = np.clip(step, least, most)[outside]
+        moving &= ~outside
+    return np.clip(point + step / scale, lower, upper) - point
+
+
+def covariance(information: NDArray[np.float64], variance: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Covariance (n, n) of the estimate, and which parameters the data do not determine (n,).
+
+    A parameter is undetermined when a direction of (numerically) no information reaches into it.
+    """
+    diagonal = np.diag(information)
+    scale = np.sqrt(np.maximum(diagonal, 1e-300))
+    normalised = information / np.outer(scale, scale)
+    eigenvalues, vectors = np.linalg.eigh(normalised)
+    lost = eigenvalues < 1e-12 * max(float(eigenvalues.max(initial=0.0)), 1e-300)
+    inverse = (vectors[:, ~lost] / eigenvalues[~lost]) @ vectors[:, ~lost].T
+    undetermined = (np.abs(vectors[:, lost]) > 1e-3).any(axis=1) | (diagonal <= 0.0)
+    return variance * inverse / np.outer(scale, scale), undetermined

@@ -1,0 +1,197 @@
+"""One-step prediction of a log by a servo model, with sensitivities: what every fit and every test rests on.
+
+The predictor is an observer around the plant's own step,
+
+    e[k] = y[k] - angle[k],      state[k] <- state[k] + gain * e[k],      state[k+1] = step(state[k]),
+
+with the gain of the stationary Kalman filter for a load torque that fluctuates at random. That gain has a closed form
+(Kalata 1984, alpha-beta filter) in one number, here the observer's bandwidth w in rad/s: the square root of the ratio of
+the acceleration noise to the measurement noise. At w = 0 nothing is corrected and e is the error of a free simulation
+(output error); above it nothing drifts, so that closed-loop logs and integrating plants are harmless.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.log import Run
+from plant.discrete import INPUTS, held_commands, sample_step
+from plant.effects.effect import Array
+from plant.servo import ServoModel
+
+CHUNK = 1000  # samples that one compiled call covers; a run is a few such calls
+
+
+def observer_gain(bandwidth: float, dt: Array) -> Array:
+    """(2, T) gain on angle [-] and velocity [1/s] of the alpha-beta filter (Kalata 1984, eqs. for the tracking index).
+
+    Args:
+        bandwidth: square root of acceleration noise [rad/s^2] over measurement noise [rad]: [rad/s].
+        dt: (T,) time step of each sample [s].
+    """
+    index = (bandwidth * dt) ** 2
+    r = (4.0 + index - np.sqrt(8.0 * index + index**2)) / 4.0
+    alpha = 1.0 - r**2
+    beta = 2.0 * (2.0 - alpha) - 4.0 * np.sqrt(1.0 - alpha)
+    return np.stack((alpha, beta / np.maximum(dt, 1e-12)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prediction:
+    """Innovations of one run.
+
+    Attributes:
+        innovations: (T,) measured less predicted output; zero where the sample is masked.
+        jacobian: (T, F + 2) their derivative with respect to the free parameters and the initial angle and velocity.
+        states: (n, T) predicted states, before the measurement is used.
+    """
+
+    innovations: Array
+    jacobian: Array
+    states: Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Predictor:
+    """A model's structure prepared to predict the runs of a log.
+
+    Attributes:
+        model: the structure; its numbers are not used.
+        runs: what to predict.
+        free: (F,) places of the parameters to differentiate for.
+        substeps: integration steps in one sample.
+    """
+
+    model: ServoModel
+    runs: tuple[Run, ...]
+    free: tuple[int, ...]
+    substeps: int = 1
+
+    def predict(
+        self, values: Array, initial: Array, *, bandwidth: float, width: float, sensitivities: bool = True
+    ) -> list[Prediction]:
+        """Predict every run.
+
+        Args:
+            values: (P,) all parameters of the model.
+            initial: (R, 2) angle and velocity at the first sample of each run.
+            bandwidth: of the observer [rad/s]; 0 is a free simulation.
+            width: smoothing of dry friction [rad/s]; 0 is the exact form.
+            sensitivities: compute the Jacobian too.
+        """
+        return [
+            self._predict_run(run, values, start, bandwidth, width, sensitivities)
+            for run, start in zip(self.runs, initial, strict=True)
+        ]
+
+    def _predict_run(
+        self, run: Run, values: Array, start: Array, bandwidth: float, width: float, sensitivities: bool
+    ) -> Prediction:
+        model, size = self.model, run.time.size
+        data, values = run_inputs(run, model, values, bandwidth, width)
+        states = len(model.states)
+        chunk = _chunk(_Key(model, self.free, self.substeps, sensitivities))
+        columns = len(self.free) + 2 if sensitivities else 0
+        settled = data[0, 0] - data[2, 0] * start[0]
+        state = np.concatenate((start, np.full(states - 2, settled)))
+        spread = np.zeros((states, columns))
+        if sensitivities:
+            spread[0, -2] = spread[1, -1] = 1.0
+        errors, slopes, path = np.empty(size), np.empty((size, columns)), np.empty((states, size))
+        for first in range(0, size, CHUNK):
+            last = min(first + CHUNK, size)
+            block = np.zeros((data.shape[0], CHUNK))
+            block[:, : last - first] = data[:, first:last]
+            block[3, last - first :] = 1.0
+            out_state, out_spread, e, de, before = (np.array(out) for out in chunk(state, spread, block, values))
+            kept = last - first
+            state, spread = out_state[:, kept - 1], out_spread[:, (kept - 1) * columns : kept * columns]
+            errors[first:last], path[:, first:last] = e[0, :kept], before[:, :kept]
+            slopes[first:last] = de.reshape(CHUNK, columns)[:kept] if sensitivities else 0.0
+        weight = run.valid.astype(float)
+        return Prediction(innovations=errors * weight, jacobian=slopes * weight[:, None], states=path)
+
+
+def run_inputs(run: Run, model: ServoModel, values: Array, bandwidth: float, width: float) -> tuple[Array, Array]:
+    """(9, T) inputs of each step with measurement and gain, and the parameters with the delay inside a sample."""
+    dt = np.diff(run.time)
+    dt = np.append(dt, dt[-1])
+    place = model.names.index("input_delay.time") if "input_delay.time" in model.names else None
+    now, before, switch = held_commands(run.command, dt, 0.0 if place is None else float(values[place]))
+    if place is not None:
+        values = values.copy()
+        values[place] = switch
+    gain = observer_gain(bandwidth, dt) * run.valid
+    limit = np.full(dt.size, run.command_limit)
+    output = np.where(run.valid, run.output, 0.0)
+    return np.vstack((now, before, run.servo_gain, limit, dt, np.full(dt.size, width), output, gain)), values
+
+
+class _Key:
+    """What a compiled predictor depends on."""
+
+    def __init__(self, model: ServoModel, free: Sequence[int], substeps: int, sensitivities: bool) -> None:
+        self.model = model
+        self.rest = (tuple(free), substeps, sensitivities)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and (self.model.structure, self.rest) == (other.model.structure, other.rest)
+
+    def __hash__(self) -> int:
+        return hash((self.model.structure, self.rest))
+
+
+@lru_cache(maxsize=512)
+def _chunk(key: _Key) -> Any:
+    """Function (state, spread, data (9, CHUNK), parameters) -> states, spreads, innovations, slopes, predicted states."""
+    free, substeps, sensitivities = key.rest
+    step = sample_step(key.model, substeps=substeps)
+    n, count, columns = len(key.model.states), len(key.model.names), len(free) + 2 if sensitivities else 0
+    state, spread = ca.SX.sym("state", n), ca.SX.sym("spread", n, columns)
+    data, parameters = ca.SX.sym("data", len(INPUTS) + 3), ca.SX.sym("parameters", count)
+    inputs, measured, gain = data[: len(INPUTS)], data[len(INPUTS)], data[len(INPUTS) + 1 :]
+
+    error = measured - state[0]
+    correction = ca.vertcat(gain, ca.SX(n - 2, 1))
+    corrected = state + correction * error
+    if not sensitivities:
+        outputs = [step(corrected, inputs, parameters), spread, error, ca.SX(1, 0), state]
+        one = ca.Function("predict", [state, spread, data, parameters], outputs, {"cse": True})
+        return one.mapaccum("chunk", CHUNK, [0, 1], [0, 1])
+
+    at, moved = ca.SX.sym("at", n), ca.SX.sym("moved", count)
+    following = step(at, inputs, moved)
+    slopes = ca.Function(
+        "slopes",
+        [at, inputs, moved],
+        [following, ca.jacobian(following, at), ca.jacobian(following, moved[list(free)] if free else ca.SX(0, 1))],
+        {"cse": True},
+    )
+    error_slope = -spread[0, :]
+    next_state, by_state, by_parameter = slopes(corrected, inputs, parameters)
+    following_spread = ca.mtimes(by_state, spread + ca.mtimes(correction, error_slope))
+    following_spread += ca.horzcat(by_parameter, ca.SX(n, 2))
+    outputs = [next_state, following_spread, error, error_slope, state]
+    one = ca.Function("predict", [state, spread, data, parameters], outputs, {"cse": True})
+    return one.mapaccum("chunk", CHUNK, [0, 1], [0, 1])
+
+
+def stack(predictions: Sequence[Prediction]) -> tuple[Array, NDArray[np.float64]]:
+    """Innovations (T,) and Jacobian (T, F + 2R) of all runs; each run has its own two columns of initial state."""
+    innovations = np.concatenate([p.innovations for p in predictions])
+    runs, free = len(predictions), predictions[0].jacobian.shape[1] - 2
+    jacobian = np.zeros((innovations.size, free + 2 * runs))
+    row = 0
+    for place, p in enumerate(predictions):
+        rows = slice(row, row + p.innovations.size)
+        jacobian[rows, :free] = p.jacobian[:, :free]
+        jacobian[rows, free + 2 * place : free + 2 * place + 2] = p.jacobian[:, free:]
+        row = rows.stop
+    return innovations, jacobian
