@@ -204,8 +204,10 @@ def record(
         angles[k], velocities[k] = x, v
         measured[k] = _encoded(x + shake[k], bits)
         if loop:
-            rate = (measured[k] - measured[max(k - 4, 0)]) / (4 * sample_time)
-            torque = loop.stiffness * (loop.reference[k] - measured[k]) - loop.damping * rate
+            before = max(k - 4, 0)
+            error = loop.reference[k] - measured[k]
+            rate = (error - loop.reference[before] + measured[before]) / (4 * sample_time)
+            torque = loop.stiffness * error + loop.damping * rate
             given[k] = np.clip(torque, -loop.limit, loop.limit)
         if lagged is None:
             lagged = given[0].copy()
