@@ -1,0 +1,60 @@
+"""Quadratic programmes through qpsolvers, with tight tolerances and no trust in the solver's own word."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import qpsolvers
+from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+
+from plant.errors import BadParameter
+
+Array = NDArray[np.float64]
+
+_SETTINGS: dict[str, dict[str, Any]] = {
+    # Defaults of a first-order solver are far too loose for a minimum torque; `raise_error` must be said explicitly.
+    "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20_000, "polishing": True, "raise_error": False},
+}
+
+
+def check_solver(name: str) -> None:
+    """Raise `BadParameter` unless the solver is installed."""
+    if name not in qpsolvers.available_solvers:
+        raise BadParameter(
+            f"The QP solver {name!r} is not installed; use one of {', '.join(qpsolvers.available_solvers)}."
+        )
+
+
+def solve_qp(
+    *, P: Array, q: Array, lb: Array, ub: Array, A: Array | None = None, b: Array | None = None, solver: str = "osqp"
+) -> qpsolvers.Solution:
+    """Minimise 1/2 x'Px + q'x subject to A x = b and lb <= x <= ub, always from a cold start.
+
+    Scale the problem so that x is of the order of one. Accept the answer by its residuals: those of a failed solve are
+    infinite, and no exception or warning of the solver gets out.
+    """
+    sparse = solver in qpsolvers.sparse_solvers
+    problem = qpsolvers.Problem(
+        P=csc_matrix(P) if sparse else P,
+        q=q,
+        A=None if A is None else csc_matrix(A) if sparse else A,
+        b=b,
+        lb=lb,
+        ub=ub,
+    )
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return qpsolvers.solve_problem(problem, solver=solver, **_SETTINGS.get(solver, {}))
+    except Exception:  # whatever a foreign solver raises is a failed solve
+        return qpsolvers.Solution(problem)
+
+
+def largest_residual(solution: qpsolvers.Solution) -> float:
+    """The largest of primal residual, dual residual and duality gap; inf if there is no solution."""
+    if not solution.found or solution.x is None or not np.all(np.isfinite(solution.x)):
+        return float("inf")
+    return float(max(solution.primal_residual(), solution.dual_residual(), abs(solution.duality_gap())))

@@ -1,0 +1,265 @@
+"""The allocator against its closed form; admissible structures against the theorem."""
+
+from __future__ import annotations
+
+from itertools import combinations, combinations_with_replacement, product
+
+import numpy as np
+import pytest
+import qpsolvers
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import allocation.allocator
+from allocation import Allocator, Bounds, InfeasibleTorque, admissible, enumerate_admissible, least_effort
+from plant.errors import AntidriveError, BadParameter
+from plant.gears import GearTrain
+
+Array = NDArray[np.float64]
+
+teeth = st.integers(8, 200)
+trains = st.builds(GearTrain, pinion_teeth=st.tuples(teeth, teeth), follower_teeth=teeth)
+scales = st.sampled_from([0.01, 0.3, 100.0])
+PAPER = GearTrain.paper()
+
+
+def box_violation(allocator: Allocator, torques: Array) -> float:
+    """How far pinion torques lie outside the hard bounds [N m]."""
+    magnitudes = torques * [1, -1]
+    return float(np.max(np.maximum(allocator.min_torque - magnitudes, magnitudes - allocator.max_torque)))
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    gears=trains,
+    scale=scales,
+    share=st.floats(-0.2, 1.2),
+    least=st.floats(0.0, 0.9),
+    weights=st.tuples(st.floats(0.1, 10), st.floats(0.1, 10)),
+    rotor=st.floats(0, 0.2),
+    acceleration=st.floats(-3, 3),
+)
+def test_the_qp_agrees_with_the_closed_form(
+    gears: GearTrain,
+    scale: float,
+    share: float,
+    least: float,
+    weights: tuple[float, float],
+    rotor: float,
+    acceleration: float,
+) -> None:
+    allocator = Allocator(
+        gears,
+        min_torque=least * scale,
+        max_torque=scale,
+        weights=weights,
+        rotor_inertia=rotor * scale / float(np.max(gears.mesh_ratios)),
+    )
+    low, high = allocator.bounds.reachable(acceleration)
+    torque = float(low + share * (high - low))
+    result = allocator.allocate(torque, acceleration)
+    expected = least_effort(allocator.bounds, torque, acceleration, weights)
+    assert result.torques == pytest.approx(expected, abs=1e-5 * scale)
+    assert box_violation(allocator, result.torques) <= 0.0
+    assert "certified" not in result.status
+    reached = np.clip(torque, low, high)
+    missing = torque - gears.follower_torque(expected)
+    assert missing == pytest.approx(torque - reached, abs=1e-9 * scale * np.max(gears.mesh_ratios))
+
+
+@pytest.mark.parametrize("scale", [0.01, 100.0])
+def test_small_and_large_machines_are_solved_alike(scale: float) -> None:
+    allocator = Allocator(PAPER, min_torque=0.05 * scale, max_torque=scale)
+    for share in np.linspace(-0.95, 0.95, 39):
+        torque = float(share * 8.05 * 0.95 * scale)
+        result = allocator.allocate(torque)
+        assert result.is_optimal(1e-6)
+        assert result.torques == pytest.approx(least_effort(allocator.bounds, torque), abs=1e-7 * scale)
+        assert abs(result.missing_torque) < 1e-6 * scale
+        assert result.margin >= 0.0
+
+
+@given(trains, st.floats(-1, 1), st.floats(0.0, 0.5), st.tuples(st.floats(0.1, 10), st.floats(0.1, 10)))
+def test_the_closed_form_is_the_best_of_all_preloads(
+    gears: GearTrain, share: float, least: float, weights: tuple[float, float]
+) -> None:
+    bounds = Bounds(gears=gears, min_torque=least, max_torque=1.0)
+    low, high = bounds.reachable()
+    torque = low + (high - low) * (0.5 + 0.49 * share)
+    best = least_effort(bounds, torque, weights=weights)
+    every = gears.split(torque, np.linspace(-1, 1, 4001) * 2 / min(gears.pinion_teeth))
+    magnitudes = every * [1, -1]
+    feasible = every[np.all((magnitudes >= least) & (magnitudes <= 1.0), axis=1)]
+    effort = feasible**2 @ np.array(weights)
+    assert best**2 @ np.array(weights) <= np.min(effort, initial=np.inf) + 1e-9
+    assert gears.follower_torque(best) == pytest.approx(torque, abs=1e-9 * np.max(gears.mesh_ratios))
+
+
+def test_equal_gears_give_the_known_heat() -> None:
+    allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3)
+    result = allocator.allocate(1.0)
+    n, teeth_of_pinion = 161 / 20, 20
+    preload_torque = result.preload * teeth_of_pinion
+    assert result.heat == pytest.approx((1.0 / n) ** 2 / 2 + 2 * preload_torque**2, rel=1e-6)
+    assert result.torques[0] == pytest.approx(0.02)
+
+
+def test_the_preload_comes_before_the_torque() -> None:
+    allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3)
+    greatest = 8.05 * (0.3 - 0.02)
+    result = allocator.allocate(greatest + 1.0)
+    assert result.torques == pytest.approx([0.02, -0.3], abs=1e-8)
+    assert result.missing_torque == pytest.approx(1.0, abs=1e-6)
+    assert result.status.startswith("degraded")
+    assert "1 N m" in result.status
+    assert not result.is_optimal(1e-3)
+
+
+def test_flank_torque_counts_the_rotor() -> None:
+    rotor = 1e-5
+    allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3, rotor_inertia=rotor)
+    taken = rotor * PAPER.pre_reduction**2 * 8.05 * 3.0  # torque of a rotor at 3 rad/s^2, seen from the pinion
+    forward, backward = allocator.allocate(-1.0, 3.0), allocator.allocate(-1.0, -3.0)
+    # accelerating forward asks the forward drive (2) for more; it only holds contact here
+    assert -forward.torques[1] == pytest.approx(0.02 + taken, abs=1e-7)
+    # accelerating backward frees the flank of drive 2, but its motor still may not change sides
+    assert -backward.torques[1] == pytest.approx(0.02, abs=1e-7)
+    assert forward.margin == pytest.approx(0.0, abs=1e-7)
+
+
+def test_says_when_the_flank_cannot_be_held() -> None:
+    allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3, rotor_inertia=1e-5)
+    result = allocator.allocate(0.0, 1e3)
+    assert "acceleration" in result.status
+    assert result.margin < 0.0
+    assert box_violation(allocator, result.torques) <= 0.0
+
+
+def test_no_torques_at_all_are_refused() -> None:
+    with pytest.raises(InfeasibleTorque, match="min_torque"):
+        Allocator(PAPER, min_torque=0.4, max_torque=0.3)
+    assert issubclass(InfeasibleTorque, AntidriveError)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"min_torque": -0.1},
+        {"max_torque": 0.0, "min_torque": 0.0},
+        {"max_torque": float("inf")},
+        {"weights": (1.0, 0.0)},
+        {"weights": (1.0,)},
+        {"solver": "no such solver"},
+        {"rotor_inertia": float("nan")},
+    ],
+)
+def test_refuses_parameters_that_cannot_be(bad: dict[str, object]) -> None:
+    good: dict[str, object] = {"min_torque": 0.02, "max_torque": 0.3}
+    with pytest.raises(BadParameter):
+        Allocator(PAPER, **{**good, **bad})  # type: ignore[arg-type]
+
+
+def test_refuses_a_torque_that_is_not_a_number() -> None:
+    with pytest.raises(BadParameter):
+        Allocator(PAPER, min_torque=0.02, max_torque=0.3).allocate(float("nan"))
+
+
+@pytest.mark.parametrize("failure", ["not found", "lies", "nan"])
+def test_a_solver_that_fails_cannot_pass(monkeypatch: pytest.MonkeyPatch, failure: str) -> None:
+    def broken(**arguments: Array) -> qpsolvers.Solution:
+        solution = qpsolvers.Solution(
+            qpsolvers.Problem(arguments["P"], arguments["q"], lb=arguments["lb"], ub=arguments["ub"])
+        )
+        if failure != "not found":
+            solution.found = True
+            solution.x = np.full(1, 0.9 if failure == "lies" else np.nan)
+            solution.y, solution.z, solution.z_box = np.zeros(0), np.zeros(0), np.zeros(1)
+        return solution
+
+    allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3)
+    monkeypatch.setattr(allocation.allocator, "solve_qp", broken)
+    result = allocator.allocate(1.0)
+    assert "not certified" in result.status
+    assert not result.is_optimal(1.0)
+    assert result.torques == pytest.approx(least_effort(allocator.bounds, 1.0))
+
+
+# Admissible structures.
+
+
+@given(st.integers(1, 4), st.integers(0, 2**32 - 1))
+def test_one_drive_more_than_joints_has_the_minors_as_null_vector(n: int, seed: int) -> None:
+    A = np.random.default_rng(seed).normal(size=(n, n + 1))
+    minors = np.array([(-1) ** k * np.linalg.det(np.delete(A, k, axis=1)) for k in range(n + 1)])
+    result = admissible(A)
+    if np.min(np.abs(minors)) < 1e-3 * np.max(np.abs(minors)):
+        return  # too close to call in floating point
+    assert result.admissible == bool(np.all(minors > 0) or np.all(minors < 0))
+    if result.admissible:
+        assert result.null_vector == pytest.approx(minors / minors.sum(), rel=1e-6)
+        assert result.score == pytest.approx(np.min(minors / minors.sum()), rel=1e-6)
+
+
+def test_the_papers_mechanism_is_admissible_and_its_twins_are_not() -> None:
+    opposed = PAPER.torque_map * [1, -1]
+    assert admissible([opposed]).admissible
+    assert admissible([opposed]).null_vector == pytest.approx([0.5, 0.5])
+    same_sense = admissible([PAPER.torque_map])
+    assert not same_sense.admissible
+    assert same_sense.score == 0.0
+
+
+@pytest.mark.parametrize(
+    ("A", "why"),
+    [
+        ([[1, -1, 0], [0, 0, 1]], "row of one sign"),
+        ([[1, -1, 0], [1, -1, 0]], "rank"),
+        ([[1.0]], "too few drives"),
+        ([[1, -1, 0]], "a drive without part"),
+        ([[1, -1, 1], [2, -2, 2]], "rank"),
+    ],
+)
+def test_structures_that_are_not_admissible(A: list[list[float]], why: str) -> None:
+    assert not admissible(A).admissible, why
+
+
+def test_enumeration_of_one_joint() -> None:
+    assert [p.tolist() for p in enumerate_admissible(1, 2)] == [[[1, -1]]]
+
+
+@pytest.mark.parametrize(("m", "trials"), [(3, 6), (4, 1)])
+def test_enumeration_lists_each_class_once_and_misses_none(m: int, trials: int) -> None:
+    def orbit(columns: list[tuple[int, int]]) -> frozenset[tuple[tuple[int, int], ...]]:
+        return frozenset((tuple(sorted(columns)), tuple(sorted((b, a) for a, b in columns))))
+
+    listed = [orbit([tuple(c) for c in p.T.tolist()]) for p in enumerate_admissible(2, m)]
+    assert len(set(listed)) == len(listed)
+    rng = np.random.default_rng(1)
+    for columns in combinations_with_replacement(product((-1, 0, 1), repeat=2), m):
+        pattern = np.array(columns).T
+        if any(admissible(pattern * rng.uniform(0.2, 3.0, (2, m))).admissible for _ in range(trials)):
+            assert orbit(list(columns)) in listed
+    for pattern in enumerate_admissible(2, m):
+        assert admissible(_balanced(pattern, rng)).admissible
+
+
+def _balanced(pattern: NDArray[np.int64], rng: np.random.Generator) -> Array:
+    """Random sizes for a sign pattern whose rows sum to zero."""
+    sizes = rng.uniform(0.5, 2.0, pattern.shape)
+    positive, negative = sizes * (pattern > 0), sizes * (pattern < 0)
+    return np.asarray(positive / positive.sum(1, keepdims=True) - negative / negative.sum(1, keepdims=True))
+
+
+def test_the_sign_rules_hold_for_three_joints() -> None:
+    patterns = enumerate_admissible(3, 4)
+    for pattern in patterns:
+        assert all({1, -1} <= set(row.tolist()) for row in pattern)
+        assert np.all(np.any(pattern != 0, axis=0))
+    assert all(not np.array_equal(a, b) for a, b in combinations(patterns[:60], 2))
+
+
+@pytest.mark.parametrize(("n", "m"), [(0, 1), (4, 5), (2, 2), (2, 5)])
+def test_enumeration_says_its_range(n: int, m: int) -> None:
+    with pytest.raises(BadParameter):
+        enumerate_admissible(n, m)
