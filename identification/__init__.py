@@ -1,1 +1,26 @@
-"""identification"""
+"""Identification: a measured log in, parameters with their uncertainty out."""
+
+from __future__ import annotations
+
+from identification.errors import MalformedLog, Unidentifiable
+from identification.fit import Fit, FittedParameter, base_model, fit
+from identification.fit_report import fit_report, fit_to_dict
+from identification.inverse import torque_error
+from identification.log import Log
+from identification.run import Run
+from identification.simulation import free_simulation
+
+__all__ = [
+    "Fit",
+    "FittedParameter",
+    "Log",
+    "MalformedLog",
+    "Run",
+    "Unidentifiable",
+    "base_model",
+    "fit",
+    "fit_report",
+    "fit_to_dict",
+    "free_simulation",
+    "torque_error",
+]

@@ -238,7 +238,8 @@ class Problem:
             point = best.point
             if progress is not None:
                 progress(f"observer at {bandwidth:.3g} rad/s: noise {np.sqrt(best.equations.cost / self.samples):.3g}")
-        return self.finish(visited)
+        trials = {bandwidth: self._exact(bandwidth, minimum) for bandwidth, minimum in visited}
+        return self._result(*self._refined(trials), sum(m.evaluations for _, m in visited))
 
     def _plausible(self, minimum: Minimum) -> bool:
         return bool(np.isfinite(minimum.equations.cost))
@@ -254,37 +255,50 @@ class Problem:
         found = (starting_values(self.log, self.model, share * rate) for share in (0.005, 0.02, 0.06))
         return [values for values in found if values is not None]
 
-    def finish(self, visited: Sequence[tuple[float, Minimum]]) -> Fit:
-        """Choose the bandwidth by likelihood, in the exact form of friction, and refine it."""
-        trials = {bandwidth: self._exact(bandwidth, minimum) for bandwidth, minimum in visited}
-        best = self._refined(trials)
-        bandwidth, minimum = best
-        return self._result(bandwidth, minimum, sum(m.evaluations for _, m in visited))
+    def descend(self, start: Fit) -> Fit:
+        """Fit from another fit of a simpler model that lies near: at its bandwidth first, then down as far as it pays.
+
+        Args:
+            start: parameters of the same name and initial states are taken over; new ones start at the model's values.
+        """
+        values = self.model.values
+        for place, name in enumerate(self.model.names):
+            if name in start.model.names and place in self.free:
+                values[place] = start.model.values[start.model.names.index(name)]
+        values = np.where(np.isin(self.model.names, start.model.names), values, self.model.values)
+        point, evaluations = self.pack(values, start.initial), 0
+        bandwidth = start.bandwidth
+        if self.model.dry_friction(0.0) is not None and start.model.dry_friction(0.0) is None:
+            for width in self.widths()[1:4]:
+                point = self.minimise(point, bandwidth, width, iterations=3).point
+        trials = {bandwidth: self.minimise(point, bandwidth, 0.0, iterations=6)}
+        slowest = 1.0 / max(run.duration for run in self.log.runs)
+        while bandwidth:
+            last = trials[bandwidth]
+            bandwidth = bandwidth / 4.0 if bandwidth > 4.0 * slowest else 0.0
+            trials[bandwidth] = self.minimise(last.point, bandwidth, 0.0, iterations=5)
+            if self.likelihood(trials[bandwidth].equations.cost) < self.likelihood(last.equations.cost) - 10.0:
+                break
+        evaluations = sum(minimum.evaluations for minimum in trials.values())
+        return self._result(*self._refined(trials), evaluations)
 
     def _exact(self, bandwidth: float, minimum: Minimum) -> Minimum:
         if bandwidth == 0.0 or self.model.dry_friction(0.0) is None:
             return minimum
         return self.minimise(minimum.point, bandwidth, 0.0, iterations=4)
 
+    def score(self, bandwidth: float, minimum: Minimum) -> float:
+        """Log-likelihood, less the charge for a bandwidth that is not zero."""
+        return self.likelihood(minimum.equations.cost) - (0.5 * np.log(self.samples) if bandwidth else 0.0)
+
     def _refined(self, trials: dict[float, Minimum]) -> tuple[float, Minimum]:
-        """The best of the trials after a search between its neighbours; a bandwidth above 0 must pay for itself."""
-
-        def score(bandwidth: float) -> float:
-            charge = 0.5 * np.log(self.samples) if bandwidth else 0.0
-            return self.likelihood(trials[bandwidth].equations.cost) - charge
-
-        for factor in (3.0, 1.7, 1.3):
-            top = max(trials, key=score)
-            if top == 0.0:
-                lowest = min((b for b in trials if b), default=0.0)
-                if not lowest or score(lowest) < score(0.0) - 20.0:
-                    break
-                around: list[float] = [lowest / factor]
-            else:
-                around = [top * factor, top / factor]
-            for bandwidth in around:
-                trials[bandwidth] = self.minimise(trials[top].point, bandwidth, 0.0, iterations=4)
-        top = max(trials, key=score)
+        """The best bandwidth: the best of the trials, its neighbours, and the top of the parabola through them."""
+        top = max(trials, key=lambda b: self.score(b, trials[b]))
+        for factor in (2.5, 1.6) if top else ():
+            for bandwidth in (top * factor, top / factor):
+                if not any(abs(np.log(bandwidth / other)) < 0.2 for other in trials if other):
+                    trials[bandwidth] = self.minimise(trials[top].point, bandwidth, 0.0, iterations=4)
+            top = max(trials, key=lambda b: self.score(b, trials[b]))
         return top, self.minimise(trials[top].point, top, 0.0)
 
     def _result(self, bandwidth: float, minimum: Minimum, evaluations: int) -> Fit:

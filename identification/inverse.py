@@ -14,6 +14,7 @@ import numpy as np
 from scipy import optimize, signal
 
 from identification.log import Log, Run
+from plant.discrete import actuator_torque
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
@@ -33,8 +34,11 @@ class FilteredMotion:
     torque: Array
 
 
-def filtered_motion(run: Run, cutoff: float) -> FilteredMotion:
-    """Filter a run with a zero-phase 4th-order Butterworth low pass at `cutoff` [Hz]."""
+def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) -> FilteredMotion:
+    """Filter a run with a zero-phase 4th-order Butterworth low pass at `cutoff` [Hz].
+
+    The torque is the command or, when a model is given, what arrives behind its actuator effects.
+    """
     good = run.valid
     dt = run.sample_time
     time = np.arange(run.time[0], run.time[-1], dt)
@@ -42,6 +46,8 @@ def filtered_motion(run: Run, cutoff: float) -> FilteredMotion:
     held = np.clip(np.searchsorted(run.time, time + 1e-9 * dt, side="right") - 1, 0, run.time.size - 1)
     drive = run.command[held] - run.servo_gain[held] * output
     torque = np.clip(drive, -run.command_limit, run.command_limit)
+    if model is not None:
+        torque = actuator_torque(model, torque, np.full(torque.size, dt))
     # A command is held for the sample that follows: on average it acts half a sample later than it is logged.
     torque = np.append(torque[:1], 0.5 * (torque[1:] + torque[:-1]))
     low_pass = signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
@@ -88,12 +94,12 @@ def torque_error(log: Log, model: ServoModel, *, cutoff: float) -> float:
 
     Args:
         log: measured motion and torque.
-        model: its dry friction acts by the direction of the filtered velocity; actuator effects are not inverted.
+        model: its dry friction acts by the direction of the filtered velocity.
         cutoff: of the filter [Hz]; figures compare only at the same one.
     """
     misses, torques = [], []
     for run in log.runs:
-        m = filtered_motion(run, cutoff)
+        m = filtered_motion(run, cutoff, model)
         edge = min(m.time.size // 10, int(2.0 / (cutoff * run.sample_time)))
         inner = slice(edge, m.time.size - edge)
         misses.append((m.torque - needed_torque(model, m))[inner])

@@ -97,24 +97,20 @@ class Predictor:
         model, size = self.model, run.time.size
         data, values = run_inputs(run, model, values, bandwidth, width)
         states = len(model.states)
-        chunk = _chunk(_Key(model, self.free, self.substeps, sensitivities))
         columns = len(self.free) + 2 if sensitivities else 0
         settled = data[0, 0] - data[2, 0] * start[0]
-        state = np.concatenate((start, np.full(states - 2, settled)))
-        spread = np.zeros((states, columns))
+        begin = np.concatenate((start, np.full(states - 2, settled)))
+        spread = np.zeros((columns, states))
         if sensitivities:
-            spread[0, -2] = spread[1, -1] = 1.0
+            spread[-2, 0] = spread[-1, 1] = 1.0
+        chunk = _Chunk(_compiled(_Key(model, self.free, self.substeps, sensitivities)), states, columns, values)
         errors, slopes, path = np.empty(size), np.empty((size, columns)), np.empty((states, size))
         for first in range(0, size, CHUNK):
-            last = min(first + CHUNK, size)
-            block = np.zeros((data.shape[0], CHUNK))
-            block[:, : last - first] = data[:, first:last]
-            block[3, last - first :] = 1.0
-            out_state, out_spread, e, de, before = (np.array(out) for out in chunk(state, spread, block, values))
-            kept = last - first
-            state, spread = out_state[:, kept - 1], out_spread[:, (kept - 1) * columns : kept * columns]
-            errors[first:last], path[:, first:last] = e[0, :kept], before[:, :kept]
-            slopes[first:last] = de.reshape(CHUNK, columns)[:kept] if sensitivities else 0.0
+            rows = slice(first, min(first + CHUNK, size))
+            begin, spread = chunk.advance(begin, spread, data[:, rows])
+            kept = rows.stop - first
+            errors[rows], path[:, rows] = chunk.errors[:kept], chunk.before[:kept].T
+            slopes[rows] = chunk.slopes[:kept]
         weight = run.valid.astype(float)
         return Prediction(innovations=errors * weight, jacobian=slopes * weight[:, None], states=path)
 
@@ -148,8 +144,32 @@ class _Key:
         return hash((self.model.structure, self.rest))
 
 
+class _Chunk:
+    """The compiled prediction of `CHUNK` samples with its memory: CasADi reads and writes these arrays in place."""
+
+    def __init__(self, function: Any, states: int, columns: int, values: Array) -> None:
+        self.begin, self.spread = np.zeros(states), np.zeros((columns, states))
+        self.data = np.zeros((CHUNK, len(INPUTS) + 3))
+        self.values = np.tile(np.asarray(values, dtype=float), (CHUNK, 1))
+        self.states, self.spreads = np.zeros((CHUNK, states)), np.zeros((CHUNK, columns, states))
+        self.errors, self.slopes, self.before = np.zeros(CHUNK), np.zeros((CHUNK, columns)), np.zeros((CHUNK, states))
+        self.buffer, self.evaluate = function.buffer()
+        for place, array in enumerate((self.begin, self.spread, self.data, self.values)):
+            self.buffer.set_arg(place, memoryview(array.ravel()))
+        for place, array in enumerate((self.states, self.spreads, self.errors, self.slopes, self.before)):
+            self.buffer.set_res(place, memoryview(array.ravel()))
+
+    def advance(self, begin: Array, spread: Array, data: Array) -> tuple[Array, Array]:
+        """Predict up to `CHUNK` samples, data (9, k); returns state and spread behind the last one."""
+        kept = data.shape[1]
+        self.begin[:], self.spread[:] = begin, spread
+        self.data[:kept], self.data[kept:] = data.T, 0.0
+        self.evaluate()
+        return self.states[kept - 1].copy(), self.spreads[kept - 1].copy()
+
+
 @lru_cache(maxsize=512)
-def _chunk(key: _Key) -> Any:
+def _compiled(key: _Key) -> Any:
     """Function (state, spread, data (9, CHUNK), parameters) -> states, spreads, innovations, slopes, predicted states."""
     free, substeps, sensitivities = key.rest
     step = sample_step(key.model, substeps=substeps)
@@ -162,7 +182,7 @@ def _chunk(key: _Key) -> Any:
     correction = ca.vertcat(gain, ca.SX(n - 2, 1))
     corrected = state + correction * error
     if not sensitivities:
-        outputs = [step(corrected, inputs, parameters), spread, error, ca.SX(1, 0), state]
+        outputs = [ca.densify(step(corrected, inputs, parameters)), spread, error, ca.SX(1, 0), state]
         one = ca.Function("predict", [state, spread, data, parameters], outputs, {"cse": True})
         return one.mapaccum("chunk", CHUNK, [0, 1], [0, 1])
 
@@ -178,7 +198,7 @@ def _chunk(key: _Key) -> Any:
     next_state, by_state, by_parameter = slopes(corrected, inputs, parameters)
     following_spread = ca.mtimes(by_state, spread + ca.mtimes(correction, error_slope))
     following_spread += ca.horzcat(by_parameter, ca.SX(n, 2))
-    outputs = [next_state, following_spread, error, error_slope, state]
+    outputs = [ca.densify(next_state), ca.densify(following_spread), error, error_slope, state]
     one = ca.Function("predict", [state, spread, data, parameters], outputs, {"cse": True})
     return one.mapaccum("chunk", CHUNK, [0, 1], [0, 1])
 

@@ -1,0 +1,118 @@
+"""Diagnose: from a log to what the model gets wrong, by name, with the gain on data that nothing has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+import numpy as np
+
+from diagnosis.curves import unnamed_dependence
+from diagnosis.holdout import measure_gain, remaining, split
+from diagnosis.missing_torque import missing_torque
+from diagnosis.odds import NONE
+from diagnosis.result import Cause, Diagnosis, Verdict
+from diagnosis.screen import Screen
+from diagnosis.search import Addition, Outcome, estimates, search
+from identification.fit import Problem, base_model, fit
+from identification.log import Log
+from plant.servo import ServoModel
+
+_MENTION = 1e-4  # probability from which a rival is listed
+
+
+def diagnose(
+    log: Log,
+    base: ServoModel | None = None,
+    holdout: Log | None = None,
+    *,
+    fixed: Collection[str] = (),
+    progress: Callable[[str], None] | None = None,
+) -> Diagnosis:
+    """Find out what a model misses in a log.
+
+    Args:
+        log: measured runs.
+        base: the model to start from; by default eqs. (4) and (6) of the paper, whose dead zone is then part of the
+            model and not a cause to be named.
+        holdout: runs to measure the gain on; by default some runs of the log, or the last part of its only one.
+        fixed: names of parameters of the base that keep their value.
+        progress: called with a line of text at each step.
+
+    Returns:
+        Verdict, causes, gain and the data of the pictures.
+
+    Raises:
+        BadParameter: base and log do not fit together.
+    """
+    warnings = [*log.warnings, *log.repairs, *log.notes]
+    if holdout is None:
+        log, holdout, sentence = split(log)
+        warnings.append(sentence)
+    tell = progress or (lambda line: None)
+    tell("fitting the base model")
+    null = fit(log, base_model(log) if base is None else base, fixed=fixed)
+    if null.unidentifiable:
+        warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
+    outcome = search(null, progress=progress)
+
+    tell("measuring the gain on held-out data")
+    path = [null, *(addition.fit for addition in outcome.additions)]
+    gain, errors, replays = measure_gain(holdout, path)
+    tell("drawing what is missing")
+    final = outcome.fit
+    problem = Problem.of(log, final.model, fixed=fixed)
+    dependence = unnamed_dependence(Screen.of(final, problem, bandwidth=final.bandwidth))
+    return Diagnosis(
+        verdict=_verdict(outcome, bool(dependence)),
+        causes=_causes(outcome, errors),
+        gain=gain,
+        unexplained=remaining(gain, tuple(name for name, _ in dependence)),
+        warnings=tuple(warnings),
+        base=null,
+        extended=final,
+        missing_before=missing_torque(null),
+        missing_after=missing_torque(final),
+        candidates=outcome.candidates,
+        replays=replays,
+        whiteness=predictable_share(final.innovations),
+    )
+
+
+def _verdict(outcome: Outcome, unnamed: bool) -> Verdict:
+    if not outcome.additions:
+        return "unknown" if unnamed else "nothing_missing"
+    return "named" if all(addition.clear for addition in outcome.additions) else "ambiguous"
+
+
+def _causes(outcome: Outcome, errors: list[float]) -> tuple[Cause, ...]:
+    """The additions as causes, the one with the largest evidence first."""
+    causes = []
+    for addition, before, after in zip(outcome.additions, errors[:-1], errors[1:], strict=True):
+        causes.append(
+            Cause(
+                effect=addition.effect,
+                probability=addition.odds[addition.effect],
+                alternatives=_rivals(addition),
+                parameters=estimates(outcome.fit, addition.effect),
+                gain=1.0 - after / before if before > 0.0 else 0.0,
+                evidence=addition.evidence,
+            )
+        )
+    return tuple(sorted(causes, key=lambda cause: -cause.evidence))
+
+
+def _rivals(addition: Addition) -> tuple[tuple[str, float], ...]:
+    rivals = [(n, p) for n, p in addition.odds.items() if n not in (addition.effect, NONE) and p >= _MENTION]
+    return tuple(rivals)
+
+
+def predictable_share(innovations: np.ndarray, lags: int = 10) -> float:
+    """Share of the innovations' variance that a linear predictor from their last values explains, less chance [-]."""
+    n = innovations.size - lags
+    past = np.column_stack([innovations[lags - lag : lags - lag + n] for lag in range(1, lags + 1)])
+    now = innovations[lags:]
+    coefficients = np.linalg.lstsq(past, now, rcond=None)[0]
+    explained = 1.0 - float(np.mean((now - past @ coefficients) ** 2) / max(float(np.mean(now**2)), 1e-300))
+    return float(np.clip(explained - lags / n, 0.0, 1.0))
+
+

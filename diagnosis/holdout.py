@@ -1,0 +1,90 @@
+"""What no step of the search may see, and what the extended model is worth there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.result import Gain, Replay, Unexplained
+from identification.fit import Fit
+from identification.log import Log
+from identification.simulation import free_simulation
+from plant.effects.effect import Array
+from plant.servo import ServoModel
+
+_SHARE = 0.3  # of a single run that is held out, at its end
+_WINDOW = 1.0  # seconds between restarts where nothing pulls the load back to where it was
+
+
+def split(log: Log) -> tuple[Log, Log, str]:
+    """Estimation log, held-out log, and a sentence that says which is which.
+
+    Several runs: every third one, and at least the last, is held out whole. A single run: its last 30 %.
+    """
+    if len(log.runs) > 1:
+        held = [place for place in range(len(log.runs)) if place % 3 == 2] or [len(log.runs) - 1]
+        kept = [place for place in range(len(log.runs)) if place not in held]
+        labels = ", ".join(log.runs[place].label for place in held)
+        estimation = replace(log, runs=tuple(log.runs[place] for place in kept))
+        return estimation, replace(log, runs=tuple(log.runs[place] for place in held)), f"Held out: {labels}."
+    run = log.runs[0]
+    cut = int(len(run) * (1.0 - _SHARE))
+    first, last = run.slice(0, cut), run.slice(cut, len(run))
+    last = replace(last, label=f"{run.label} from {run.time[cut]:.4g} s")
+    sentence = f"Held out: the last {100 * _SHARE:.0f} % of the only run, from {run.time[cut]:.4g} s on."
+    return replace(log, runs=(first,)), replace(log, runs=(last,)), sentence
+
+
+def scoring_window(model: ServoModel, log: Log) -> float | None:
+    """Seconds between restarts of the scoring simulation; None for whole runs.
+
+    Without gravity or a position loop a servo integrates, and the error of a long simulation shows drift, not physics.
+    """
+    closed = any(np.any(run.servo_gain) for run in log.runs)
+    torque = np.concatenate([run.command for run in log.runs])
+    holds = model.axis == "rotary" and abs(model.gravity) > 0.02 * float(np.sqrt(np.mean(torque**2)))
+    return None if closed or holds else _WINDOW
+
+
+def rms_error(log: Log, model: ServoModel, window: float | None) -> tuple[float, list[Array]]:
+    """Root mean square of measured less simulated over all valid samples, and the simulations."""
+    simulated = free_simulation(log, model, window=window)
+    errors = np.concatenate([(r.output - s)[r.valid] for r, s in zip(log.runs, simulated, strict=True)])
+    with np.errstate(over="ignore"):
+        total = float(np.sqrt(np.mean(errors**2)))
+    return (total if np.isfinite(total) else float(np.finfo(float).max)), simulated
+
+
+def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[float], tuple[Replay, ...]]:
+    """Gain of the last fit of a path over the first, the error after each step of it, and the runs replayed."""
+    window = scoring_window(path[0].model, held_out)
+    scored = [rms_error(held_out, fit.model, window) for fit in path]
+    errors = [error for error, _ in scored]
+    gain = Gain(
+        held_out_rms_before=errors[0],
+        held_out_rms_after=errors[-1],
+        noise_floor=path[-1].noise_std,
+        unit="m" if held_out.axis == "linear" else "rad",
+        window=window,
+        runs=tuple(run.label for run in held_out.runs),
+    )
+    replays = tuple(
+        Replay(
+            label=run.label, time=run.time, measured=run.output, before=before, after=after, valid=run.valid
+        )
+        for run, before, after in zip(held_out.runs, scored[0][1], scored[-1][1], strict=True)
+    )
+    return gain, errors, replays
+
+
+def remaining(gain: Gain | None, depends_on: tuple[str, ...]) -> Unexplained:
+    """Share of the held-out error power above the noise floor that is still there."""
+    if gain is None:
+        return Unexplained(share=1.0, depends_on=depends_on)
+    floor = gain.noise_floor**2
+    before, after = gain.held_out_rms_before**2 - floor, gain.held_out_rms_after**2 - floor
+    share = float(np.clip(after / before, 0.0, 1.0)) if before > 0.0 else 0.0
+    return Unexplained(share=share, depends_on=depends_on)
+
+

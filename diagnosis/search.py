@@ -1,0 +1,196 @@
+"""The search: screen, refit the leading effects, add the winner, repeat; then take out what became superfluous."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.odds import CLEAR, MISSING, NONE, probabilities, score
+from diagnosis.result import Candidate, Estimate
+from diagnosis.screen import Screen, Suspect
+from identification.fit import Fit, Problem
+from identification.log import Log
+from plant.effects import Effect, catalogue
+
+_REFITS = 5  # effects refitted in one round, at most
+_WORTH = 0.2  # share of the leader's evidence that earns a refit
+_ROUNDS = 6
+_UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Addition:
+    """One effect that the search added: the fit with it, its odds in that round and what it was worth."""
+
+    effect: str
+    fit: Fit
+    odds: Mapping[str, float]
+    evidence: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether the name stands alone."""
+        return self.odds[self.effect] >= CLEAR
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """What the search found: additions in order, the final fit and everything that was tried."""
+
+    base: Fit
+    additions: tuple[Addition, ...]
+    candidates: tuple[Candidate, ...]
+
+    @property
+    def fit(self) -> Fit:
+        """The fit of the extended model."""
+        return self.additions[-1].fit if self.additions else self.base
+
+
+def search(base: Fit, *, progress: Callable[[str], None] | None = None) -> Outcome:
+    """Extend a fitted model by the effects that its log asks for."""
+    additions: list[Addition] = []
+    candidates: list[Candidate] = []
+    fit = base
+    for number in range(1, _ROUNDS + 1):
+        found = _one_round(fit, number, candidates, progress)
+        if found is None:
+            break
+        additions.append(found)
+        fit = found.fit
+        additions = _without_superfluous(base, additions, progress)
+        fit = additions[-1].fit if additions else base
+    return Outcome(base=base, additions=tuple(additions), candidates=tuple(candidates))
+
+
+def _one_round(
+    fit: Fit, number: int, candidates: list[Candidate], progress: Callable[[str], None] | None
+) -> Addition | None:
+    """Ask every effect that the model does not hold; the winner if something is missing and it holds up unseen."""
+    asked = {name: kind for name, kind in catalogue.items() if _would_add(fit, kind)}
+    problem = Problem.of(fit.log, fit.model, fixed=_fixed(fit))
+    suspects = Screen.of(fit, problem, bandwidth=fit.bandwidth).ask(asked)
+
+    def scored(suspect: Suspect, evidence: float, parameters: int) -> float:
+        return score(
+            evidence,
+            parameters=parameters,
+            samples=fit.samples,
+            searched=suspect.searched,
+            catalogue=len(asked),
+        )
+
+    by_screen = {s.name: scored(s, s.evidence, s.columns) for s in suspects}
+    worth = [s for s in suspects if by_screen[s.name] > -5.0]
+    leader = max((s.evidence for s in worth), default=0.0)
+    chosen = [s for s in worth if s.evidence >= _WORTH * leader][:_REFITS]
+    refits: dict[str, Fit] = {}
+    scores = dict(by_screen)
+    for suspect in chosen:
+        if progress is not None:
+            progress(f"round {number}: refitting with {suspect.start.title}")
+        refits[suspect.name] = refit(fit, suspect.start)
+        more = len(refits[suspect.name].model.names) - len(fit.model.names)
+        scores[suspect.name] = scored(suspect, evidence_of(refits[suspect.name], fit), more)
+    odds = probabilities({name: value for name, value in scores.items() if name in refits or not refits})
+    for suspect in suspects:
+        own = refits.get(suspect.name)
+        candidates.append(
+            Candidate(
+                round=number,
+                effect=suspect.name,
+                evidence=evidence_of(own, fit) if own else suspect.evidence,
+                score=scores[suspect.name],
+                probability=odds.get(suspect.name, 0.0),
+                refitted=own is not None,
+                parameters=estimates(own, suspect.name) if own else {},
+            )
+        )
+    if not refits or odds[NONE] > 1.0 - MISSING:
+        return None
+    winner = max(refits, key=lambda name: odds[name])
+    if not holds_up(fit, refits[winner]):
+        return None
+    return Addition(effect=winner, fit=refits[winner], odds=odds, evidence=evidence_of(refits[winner], fit))
+
+
+def _would_add(fit: Fit, kind: type[Effect]) -> bool:
+    """Whether an effect is neither in the model nor a special case of one that is."""
+    held = {name for effect in fit.model.effects for name in (effect.name, *effect.contains)}
+    return kind.name not in held
+
+
+def _fixed(fit: Fit) -> tuple[str, ...]:
+    return tuple(p.name for p in fit.parameters if p.fixed)
+
+
+def evidence_of(fit: Fit, than: Fit) -> float:
+    """By how much a fit is likelier than another, each less its charge for a bandwidth."""
+    charge = 0.5 * np.log(fit.samples)
+    return fit.log_likelihood - than.log_likelihood - charge * ((fit.bandwidth > 0.0) - (than.bandwidth > 0.0))
+
+
+def refit(fit: Fit, effect: Effect) -> Fit:
+    """Fit the model with one effect more, from where the screen says it is."""
+    model = fit.model.with_effect(effect)
+    kept = [name for name in _fixed(fit) if name in model.names]
+    return Problem.of(fit.log, model, fixed=kept).descend(fit)
+
+
+def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
+    """The estimates of one effect's parameters."""
+    own = fit.model.effect(effect)
+    if own is None:
+        return {}
+    lines = {spec.name: fit[f"{effect}.{spec.name}"] for spec in own.parameters()}
+    return {
+        name: Estimate(value=float(getattr(own, name)), std=line.std, unit=line.unit) for name, line in lines.items()
+    }
+
+
+def holds_up(before: Fit, after: Fit) -> bool:
+    """Whether an extended model predicts data better that neither it nor its predecessor was fitted to.
+
+    Both are refitted to the first part of each run and judged by the likelihood of their predictions of the rest.
+    The bar is low, because the odds have already decided; it stops what only fits the record that it was chosen on.
+    """
+    return _unseen_likelihood(after) > _unseen_likelihood(before) - 3.0
+
+
+def _unseen_likelihood(fit: Fit) -> float:
+    seen = Log(
+        runs=tuple(run.slice(0, max(int(len(run) * (1.0 - _UNSEEN)), 2)) for run in fit.log.runs), axis=fit.log.axis
+    )
+    problem = Problem.of(seen, fit.model, fixed=_fixed(fit))
+    best = problem.minimise(problem.pack(fit.model.values, fit.initial), fit.bandwidth, 0.0, iterations=5)
+    values, initial = problem.unpack(best.point)
+    variance = best.equations.cost / problem.samples
+    whole = replace(problem.predictor, runs=fit.log.runs, free=())
+    predictions = whole.predict(values, initial, bandwidth=fit.bandwidth, width=0.0, sensitivities=False)
+    total = 0.0
+    for run, part, prediction in zip(fit.log.runs, seen.runs, predictions, strict=True):
+        unseen = prediction.innovations[len(part) :][run.valid[len(part) :]]
+        total -= 0.5 * float(np.sum(unseen**2)) / variance + 0.5 * unseen.size * np.log(2.0 * np.pi * variance)
+    return total
+
+
+def _without_superfluous(
+    base: Fit, additions: list[Addition], progress: Callable[[str], None] | None
+) -> list[Addition]:
+    """Try the model without each earlier addition; one that no longer pays is taken out."""
+    for addition in additions[:-1]:
+        fit = additions[-1].fit
+        if fit.model.effect(addition.effect) is None:
+            additions = [a for a in additions if a is not addition]
+            continue
+        if progress is not None:
+            progress(f"is {addition.effect} still needed?")
+        model = fit.model.without_effect(addition.effect)
+        without = Problem.of(fit.log, model, fixed=[n for n in _fixed(fit) if n in model.names]).descend(fit)
+        fewer = len(fit.model.names) - len(model.names)
+        if evidence_of(fit, without) < 0.5 * fewer * np.log(fit.samples):
+            last = replace(additions[-1], fit=without)
+            additions = [a for a in additions[:-1] if a is not addition] + [last]
+    return additions

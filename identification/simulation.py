@@ -1,0 +1,80 @@
+"""Free simulation of a log: what the model says will happen, from the command alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.fit import first_states, integration_steps
+from identification.least_squares import NormalEquations, minimise
+from identification.log import Log, Run
+from identification.predictor import Predictor, stack
+from plant.effects.effect import Array
+from plant.errors import BadParameter
+from plant.servo import ServoModel
+
+SETTLE = 0.2  # seconds of the measured output that a simulation may see, to find its initial state
+
+
+def free_simulation(
+    log: Log, model: ServoModel, *, window: float | None = None, settle: float = SETTLE
+) -> list[Array]:
+    """Simulate every run from its command, in the exact form of the model.
+
+    Args:
+        log: its measured output is used only in the first `settle` seconds of each run or window.
+        model: the servo.
+        window: restart, in the same way, every so many seconds; None simulates each run in one piece.
+        settle: how long the output is looked at to find the initial angle and velocity [s].
+
+    Returns:
+        One (T,) simulated output a run [rad or m].
+
+    Raises:
+        BadParameter: the window is not longer than `settle`, or the model's axis is not the log's.
+    """
+    if window is not None and not window > settle:
+        raise BadParameter(f"The window is {window:g} s; it must be longer than the {settle:g} s that find its start.")
+    if log.axis != model.axis:
+        raise BadParameter(f"The log is of a {log.axis} axis, the model of a {model.axis} one.")
+    return [_simulate_run(log, run, model, window, settle) for run in log.runs]
+
+
+def _simulate_run(log: Log, run: Run, model: ServoModel, window: float | None, settle: float) -> Array:
+    length = run.duration + 1.0 if window is None else window
+    elapsed = run.time - run.time[0]
+    piece = np.floor(elapsed / length + 1e-9).astype(int)
+    starts = np.flatnonzero(np.diff(piece, prepend=-1))
+    parts, end = [], None
+    for first, last in zip(starts, [*starts[1:], len(run)], strict=True):
+        part = run.slice(int(first), int(last))
+        seen = int(np.searchsorted(part.time, part.time[0] + settle, side="right"))
+        if last - first < 2 or not part.valid[:seen].any():
+            # Nothing to restart from: go on from where the last piece ended.
+            state = end if end is not None else np.zeros(2)
+        else:
+            state = _initial_state(log, part.slice(0, max(seen, 2)), model)
+        simulated, end = _from(log, part, model, state)
+        parts.append(simulated)
+    return np.concatenate(parts)
+
+
+def _from(log: Log, run: Run, model: ServoModel, state: Array) -> tuple[Array, Array]:
+    """Output (T,) from a state, and the last state (2,)."""
+    predictor = Predictor(model=model, runs=(run,), free=(), substeps=integration_steps(log))
+    path = predictor.predict(model.values, state[None, :], bandwidth=0.0, width=0.0, sensitivities=False)[0].states
+    return path[0], path[:2, -1]
+
+
+def _initial_state(log: Log, start: Run, model: ServoModel) -> Array:
+    """(2,) angle and velocity at the first sample, from the model's own trajectory through a short stretch."""
+    predictor = Predictor(model=model, runs=(start,), free=(), substeps=integration_steps(log))
+
+    def linearise(state: Array) -> NormalEquations:
+        predictions = predictor.predict(model.values, state[None, :], bandwidth=0.0, width=0.0)
+        return NormalEquations.of(*stack(predictions))
+
+    guess = first_states(replace(log, runs=(start,)))[0]
+    unbounded = np.full(2, np.inf)
+    return minimise(linearise, guess, -unbounded, unbounded, samples=int(start.valid.sum()), iterations=10).point
