@@ -1,1 +1,1 @@
-"""antidrive"""
+"""The front door: command line, report, scenarios and the demo."""

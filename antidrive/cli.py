@@ -1,0 +1,205 @@
+"""The command line: `antidrive demo | identify | diagnose | predict | simulate | allocate`.
+
+Heavy packages are imported inside the commands, so that `--help` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=False,
+    help="From the log of a geared servo to what its model gets wrong, by name, and to the controller.",
+)
+UsageError: Any = typer.BadParameter.__bases__[0]  # every mistake in the words of a command line
+
+Logs = Annotated[list[Path] | None, typer.Argument(metavar="LOG...", help="CSV, Parquet, MAT or NPZ files.")]
+Out = Annotated[Path, typer.Option(help="Folder for the results.")]
+Map = Annotated[list[str] | None, typer.Option("--map", metavar="COLUMN=NAME", help="Name of a column in the file.")]
+Unit = Annotated[list[str] | None, typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column: angle=deg.")]
+Scale = Annotated[list[str] | None, typer.Option("--scale", metavar="COLUMN=FACTOR", help="Factor on a column.")]
+Dataset = Annotated[str | None, typer.Option(help="Known data set: emps, kscale, bam, ur10e, hsm150.")]
+Data = Annotated[Path | None, typer.Option(metavar="FOLDER", help="Folder of the data set.")]
+Joint = Annotated[int | None, typer.Option(help="Joint, of a data set that has several.")]
+Base = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model to start from, instead of eqs. (4)+(6).")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else.")]
+OUT = Path("antidrive-out")
+
+
+@app.command()
+def demo(context: typer.Context, out: Out = OUT, seed: Seed = 0, quiet: Quiet = False, json: Json = False) -> None:
+    """The whole chain on a synthetic log: identify, diagnose, extend, design, close the loop, report."""
+    from antidrive import commands
+
+    commands.demo(out=out, seed=seed, voice=commands.Voice(quiet=quiet, json=json, words=context.obj))
+
+
+@app.command()
+def identify(
+    context: typer.Context,
+    logs: Logs = None,
+    mapping: Map = None,
+    unit: Unit = None,
+    scale: Scale = None,
+    dataset: Dataset = None,
+    data: Data = None,
+    joint: Joint = None,
+    base: Base = None,
+    out: Out = OUT,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Fit a model to a log: model.json, fit.json, report.html."""
+    from antidrive import commands
+
+    options = _log_options(logs, mapping, unit, scale, dataset, data, joint)
+    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
+    commands.identify(options, base=base, out=out, seed=seed, voice=voice)
+
+
+@app.command()
+def diagnose(
+    context: typer.Context,
+    logs: Logs = None,
+    mapping: Map = None,
+    unit: Unit = None,
+    scale: Scale = None,
+    dataset: Dataset = None,
+    data: Data = None,
+    joint: Joint = None,
+    holdout: Annotated[
+        list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Log to judge by; may be repeated.")
+    ] = None,
+    base: Base = None,
+    out: Out = OUT,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Name what the model misses: diagnosis.json, model.json (extended), report.html."""
+    from antidrive import commands
+
+    options = _log_options(logs, mapping, unit, scale, dataset, data, joint, holdout)
+    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
+    commands.diagnose(options, base=base, out=out, seed=seed, voice=voice)
+
+
+@app.command()
+def predict(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model to simulate.")],
+    logs: Logs = None,
+    mapping: Map = None,
+    unit: Unit = None,
+    scale: Scale = None,
+    dataset: Dataset = None,
+    data: Data = None,
+    joint: Joint = None,
+    window: Annotated[float | None, typer.Option(metavar="S", help="Restart every S seconds.")] = None,
+    out: Annotated[Path, typer.Option(metavar="FILE.csv", help="File for run, time, angle or position.")] = Path(
+        "antidrive-out/prediction.csv"
+    ),
+    seed: Seed = 0,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Simulate freely what a model says will follow from a log's command."""
+    from antidrive import commands
+
+    options = _log_options(logs, mapping, unit, scale, dataset, data, joint)
+    commands.predict(model, options, window=window, out=out, voice=commands.Voice(quiet=quiet, json=json))
+
+
+@app.command()
+def simulate(
+    context: typer.Context,
+    scenario: Annotated[
+        str, typer.Argument(metavar="SCENARIO", help="tracking, figure7, drive-loss, disturbance, or a TOML file.")
+    ],
+    model: Annotated[
+        Path | None, typer.Option(metavar="MODEL.json", help="Design model of the controller.")
+    ] = None,
+    out: Out = OUT,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Close the loop around the rig: trajectory.csv, summary.json, report.html."""
+    from antidrive import commands
+
+    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
+    commands.simulate(scenario, model=model, out=out, seed=seed, voice=voice)
+
+
+@app.command(context_settings={"ignore_unknown_options": True})
+def allocate(
+    torques: Annotated[list[float], typer.Argument(metavar="TORQUE...", help="Follower torques [N m].")],
+    min_torque: Annotated[float, typer.Option(help="Least torque of each pinion [N m].")] = 0.02,
+    max_torque: Annotated[float, typer.Option(help="Greatest torque of each pinion [N m].")] = 0.3,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Share follower torques between the two drives, with margin and heat."""
+    from antidrive import commands
+
+    voice = commands.Voice(quiet=quiet, json=json)
+    commands.allocate(torques, min_torque=min_torque, max_torque=max_torque, voice=voice)
+
+
+def _log_options(
+    logs: list[Path] | None,
+    mapping: list[str] | None,
+    unit: list[str] | None,
+    scale: list[str] | None,
+    dataset: str | None,
+    data: Path | None,
+    joint: int | None,
+    holdout: list[Path] | None = None,
+) -> Any:
+    from antidrive.log_options import LogOptions
+
+    return LogOptions(
+        files=tuple(logs or ()),
+        mapping=tuple(mapping or ()),
+        units=tuple(unit or ()),
+        scales=tuple(scale or ()),
+        dataset=dataset,
+        data=data,
+        joint=joint,
+        holdout=tuple(holdout or ()),
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit code: 0 done, 2 bad input (one sentence on stderr), 1 anything else."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = app(words or ["--help"], prog_name="antidrive", standalone_mode=False, obj=("antidrive", *words))
+    except KeyboardInterrupt:
+        print("antidrive: stopped; nothing was written.", file=sys.stderr)
+        return 1
+    except Exception as error:
+        return _failed(error)
+    return int(code or 0)
+
+
+def _failed(error: Exception) -> int:
+    """Say what went wrong on stderr, and return the exit code."""
+    from plant.errors import AntidriveError
+
+    if isinstance(error, AntidriveError | UsageError):
+        sentence = error.format_message() if isinstance(error, UsageError) else str(error)
+        print(f"antidrive: {' '.join(sentence.split())}", file=sys.stderr)
+        return 2
+    traceback.print_exception(error)
+    print("antidrive: this is a fault of the program, not of the input; nothing was written.", file=sys.stderr)
+    return 1

@@ -1,0 +1,186 @@
+"""What each command does, from options to files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from antidrive import report
+from antidrive.log_options import LogOptions
+from antidrive.output import whole_file, whole_folder, write_json
+from antidrive.provenance import Provenance
+from antidrive.voice import Voice
+from antidrive.words import headline, sentences
+from identification.fit import Fit
+from identification.log import Log
+from plant.errors import BadParameter
+from plant.model_file import ModelFile, read_model
+from plant.servo import ServoModel
+
+__all__ = ["Voice", "allocate", "demo", "diagnose", "identify", "predict", "simulate"]
+
+
+def identify(options: LogOptions, *, base: Path | None, out: Path, seed: int, voice: Voice) -> None:
+    """Fit a model and write model.json, fit.json and report.html."""
+    from identification.fit import fit
+    from identification.fit_report import fit_report, fit_to_dict
+    from identification.simulation import free_simulation
+
+    start = _base(base)
+    with whole_folder(out) as draft:
+        measured = options.read()
+        with voice.progress("fitting") as progress:
+            found = fit(measured.log, start, progress=progress)
+            simulated = free_simulation(measured.log, found.model)
+        content = fit_to_dict(found)
+        provenance = Provenance.now(voice.words, measured.log.sources)
+        _model_file(found).write(draft / "model.json")
+        write_json(draft / "fit.json", content)
+        page = report.fit_page(found, simulated, provenance, notes=measured.notes)
+        (draft / "report.html").write_text(page, encoding="utf-8")
+    lines = [fit_report(found), *_data_lines(measured.log), _written(out, "model.json, fit.json, report.html")]
+    voice.result("\n".join(lines), content)
+
+
+def diagnose(options: LogOptions, *, base: Path | None, out: Path, seed: int, voice: Voice) -> None:
+    """Name what the model misses and write diagnosis.json, model.json and report.html."""
+    from diagnosis.diagnose import diagnose as find_causes
+
+    start = _base(base)
+    with whole_folder(out) as draft:
+        measured = options.read()
+        with voice.progress("diagnosing") as progress:
+            found = find_causes(measured.log, start, holdout=measured.holdout, progress=progress)
+        held_out = measured.holdout.sources if measured.holdout is not None else ()
+        provenance = Provenance.now(voice.words, (*measured.log.sources, *held_out))
+        _model_file(found.extended).write(draft / "model.json")
+        write_json(draft / "diagnosis.json", found.to_dict())
+        page = report.diagnosis_page(found, provenance, notes=measured.notes)
+        (draft / "report.html").write_text(page, encoding="utf-8")
+    lines = [headline(found), *(f"  {line}" for line in sentences(found)), *_data_lines(measured.log)]
+    lines.append(_written(out, "diagnosis.json, model.json, report.html"))
+    voice.result("\n".join(lines), found.to_dict())
+
+
+def predict(model: Path, options: LogOptions, *, window: float | None, out: Path, voice: Voice) -> None:
+    """Simulate a log freely and write run, time, angle (or position) as CSV."""
+    import pandas as pd
+
+    from identification.simulation import free_simulation
+
+    servo = read_model(model).model
+    if window is not None and not (np.isfinite(window) and window > 0.0):
+        raise BadParameter(f"--window must be a positive number of seconds, not {window:g}.")
+    with whole_file(out) as draft:
+        measured = options.read()
+        log = measured.log if measured.holdout is None else Log.merge([measured.log, measured.holdout])
+        with voice.progress("simulating"):
+            simulated = free_simulation(log, servo, window=window)
+        column = "angle" if log.axis == "rotary" else "position"
+        table = pd.DataFrame(
+            {
+                "run": np.repeat([run.number for run in log.runs], [len(run) for run in log.runs]),
+                "time": np.concatenate([run.time for run in log.runs]),
+                column: np.concatenate(simulated),
+            }
+        )
+        if not np.isfinite(table[column]).all():
+            raise BadParameter(f"{model}: simulated over this log, the model runs away to infinity; use another model.")
+        table.to_csv(draft, index=False, float_format="%.10g")
+    errors = [
+        {"run": run.number, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.output)[run.valid] ** 2)))}
+        for run, y in zip(log.runs, simulated, strict=True)
+    ]
+    unit = "rad" if log.axis == "rotary" else "m"
+    lines = [f"{entry['label']}: rms error {entry['rms']:.4g} {unit}" for entry in errors]
+    voice.result("\n".join([*lines, f"Written: {out}"]), {"file": str(out), "unit": unit, "runs": errors})
+
+
+def simulate(scenario: str, *, model: Path | None, out: Path, seed: int, voice: Voice) -> None:
+    """Run a scenario on the rig and write trajectory.csv, summary.json and report.html."""
+    from antidrive.scenario import read_scenario
+    from antidrive.simulation import run_scenario
+
+    plan = read_scenario(scenario)
+    design = None if model is None else read_model(model).model
+    with whole_folder(out) as draft:
+        with voice.progress(f"simulating {plan.name}"):
+            trial = run_scenario(plan, model=design, seed=seed)
+        trial.table().to_csv(draft / "trajectory.csv", index=False, float_format="%.10g")
+        write_json(draft / "summary.json", trial.summary())
+        page = report.trial_page(trial, Provenance.now(voice.words))
+        (draft / "report.html").write_text(page, encoding="utf-8")
+    lines = [*trial.sentences(), _written(out, "trajectory.csv, summary.json, report.html")]
+    voice.result("\n".join(lines), trial.summary())
+
+
+def allocate(torques: list[float], *, min_torque: float, max_torque: float, voice: Voice) -> None:
+    """Print how follower torques are shared between the drives of the paper's gear train."""
+    from allocation import Allocator
+    from plant.gears import GearTrain
+
+    allocator = Allocator(GearTrain.paper(), min_torque=min_torque, max_torque=max_torque)
+    splits = [(torque, allocator.allocate(torque)) for torque in torques]
+    content = [
+        {
+            "torque": torque,
+            "torques": split.torques,
+            "preload": split.preload,
+            "margin": split.margin,
+            "heat": split.heat,
+            "missing_torque": split.missing_torque,
+            "status": split.status,
+        }
+        for torque, split in splits
+    ]
+    columns = ("torque", "pinion 1", "pinion 2", "margin", "heat", "status")
+    rows = [
+        (f"{torque:.4g}", *(f"{t:+.5f}" for t in s.torques), f"{s.margin:.5f}", f"{s.heat:.6f}", s.status)
+        for torque, s in splits
+    ]
+    units = ("N m", "N m", "N m", "N m", "N² m²", "")
+    widths = [max(len(row[place]) for row in (columns, units, *rows)) for place in range(len(columns))]
+    lines = ["  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in (columns, units, *rows)]
+    voice.result("\n".join(lines), {"unit": "N m", "splits": content})
+
+
+def demo(*, out: Path, seed: int, voice: Voice) -> None:
+    """Run the whole chain on a synthetic log of the rig."""
+    from antidrive.demo import run_demo
+
+    with whole_folder(out) as draft:
+        with voice.progress("recording a synthetic log on the rig") as progress:
+            told = run_demo(seed=seed, progress=progress)
+        told.base_model.write(draft / "base-model.json")
+        told.model.write(draft / "model.json")
+        write_json(draft / "diagnosis.json", told.diagnosis.to_dict())
+        write_json(draft / "summary.json", told.summary())
+        page = report.demo_page(told, Provenance.now(voice.words, told.diagnosis.base.log.sources))
+        (draft / "report.html").write_text(page, encoding="utf-8")
+    lines = [*told.sentences(), _written(out, "diagnosis.json, model.json, base-model.json, summary.json, report.html")]
+    voice.result("\n".join(lines), told.summary())
+
+
+def _base(path: Path | None) -> ServoModel | None:
+    return None if path is None else read_model(path).model
+
+
+def _model_file(fit: Fit) -> ModelFile:
+    return ModelFile(
+        model=fit.model,
+        std={p.name: p.std for p in fit.parameters},
+        sample_time=fit.log.runs[0].sample_time,
+        source=tuple({"file": s.file, "sha256": s.sha256} for s in fit.log.sources),
+    )
+
+
+def _data_lines(log: Log) -> list[str]:
+    return [
+        *(f"  warning: {text}" for text in log.warnings),
+        *(f"  repaired: {text}" for text in log.repairs),
+    ]
+
+
+def _written(out: Path, files: str) -> str:
+    return f"Written to {out}: {files}"

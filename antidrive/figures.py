@@ -1,0 +1,188 @@
+"""Figures of results. Each takes a finished result and only draws; nothing is computed here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+from plotly.subplots import make_subplots
+
+from antidrive.thinning import thin
+from diagnosis.missing_torque import Curve, MissingTorque
+from diagnosis.result import Replay
+
+Array = NDArray[np.float64]
+
+MEASURED, BEFORE, AFTER, SECOND = "#8a929b", "#e07b27", "#2f7fd1", "#2a9d6f"
+"""Told apart in light and dark and by readers who see no red: grey, orange, blue, green."""
+
+
+def replay_figure(replay: Replay, unit: str, *, extended: bool) -> go.Figure:
+    """Measured against simulated, and below it what the simulation misses.
+
+    Args:
+        replay: one run.
+        unit: of the output.
+        extended: draw the extended model too.
+    """
+    measured = np.where(replay.valid, replay.measured, np.nan)
+    curves = [("base model", BEFORE, replay.before)]
+    if extended:
+        curves.append(("extended model", AFTER, replay.after))
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=[0.58, 0.42])
+    figure.add_trace(_line(replay.time, measured, "measured", MEASURED, width=3.5), 1, 1)
+    for name, colour, simulated in curves:
+        figure.add_trace(_line(replay.time, simulated, name, colour), 1, 1)
+        figure.add_trace(_line(replay.time, measured - simulated, name, colour, legend=False), 2, 1)
+    figure.update_yaxes(title_text=f"output [{unit}]", row=1, col=1)
+    figure.update_yaxes(title_text=f"error [{unit}]", row=2, col=1)
+    figure.update_xaxes(title_text="time [s]", row=2, col=1)
+    return _finish(figure, 460)
+
+
+def missing_over_time(missing: MissingTorque) -> go.Figure:
+    """The torque that a model lacks, over the log, with its 95 % band."""
+    figure = go.Figure()
+    for run in np.unique(missing.run):
+        rows = missing.run == run
+        time, torque, band = missing.time[rows], missing.torque[rows], missing.band[rows]
+        first = bool(run == missing.run[0])
+        figure.add_traces(_band(time, torque - band, torque + band, BEFORE, "95 % band", legend=first))
+        figure.add_trace(_line(time, torque, "missing torque", BEFORE, legend=first))
+    figure.update_xaxes(title_text="time [s]")
+    figure.update_yaxes(title_text=f"missing torque [{missing.unit}]")
+    return _finish(figure, 300)
+
+
+def curve_figure(before: Curve, after: Curve | None, unit: str) -> go.Figure:
+    """The missing torque over one variable, with the band of its mean, before and after naming."""
+    figure = go.Figure()
+    pairs = [("before", BEFORE, before)] + ([("after naming", AFTER, after)] if after is not None else [])
+    for name, colour, curve in pairs:
+        low, high = curve.mean - curve.band, curve.mean + curve.band
+        figure.add_traces(_band(curve.centre, low, high, colour, "95 % band", legend=False))
+        figure.add_trace(_line(curve.centre, curve.mean, name, colour))
+    figure.update_xaxes(title_text=f"{before.variable} [{before.unit}]")
+    figure.update_yaxes(title_text=f"missing torque [{unit}]")
+    return _finish(figure, 270)
+
+
+def odds_figure(names: Sequence[str], probabilities: Sequence[float], labels: Sequence[str]) -> go.Figure:
+    """Probabilities as bars, the first one standing out."""
+    bars = go.Bar(
+        x=list(probabilities),
+        y=list(names),
+        orientation="h",
+        text=list(labels),
+        textposition="auto",
+        cliponaxis=False,
+        marker_color=[AFTER] + [MEASURED] * (len(names) - 1),
+        hoverinfo="skip",
+    )
+    figure = go.Figure(bars)
+    figure.update_xaxes(range=[0, 1.0], tickformat=".0%", title_text="probability")
+    figure.update_yaxes(autorange="reversed", ticksuffix="  ")
+    return _finish(figure, 110 + 34 * len(names), legend=False)
+
+
+def gain_figure(before: float, after: float | None, floor: float, unit: str) -> go.Figure:
+    """Held-out error before and after, with the noise floor as a line."""
+    rows = [("base model", before, BEFORE)] + ([("extended model", after, AFTER)] if after is not None else [])
+    bars = go.Bar(
+        x=[value for _, value, _ in rows],
+        y=[name for name, _, _ in rows],
+        orientation="h",
+        marker_color=[colour for *_, colour in rows],
+        text=[f"{value:.3g} {unit}" for _, value, _ in rows],
+        textposition="auto",
+        hoverinfo="skip",
+    )
+    figure = go.Figure(bars)
+    note = {"text": f"noise floor {floor:.2g} {unit}", "yanchor": "bottom", "xanchor": "left", "y": 1.0}
+    figure.add_vline(x=floor, line_dash="dot", line_color=SECOND, annotation=note)
+    figure.update_xaxes(title_text=f"rms error on held-out runs [{unit}]", rangemode="tozero")
+    figure.update_yaxes(autorange="reversed", ticksuffix="  ")
+    return _finish(figure, 130 + 40 * len(rows), legend=False)
+
+
+def fit_figure(time: Array, measured: Array, simulated: Array, unit: str) -> go.Figure:
+    """One run, measured (NaN where masked) and simulated, with the residual below."""
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=[0.62, 0.38])
+    figure.add_trace(_line(time, measured, "measured", MEASURED, width=3.5), 1, 1)
+    figure.add_trace(_line(time, simulated, "simulated", AFTER), 1, 1)
+    figure.add_trace(_line(time, measured - simulated, "residual", BEFORE, legend=False), 2, 1)
+    figure.update_yaxes(title_text=f"output [{unit}]", row=1, col=1)
+    figure.update_yaxes(title_text=f"residual [{unit}]", row=2, col=1)
+    figure.update_xaxes(title_text="time [s]", row=2, col=1)
+    return _finish(figure, 430)
+
+
+def traces_figure(
+    time: Array, rows: Sequence[tuple[str, Sequence[tuple[str, str, Array]]]], *, bounds: dict[int, Sequence[float]]
+) -> go.Figure:
+    """Curves over one time axis, in rows.
+
+    Args:
+        time: (T,) [s].
+        rows: title of the axis, and its curves: name, colour, values (T,).
+        bounds: by row, from 1: levels to draw as dotted lines.
+    """
+    figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.05)
+    for row, (title, curves) in enumerate(rows, start=1):
+        for name, colour, values in curves:
+            figure.add_trace(_line(time, values, name, colour, width=3.5 if colour == MEASURED else 1.6), row, 1)
+        for level in bounds.get(row, ()):
+            figure.add_hline(y=level, line_dash="dot", line_color=MEASURED, line_width=1, row=row, col=1)
+        figure.update_yaxes(title_text=title, row=row, col=1)
+    figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
+    return _finish(figure, 110 + 190 * len(rows))
+
+
+def _line(time: Array, values: Array, name: str, colour: str, *, width: float = 1.6, legend: bool = True) -> Any:
+    kept = thin(values)
+    return go.Scatter(
+        x=time[kept],
+        y=values[kept],
+        name=name,
+        mode="lines",
+        line={"color": colour, "width": width},
+        legendgroup=name,
+        showlegend=legend,
+    )
+
+
+def _band(x: Array, low: Array, high: Array, colour: str, name: str, *, legend: bool) -> list[Any]:
+    kept = np.union1d(thin(low, 1000), thin(high, 1000))
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    common = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", "legendgroup": name}
+    return [
+        go.Scatter(x=x[kept], y=low[kept], showlegend=False, **common),
+        go.Scatter(
+            x=x[kept],
+            y=high[kept],
+            fill="tonexty",
+            fillcolor=f"rgba({red}, {green}, {blue}, 0.22)",
+            name=name,
+            showlegend=legend,
+            **common,
+        ),
+    ]
+
+
+def _finish(figure: go.Figure, height: int, *, legend: bool = True) -> go.Figure:
+    figure.update_layout(
+        template="none",
+        height=height,
+        showlegend=legend,
+        margin={"l": 62, "r": 12, "t": 34, "b": 46},
+        legend={"orientation": "h", "yanchor": "bottom", "y": 1.0, "x": 0.0},
+        paper_bgcolor="rgba(0,0,0,0)",
+        plot_bgcolor="rgba(0,0,0,0)",
+        hovermode="closest",
+    )
+    figure.update_xaxes(automargin=True, zeroline=False)
+    figure.update_yaxes(automargin=True, zeroline=False)
+    return figure

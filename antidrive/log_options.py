@@ -1,0 +1,108 @@
+"""From the words on the command line to a log: files or a known data set, names, units and scales."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from identification.log import Log
+from plant.errors import BadParameter
+from plant.gears import GearTrain
+
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """What was read: the log to learn from and the log to judge by, if one was set apart."""
+
+    log: Log
+    holdout: Log | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogOptions:
+    """The options of one command that say where the log is and how to read it.
+
+    Attributes:
+        files: log files.
+        mapping, units, scales: "column=value" each.
+        dataset: name of a known data set, read from `data` or from `files`.
+        data: folder of the data set.
+        joint: of a data set that has several.
+        holdout: files to judge by.
+    """
+
+    files: tuple[Path, ...] = ()
+    mapping: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
+    scales: tuple[str, ...] = ()
+    dataset: str | None = None
+    data: Path | None = None
+    joint: int | None = None
+    holdout: tuple[Path, ...] = ()
+
+    def read(self) -> Measured:
+        """Read everything that was named.
+
+        Raises:
+            BadParameter: options that contradict each other, or are written wrongly.
+            MalformedLog: a file that cannot be used.
+        """
+        if self.dataset is not None:
+            return self._known()
+        if self.data is not None:
+            raise BadParameter("--data names the folder of a known data set; add --dataset NAME.")
+        if self.joint is not None:
+            raise BadParameter("--joint chooses among the joints of a known data set; add --dataset NAME.")
+        if not self.files:
+            raise BadParameter("No log is given; name one or more files, or --dataset NAME --data FOLDER.")
+        log = self._files(self.files)
+        return Measured(log=log, holdout=self._files(self.holdout) if self.holdout else None)
+
+    def _files(self, paths: tuple[Path, ...]) -> Log:
+        return Log.read(
+            paths,
+            mapping=pairs("--map", self.mapping, str, "angle=qm"),
+            units=pairs("--unit", self.units, str, "angle=deg"),
+            scales=pairs("--scale", self.scales, float, "torque=35.15"),
+            gears=GearTrain.paper(),
+        )
+
+    def _known(self) -> Measured:
+        from identification.datasets import load_dataset
+
+        for option, given in (("--map", self.mapping), ("--unit", self.units), ("--scale", self.scales)):
+            if given:
+                raise BadParameter(f"{option} does not go with --dataset: the names and units of a data set are known.")
+        if self.holdout:
+            raise BadParameter("--holdout does not go with --dataset: a data set says itself what is held out.")
+        if (self.data is None) == (not self.files):
+            raise BadParameter("--dataset needs either --data FOLDER or the files of the data set.")
+        loaded = load_dataset(
+            str(self.dataset), self.data if self.data is not None else list(self.files), joint=self.joint
+        )
+        return Measured(log=loaded.estimation, holdout=loaded.holdout, notes=tuple(loaded.notes))
+
+
+def pairs(option: str, given: Sequence[str], convert: Callable[[str], Value], example: str) -> dict[str, Value]:
+    """The entries `column=value` of a repeatable option as a dictionary.
+
+    Raises:
+        BadParameter: an entry without "=", a value that cannot be converted, or a column named twice.
+    """
+    found: dict[str, Value] = {}
+    for entry in given:
+        column, equals, text = (part.strip() for part in entry.partition("="))
+        if not (column and equals and text):
+            raise BadParameter(f"{option} {entry!r}: write it as column=value, for example {option} {example}.")
+        if column in found:
+            raise BadParameter(f"{option} names the column '{column}' twice; give it once.")
+        try:
+            found[column] = convert(text)
+        except ValueError:
+            raise BadParameter(f"{option} {entry!r}: {text!r} is not a number.") from None
+    return found

@@ -1,0 +1,90 @@
+"""Results on disk: written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from plant.errors import BadParameter
+
+
+@contextmanager
+def whole_folder(out: Path) -> Iterator[Path]:
+    """A draft folder whose files move into `out` when the block ends well, and vanish when it does not.
+
+    Raises:
+        BadParameter: `out` is a file, or nothing can be written there.
+    """
+    if out.exists() and not out.is_dir():
+        raise BadParameter(f"--out {out}: is a file; name a folder.")
+    with _draft_beside(out) as draft:
+        yield draft
+        for made in draft.iterdir():
+            if (out / made.name).is_dir():
+                raise BadParameter(f"--out {out}: a folder named {made.name} is in the way of a result; move it away.")
+        out.mkdir(parents=True, exist_ok=True)
+        for made in sorted(draft.iterdir()):
+            os.replace(made, out / made.name)
+
+
+@contextmanager
+def whole_file(out: Path) -> Iterator[Path]:
+    """A draft file that becomes `out` when the block ends well, and vanishes when it does not.
+
+    Raises:
+        BadParameter: `out` is a folder, or nothing can be written there.
+    """
+    if out.is_dir():
+        raise BadParameter(f"--out {out}: is a folder; name a file.")
+    with _draft_beside(out) as draft:
+        yield draft / out.name
+        out.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(draft / out.name, out)
+
+
+@contextmanager
+def _draft_beside(out: Path) -> Iterator[Path]:
+    """A temporary folder on the same disk as `out`, so that moving into place is a rename."""
+    existing = next(folder for folder in out.absolute().parents if folder.exists())
+    try:
+        draft = Path(tempfile.mkdtemp(prefix=".antidrive-", dir=existing))
+    except OSError as error:
+        raise BadParameter(f"--out {out}: cannot be written ({error.strerror}); choose another place.") from None
+    try:
+        yield draft
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def strict(value: Any) -> Any:
+    """The same content in plain Python types, with null for what JSON has no number for (NaN, infinity)."""
+    if isinstance(value, Mapping):
+        return {str(key): strict(entry) for key, entry in value.items()}
+    if isinstance(value, np.ndarray):
+        return strict(value.tolist())
+    if isinstance(value, list | tuple):
+        return [strict(entry) for entry in value]
+    if isinstance(value, np.generic):
+        return strict(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def to_json(content: Any) -> str:
+    """Indented JSON that every reader accepts."""
+    return json.dumps(strict(content), indent=2, allow_nan=False, ensure_ascii=False)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write one JSON file."""
+    path.write_text(to_json(content) + "\n", encoding="utf-8")

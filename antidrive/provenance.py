@@ -1,0 +1,40 @@
+"""How a result came about, so that it can be made again."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+
+from identification.log import Source
+
+_TOLD = ("antidrive", "casadi", "numpy", "scipy")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """Command, versions and files behind a result.
+
+    Attributes:
+        command: as typed, or as it would be.
+        versions: name and version of what computed.
+        sources: files with their hashes.
+    """
+
+    command: str
+    versions: tuple[tuple[str, str], ...]
+    sources: tuple[Source, ...] = ()
+
+    @classmethod
+    def now(cls, command: Sequence[str], sources: Sequence[Source] = ()) -> Provenance:
+        """Of this run."""
+        versions = [("Python", platform.python_version())]
+        for name in _TOLD:
+            try:
+                versions.append((name, version(name)))
+            except PackageNotFoundError:
+                versions.append((name, "not installed"))
+        return cls(command=shlex.join(command), versions=tuple(versions), sources=tuple(dict.fromkeys(sources)))
+

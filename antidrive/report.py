@@ -1,0 +1,210 @@
+"""The report: one self-contained page that opens offline, read from top to bottom in a minute."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from antidrive import figures
+from antidrive.provenance import Provenance
+from antidrive.words import headline, percent, sentence_case, sentences, title_of
+from diagnosis.result import Cause, Diagnosis
+from identification.fit import Fit, FittedParameter
+from identification.fit_report import correlations
+from plant.effects import catalogue
+from plant.effects.effect import Array
+
+if TYPE_CHECKING:
+    from antidrive.demo import Demo
+    from antidrive.simulation import Trial
+
+_RUNS_DRAWN = 3  # held-out runs that are drawn; the rest is in the numbers
+
+
+def diagnosis_page(diagnosis: Diagnosis, provenance: Provenance, notes: Sequence[str] = ()) -> str:
+    """The page of a diagnosis."""
+    return _page("diagnosis", provenance, headline(diagnosis), diagnosis=_diagnosis(diagnosis, notes))
+
+
+def fit_page(fit: Fit, simulated: Sequence[Array], provenance: Provenance, notes: Sequence[str] = ()) -> str:
+    """The page of a fit; `simulated` holds one free simulation (T,) a run."""
+    unit = "rad" if fit.log.axis == "rotary" else "m"
+    runs = list(zip(fit.log.runs, simulated, strict=True))
+    worst = sorted(runs, key=lambda pair: -_rms((pair[0].output - pair[1])[pair[0].valid]))[:_RUNS_DRAWN]
+    drawn = [
+        (run.label, _figure(figures.fit_figure(run.time, np.where(run.valid, run.output, np.nan), y, unit)))
+        for run, y in worst
+    ]
+    content = {
+        "unit": unit,
+        "noise": fit.noise_std,
+        "samples": fit.samples,
+        "runs": len(runs),
+        "bandwidth": fit.bandwidth,
+        "converged": fit.converged,
+        "figures": drawn,
+        "parameters": [_parameter(p) for p in fit.parameters],
+        "correlations": correlations(fit, 0.5),
+        "data": _data(fit, (), notes),
+    }
+    lost = fit.unidentifiable
+    title = f"{len(fit.free) - len(lost)} parameters fitted"
+    if lost:
+        title += f"; this log cannot tell {', '.join(lost)}"
+    return _page("fit", provenance, title, fit=content)
+
+
+def trial_page(trial: Trial, provenance: Provenance) -> str:
+    """The page of a closed loop."""
+    return _page("trial", provenance, trial.title, trials=[_trial(trial)])
+
+
+def demo_page(told: Demo, provenance: Provenance) -> str:
+    """The page of the demo: the diagnosis, then both loops."""
+    return _page(
+        "demo",
+        provenance,
+        headline(told.diagnosis),
+        story=told.sentences(),
+        diagnosis=_diagnosis(told.diagnosis, ("synthetic log, recorded on the rig with friction hidden in it",)),
+        trials=[_trial(trial) for trial in told.trials],
+    )
+
+
+def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
+    """What the template of a diagnosis shows."""
+    extended = diagnosis.extended is not diagnosis.base
+    unit = "rad" if diagnosis.base.log.axis == "rotary" else "m"
+    after = {curve.variable: curve for curve in diagnosis.missing_after.curves} if extended else {}
+    curves = [
+        (
+            curve.variable,
+            percent(max(curve.share, 0.0)),
+            _figure(figures.curve_figure(curve, after.get(curve.variable), diagnosis.missing_before.unit)),
+        )
+        for curve in diagnosis.missing_before.curves
+    ]
+    replays = sorted(diagnosis.replays, key=lambda r: -_rms((r.measured - r.before)[r.valid]))[:_RUNS_DRAWN]
+    gain = diagnosis.gain
+    return {
+        "verdict": diagnosis.verdict.replace("_", " "),
+        "sentences": sentences(diagnosis),
+        "extended": extended,
+        "held_out": gain is not None,
+        "gain": gain,
+        "unit": unit,
+        "replays": [
+            (replay.label, _figure(figures.replay_figure(replay, unit, extended=extended))) for replay in replays
+        ],
+        "others": len(diagnosis.replays) - len(replays),
+        "missing": _figure(figures.missing_over_time(diagnosis.missing_before)),
+        "curves": curves,
+        "causes": [_cause(cause) for cause in diagnosis.causes],
+        "gain_figure": None
+        if gain is None
+        else _figure(
+            figures.gain_figure(
+                gain.held_out_rms_before, gain.held_out_rms_after if extended else None, gain.noise_floor, unit
+            )
+        ),
+        "parameters": [_parameter(p) for p in diagnosis.extended.parameters],
+        "candidates": [
+            {
+                "round": c.round,
+                "title": title_of(c.effect),
+                "evidence": f"{c.evidence:.1f}",
+                "score": f"{c.score:.1f}",
+                "probability": percent(c.probability),
+                "refitted": c.refitted,
+                "size": ", ".join(f"{name} {e.value:.3g} {e.unit}" for name, e in c.parameters.items()),
+            }
+            for c in sorted(diagnosis.candidates, key=lambda c: (c.round, -c.score))
+        ],
+        "whiteness": percent(max(diagnosis.whiteness, 0.0)),
+        "data": _data(diagnosis.base, diagnosis.warnings, notes),
+    }
+
+
+def _cause(cause: Cause) -> dict[str, Any]:
+    effect = catalogue.get(cause.effect)
+    named = [(cause.effect, cause.probability), *cause.alternatives[:4]]
+    figure = figures.odds_figure([title_of(n) for n, _ in named], [p for _, p in named], [percent(p) for _, p in named])
+    return {
+        "title": sentence_case(title_of(cause.effect)),
+        "stage": effect.stage.value if effect else "",
+        "trace": effect.trace if effect else "",
+        "confused": [title_of(name) for name in (effect.confused_with if effect else ())],
+        "gain": percent(cause.gain) if cause.gain > 0 else "no cut",
+        "parameters": [
+            (name.replace("_", " "), f"{e.value:.4g}", "" if e.std is None else f"{e.std:.2g}", e.unit)
+            for name, e in cause.parameters.items()
+        ],
+        "figure": _figure(figure),
+    }
+
+
+def _parameter(p: FittedParameter) -> dict[str, str]:
+    flags = [
+        *(["fixed"] if p.fixed else []),
+        *(["at bound"] if p.at_bound else []),
+        *(["this log cannot tell it"] if p.value is None else []),
+    ]
+    effect, _, name = p.name.rpartition(".")
+    return {
+        "name": f"{title_of(effect)}: {name.replace('_', ' ')}" if effect else name.replace("_", " "),
+        "value": "—" if p.value is None else f"{p.value:.5g}",
+        "std": "—" if p.std is None else f"{p.std:.2g}",
+        "unit": p.unit,
+        "flags": ", ".join(flags),
+    }
+
+
+def _trial(trial: Trial) -> dict[str, Any]:
+    return {
+        "title": trial.title,
+        "sentences": trial.sentences(),
+        "figure": _figure(trial.figure()),
+        "numbers": [(name.replace("_", " "), value) for name, value in trial.numbers()],
+    }
+
+
+def _data(fit: Fit, warnings: Sequence[str], notes: Sequence[str]) -> dict[str, Sequence[str]]:
+    told = (*fit.log.repairs, *notes, *fit.log.notes)
+    return {
+        "warnings": tuple(text for text in dict.fromkeys((*warnings, *fit.log.warnings)) if text not in told),
+        "repairs": fit.log.repairs,
+        "notes": tuple(dict.fromkeys((*notes, *fit.log.notes))),
+    }
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
+
+
+def _figure(figure: Any) -> Markup:
+    """A figure as JSON that is safe inside a script element."""
+    return Markup(figure.to_json().replace("<", "\\u003c"))
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("antidrive"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def _page(template: str, provenance: Provenance, title: str, **content: Mapping[str, Any] | Sequence[Any]) -> str:
+    from plotly.offline import get_plotlyjs
+
+    return _environment().get_template(f"{template}.html.j2").render(
+        title=title, provenance=provenance, plotly=Markup(get_plotlyjs()), **content
+    )

@@ -1,0 +1,18 @@
+// Every figure waits as JSON beside its place; it is drawn in the colours of the page, again when they change.
+const dark = matchMedia("(prefers-color-scheme: dark)");
+function draw(printing) {
+  const night = dark.matches && !printing, narrow = innerWidth < 600;
+  const ink = night ? "#e6e9ec" : "#1b2026", line = night ? "#363d45" : "#e1e5e9";
+  for (const place of document.querySelectorAll(".plot")) {
+    const figure = JSON.parse(place.nextElementSibling.textContent);
+    figure.layout.font = { color: ink, size: narrow ? 11 : 12.5, family: "system-ui, sans-serif" };
+    if (narrow) figure.layout.margin.l = 48;
+    for (const name of Object.keys(figure.layout).filter(key => /^[xy]axis/.test(key)))
+      Object.assign(figure.layout[name], { gridcolor: line, linecolor: line, tickcolor: line });
+    Plotly.react(place, figure.data, figure.layout, { responsive: true, displayModeBar: false });
+  }
+}
+draw(false);
+dark.addEventListener("change", () => draw(false));
+addEventListener("beforeprint", () => draw(true));
+addEventListener("afterprint", () => draw(false));

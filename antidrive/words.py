@@ -1,0 +1,86 @@
+"""A diagnosis in plain sentences, for the terminal and for the head of the report."""
+
+from __future__ import annotations
+
+from diagnosis.result import Cause, Diagnosis
+from plant.effects import catalogue
+
+
+def title_of(effect: str) -> str:
+    """The effect's name as people write it."""
+    return catalogue[effect].title if effect in catalogue else effect.replace("_", " ")
+
+
+def sentence_case(text: str) -> str:
+    """The text with a capital first letter and the rest as it is."""
+    return text[:1].upper() + text[1:]
+
+
+def percent(share: float) -> str:
+    """A probability or share; never rounded up to certainty."""
+    if share >= 0.9995:
+        return "> 99.9 %"
+    if share < 0.0005:
+        return "< 0.1 %"
+    return f"{100.0 * share:.3g} %"
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence."""
+    causes = diagnosis.causes
+    if diagnosis.verdict == "nothing_missing":
+        return "Nothing is missing: what remains is what the noise accounts for."
+    if diagnosis.verdict == "unknown" or not causes:
+        where = ", ".join(diagnosis.unexplained.depends_on)
+        lives = f"; it depends on {where}" if where else ""
+        return f"Something is missing that no effect of the catalogue explains{lives}."
+    if diagnosis.verdict == "ambiguous":
+        names = " or ".join(title_of(name) for name in (causes[0].effect, *_rivals(causes[0])))
+        return f"Something is missing, and this log does not tell which: {names}."
+    names = " and ".join(
+        filter(None, (", ".join(title_of(c.effect) for c in causes[:-1]), title_of(causes[-1].effect)))
+    )
+    return f"The model misses {names}."
+
+
+def sentences(diagnosis: Diagnosis) -> list[str]:
+    """What stands below the headline: each cause with its odds and size, the gain, what remains."""
+    lines = [_cause(cause) for cause in diagnosis.causes]
+    gain = diagnosis.gain
+    if gain is not None:
+        runs = "run" if len(gain.runs) == 1 else "runs"
+        before, after = f"{gain.held_out_rms_before:.3g}", f"{gain.held_out_rms_after:.3g}"
+        floor = f"the noise floor is {gain.noise_floor:.3g} {gain.unit}"
+        what = f"On {len(gain.runs)} held-out {runs} the simulation error"
+        if diagnosis.extended is diagnosis.base:
+            lines.append(f"{what} is {before} {gain.unit} rms; {floor}.")
+        else:
+            change = "falls" if gain.cut >= 0.0 else "rises"
+            lines.append(
+                f"{what} {change} from {before} to {after} {gain.unit} rms ({100.0 * abs(gain.cut):.3g} %); {floor}."
+            )
+    else:
+        lines.append("Nothing could be held out, so the gain is not proven.")
+    share = diagnosis.unexplained.share
+    if diagnosis.verdict != "nothing_missing" and share >= 0.005:
+        where = ", ".join(diagnosis.unexplained.depends_on)
+        lines.append(f"{percent(share)} of the error power remains unexplained{f' (over {where})' if where else ''}.")
+    return lines
+
+
+def _cause(cause: Cause) -> str:
+    size = ", ".join(
+        f"{name.replace('_', ' ')} {e.value:.4g}{f' ± {e.std:.1g}' if e.std is not None else ''} {e.unit}".rstrip()
+        for name, e in cause.parameters.items()
+    )
+    rivals = ", ".join(f"{title_of(name)} {percent(p)}" for name, p in cause.alternatives[:2])
+    return (
+        f"{sentence_case(title_of(cause.effect))}: {percent(cause.probability)} sure"
+        f"{f' ({size})' if size else ''}{f'; next would be {rivals}' if rivals else ''}."
+    )
+
+
+def _rivals(cause: Cause) -> list[str]:
+    """The alternatives that cannot be put aside."""
+    close = [name for name, p in cause.alternatives if p > 0.05]
+    return close or [name for name, _ in cause.alternatives[:1]]
