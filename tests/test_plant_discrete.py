@@ -1,0 +1,220 @@
+"""One sample ahead: against closed forms, finite differences, and a machine that shares none of its code."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from machine import Machine, excitation, record
+
+from plant import BadParameter, ServoModel, catalogue, sample_step, simulate
+from plant.discrete import INPUTS, held_commands
+from plant.effects import CoulombFriction, InputDelay, StribeckFriction
+
+SAMPLE = 0.005
+HIDDEN = {
+    "input_delay": {"time": 0.0087},
+    "actuator_lag": {"time_constant": 0.03},
+    "dead_zone": {"half_width": 0.5},
+    "torque_offset": {"torque": 0.2},
+    "coulomb_friction": {"torque": 0.4},
+    "asymmetric_friction": {"forward": 0.4, "backward": 0.25, "viscous_difference": 0.1},
+    "stribeck_friction": {"coulomb": 0.3, "excess": 0.2, "velocity": 0.15},
+    "quadratic_drag": {"drag": 0.05},
+    "gravity_offset": {"beta": 0.2},
+    "cogging": {"amplitude": 0.2, "order": 11.0, "phase": 0.7},
+}
+
+
+def model_of(name: str) -> ServoModel:
+    return ServoModel(effects=(catalogue[name](**HIDDEN[name]),))
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_every_effect_moves_the_load_as_the_independent_machine_says(name: str) -> None:
+    command = excitation(7, duration=8.0)
+    machine = Machine(effects={name: HIDDEN[name]})
+    truth = record(machine, command, noise=0.0, bits=None, angle=0.3, velocity=-0.4)
+    model = model_of(name)
+    begin = np.array([0.3, -0.4] + [command[0]] * (len(model.states) - 2))
+    found = simulate(model, command=command, dt=SAMPLE, state=begin)[:-1]
+    bare = simulate(ServoModel(), command=command, dt=SAMPLE, state=begin[:2])[:-1]
+    assert np.abs(found[:, 0] - truth.angle[:, 0]).max() < 2e-5
+    assert np.abs(bare[:, 0] - truth.angle[:, 0]).max() > 1e-2  # the effect is there at all
+
+
+def test_a_lag_before_a_dead_zone_agrees_to_the_square_of_the_step() -> None:
+    """The torque crosses the edge of the dead zone inside a sample, where no fixed step can follow exactly."""
+    command = excitation(7, duration=4.0)
+    effects = {name: HIDDEN[name] for name in ("actuator_lag", "dead_zone")}
+    truth = record(Machine(effects=effects), command, noise=0.0, bits=None, steps=16)
+    model = ServoModel(effects=tuple(catalogue[name](**values) for name, values in effects.items()))
+    begin = np.array([0.0, 0.0, command[0]])
+    coarse, fine = (
+        np.abs(simulate(model, command=command, dt=SAMPLE, state=begin, substeps=n)[:-1, 0] - truth.angle[:, 0]).max()
+        for n in (1, 4)
+    )
+    assert coarse < 5e-4
+    assert fine < coarse / 4
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+@pytest.mark.parametrize("width", [0.0, 0.05])
+def test_derivatives_of_the_step_are_those_of_finite_differences(name: str, width: float) -> None:
+    import casadi as ca
+
+    model = model_of(name)
+    step = sample_step(model)
+    sizes = (len(model.states), len(INPUTS), len(model.names))
+    symbols = [ca.SX.sym("z", n) for n in sizes]
+    slopes = ca.Function("slopes", symbols, [ca.jacobian(step(*symbols), ca.vertcat(symbols[0], symbols[2]))])
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        state = np.concatenate((rng.uniform(-3, 3, 1), rng.choice([-1, 1], 1) * rng.uniform(0.3, 3, 1)))
+        state = np.append(state, rng.uniform(1, 5, sizes[0] - 2))
+        inputs = np.array([rng.uniform(2, 6), rng.uniform(2, 6), 0.0, np.inf, 0.02, width])
+        values = model.values
+        if name == "input_delay":
+            values[-1] = 0.004
+        point = np.concatenate((state, values))
+
+        def at(z: np.ndarray, inputs: np.ndarray = inputs) -> np.ndarray:
+            return np.array(step(z[: sizes[0]], inputs, z[sizes[0] :])).ravel()
+
+        nudge = 1e-6
+        numeric = np.column_stack(
+            [(at(point + nudge * e) - at(point - nudge * e)) / (2 * nudge) for e in np.eye(len(point))]
+        )
+        assert np.array(slopes(state, inputs, values)) == pytest.approx(numeric, abs=1e-7)
+
+
+@pytest.mark.parametrize("hours", [3])
+def test_stiction_holds_for_hours_without_creeping(hours: int) -> None:
+    model = ServoModel(gravity=0.5, effects=(StribeckFriction(coulomb=0.6, excess=0.3, velocity=0.1),))
+    count = hours * 3600 * 10
+    rng = np.random.default_rng(0)
+    command = rng.uniform(-0.3, 1.3, count)  # with gravity's 0.5, always below breakaway at 0.9
+    path = simulate(model, command=command, dt=0.1, state=np.array([0.1, 0.0]))
+    assert np.ptp(path[:, 0]) < 1e-12
+    assert np.abs(path[:, 1]).max() == 0.0
+
+
+def test_a_load_let_go_comes_to_rest_where_energy_says() -> None:
+    model = ServoModel(inertia=1.5, gravity=0.0, viscous_friction=0.0, effects=(CoulombFriction(torque=0.3),))
+    for speed in (1.0, -0.73):
+        path = simulate(model, command=np.zeros(1200), dt=SAMPLE, state=np.array([0.0, speed]))
+        assert path[-1] == pytest.approx([np.sign(speed) * 0.5 * 1.5 * speed**2 / 0.3, 0.0], abs=1e-12)
+
+
+def test_breakaway_is_at_its_torque() -> None:
+    model = ServoModel(gravity=0.0, effects=(StribeckFriction(coulomb=0.3, excess=0.2, velocity=0.05),))
+    for torque, moves in ((0.499, False), (0.501, True), (-0.499, False), (-0.501, True)):
+        path = simulate(model, command=np.full(200, torque), dt=SAMPLE)
+        assert bool(path[-1, 0] != 0.0) is moves
+        assert np.sign(path[-1, 0]) == (np.sign(torque) if moves else 0.0)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.0, 0.0249), st.floats(0.5, 3.0))
+def test_a_fraction_of_a_sample_of_delay_is_exact(delay: float, torque: float) -> None:
+    """A double integrator behind a step: the angle is half the square of the time since the command has arrived."""
+    model = ServoModel(inertia=1.5, gravity=0.0, viscous_friction=0.0, effects=(InputDelay(time=delay),))
+    command = np.where(np.arange(40) < 10, 0.0, torque)
+    path = simulate(model, command=command, dt=SAMPLE)
+    since = np.maximum(np.arange(41) * SAMPLE - 10 * SAMPLE - delay, 0.0)
+    assert path[:, 0] == pytest.approx(torque / 1.5 * since**2 / 2, abs=1e-13)
+    assert path[:, 1] == pytest.approx(torque / 1.5 * since, abs=1e-12)
+
+
+def test_the_command_before_the_log_is_its_first() -> None:
+    command = np.array([3.0, 4.0, 5.0])
+    now, before, switch = held_commands(command, np.full(3, SAMPLE), 0.0075)
+    assert now.tolist() == [3.0, 3.0, 4.0]
+    assert before.tolist() == [3.0, 3.0, 3.0]
+    assert switch == pytest.approx(0.0025)
+
+
+def test_a_steady_speed_is_that_of_the_equations() -> None:
+    model = ServoModel(inertia=2.0, gravity=0.0, viscous_friction=0.8)
+    path = simulate(model, command=np.full(1000, 4.0), dt=SAMPLE)
+    time = np.arange(1001) * SAMPLE
+    assert path[:, 1] == pytest.approx(4.0 / 0.8 * (1.0 - np.exp(-0.4 * time)), abs=1e-9)
+
+
+def test_a_swing_keeps_its_energy() -> None:
+    model = ServoModel(inertia=1.5, gravity=0.7, viscous_friction=0.0)
+    path = simulate(model, command=np.zeros(4000), dt=SAMPLE, state=np.array([0.2, 1.0]))
+    energy = 0.75 * path[:, 1] ** 2 + 0.7 * np.sin(path[:, 0])
+    assert np.ptp(energy) < 1e-8
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(0.0, 1.0), st.floats(0.0, 2.0))
+def test_friction_never_gives_energy(angle: float, velocity: float, coulomb: float, viscous: float) -> None:
+    friction = (CoulombFriction(torque=coulomb),)
+    model = ServoModel(inertia=1.5, gravity=0.7, viscous_friction=viscous, effects=friction)
+    path = simulate(model, command=np.zeros(300), dt=SAMPLE, state=np.array([angle, velocity]))
+    energy = 0.75 * path[:, 1] ** 2 + 0.7 * np.sin(path[:, 0])
+    assert np.diff(energy).max() < 1e-9
+
+
+def test_a_position_servo_settles_at_its_goal() -> None:
+    model = ServoModel(inertia=0.1, gravity=0.0, viscous_friction=1.0)
+    path = simulate(model, command=np.full(2000, 5.0 * 0.7), dt=SAMPLE, servo_gain=5.0, command_limit=2.0)
+    assert path[-1] == pytest.approx([0.7, 0.0], abs=1e-6)
+    assert np.abs(np.diff(path[:, 1])).max() <= 2.0 / 0.1 * SAMPLE + 1e-12  # the drive's limit holds
+
+
+# Equation (5) of the paper.
+
+
+def by_hand(torque: np.ndarray, step: float) -> np.ndarray:
+    """Eq. (5) solved sample by sample with a bracketing root finder."""
+    from scipy.optimize import brentq
+
+    x = [0.0, 0.0]  # at rest before the first sample
+    for tau in torque:
+
+        def balance(new: float, tau: float = tau) -> float:
+            second = (new - 2 * x[-1] + x[-2]) / step**2
+            return float(2.0 * second + 0.5 * np.cos(new) + 0.8 * (new - x[-1]) / step - tau)
+
+        x.append(brentq(balance, x[-1] - 1.0, x[-1] + 1.0, xtol=1e-15))
+    return np.array(x[1:])
+
+
+def test_the_backward_difference_is_equation_5() -> None:
+    torque = 3.0 * np.sin(np.arange(200) * 0.1)
+    model = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
+    path = simulate(model, command=torque, dt=0.02, method="backward_difference")
+    assert path[:, 0] == pytest.approx(by_hand(torque, 0.02), abs=1e-10)
+
+
+def test_equation_5_becomes_equation_4_as_the_step_shrinks() -> None:
+    """First order: half the step, half the error."""
+    model = ServoModel.paper()
+    errors = []
+    for step in (0.02, 0.01, 0.005, 0.0025):
+        count = round(4.0 / step)
+        torque = np.full(count, 5.0)
+        exact = simulate(model, command=torque, dt=step, substeps=4)
+        implicit = simulate(model, command=torque, dt=step, method="backward_difference")
+        errors.append(abs(implicit[-1, 0] - exact[-1, 0]))
+    assert np.array(errors[:-1]) / errors[1:] == pytest.approx(2.0, rel=0.02)
+
+
+def test_what_a_step_cannot_do_is_refused() -> None:
+    with pytest.raises(BadParameter, match="substeps"):
+        sample_step(ServoModel(), substeps=0)
+    with pytest.raises(BadParameter, match="euler"):
+        sample_step(ServoModel(), method="euler")  # type: ignore[arg-type]
+    with pytest.raises(BadParameter, match="Equation \\(5\\)"):
+        sample_step(model_of("coulomb_friction"), method="backward_difference")
+    with pytest.raises(BadParameter, match="Equation \\(5\\)"):
+        sample_step(model_of("actuator_lag"), method="backward_difference")
+
+
+def test_equal_structures_share_one_compiled_step() -> None:
+    assert sample_step(ServoModel(inertia=1.0)) is sample_step(ServoModel(inertia=5.0))
+    assert sample_step(ServoModel()) is not sample_step(ServoModel.paper())

@@ -1,0 +1,144 @@
+"""model.json: what is written is read again, and what cannot be read is refused in one sentence."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from plant import BadModelFile, ModelFile, ServoModel, catalogue, read_model
+from plant.effects import Effect
+
+EVERY = {
+    "input_delay": {"time": 0.0123},
+    "actuator_lag": {"time_constant": 0.03},
+    "dead_zone": {"half_width": 0.5},
+    "torque_offset": {"torque": -0.2},
+    "coulomb_friction": {"torque": 0.15},
+    "asymmetric_friction": {"forward": 0.2, "backward": 0.1, "viscous_difference": -0.05},
+    "stribeck_friction": {"coulomb": 0.2, "excess": 0.1, "velocity": 0.05},
+    "quadratic_drag": {"drag": 0.02},
+    "gravity_offset": {"beta": -0.1},
+    "cogging": {"amplitude": 0.1, "order": 14.0, "phase": 0.3},
+}
+
+
+def effects() -> tuple[Effect, ...]:
+    return tuple(catalogue[name](**values) for name, values in EVERY.items())
+
+
+@pytest.mark.parametrize("effect", effects(), ids=lambda effect: effect.name)
+def test_a_model_comes_back_to_the_last_digit(effect: Effect, tmp_path: Path) -> None:
+    model = ServoModel(inertia=1 / 3, gravity=0.1, viscous_friction=2 / 7, effects=(effect,))
+    std = {name: (None if i % 2 else 0.1 * (i + 1)) for i, name in enumerate(model.names)}
+    source = ({"file": "log.csv", "sha256": "0" * 64},)
+    ModelFile(model=model, std=std, sample_time=0.005, source=source).write(tmp_path / "model.json")
+    found = read_model(tmp_path / "model.json")
+    assert found.model == model
+    assert (found.std, found.sample_time, found.source) == (std, 0.005, source)
+    assert [path.name for path in tmp_path.iterdir()] == ["model.json"]
+
+
+def test_a_linear_axis_comes_back(tmp_path: Path) -> None:
+    model = ServoModel(inertia=95.0, gravity=0.0, viscous_friction=200.0, axis="linear")
+    ModelFile(model=model, std={}).write(tmp_path / "model.json")
+    assert read_model(tmp_path / "model.json").model == model
+    assert json.loads((tmp_path / "model.json").read_text())["parameters"]["inertia"]["unit"] == "kg"
+
+
+GOOD: dict[str, Any] = ModelFile(model=ServoModel(effects=effects()), std={}, sample_time=0.005).to_dict()
+
+
+def broken(*path: Any, value: Any = None, drop: bool = False) -> Any:
+    content = copy.deepcopy(GOOD)
+    place = content
+    for step in path[:-1]:
+        place = place[step]
+    if drop:
+        del place[path[-1]]
+    else:
+        place[path[-1]] = value
+    return content
+
+
+BAD: dict[str, tuple[Any, str]] = {
+    "a list": ([1, 2], "object"),
+    "nothing": (None, "object"),
+    "no schema": (broken("schema", drop=True), "schema"),
+    "schema of the future": (broken("schema", value=99), "schema is 99"),
+    "schema is a flag": (broken("schema", value=True), "schema"),
+    "no parameters": (broken("parameters", drop=True), "parameters"),
+    "parameters are a list": (broken("parameters", value=[]), "parameters"),
+    "inertia is missing": (broken("parameters", "inertia", drop=True), "'inertia' is missing"),
+    "inertia is text": (broken("parameters", "inertia", "value", value="2"), "inertia"),
+    "inertia is a flag": (broken("parameters", "inertia", "value", value=True), "inertia"),
+    "inertia is negative": (broken("parameters", "inertia", "value", value=-2.0), "inertia"),
+    "inertia is too long for a float": (broken("parameters", "inertia", value=10**400), "inertia"),
+    "an unknown parameter": (broken("parameters", "mass", value=1.0), "mass"),
+    "an unknown effect": (broken("effects", 0, "name", value="magic"), "magic"),
+    "the name of an effect is a list": (broken("effects", 0, "name", value=[]), "unknown effect"),
+    "the name of an effect is a number": (broken("effects", 0, "name", value=3), "unknown effect"),
+    "effects are an object": (broken("effects", value={}), "effects"),
+    "an effect is text": (broken("effects", 1, value="dead_zone"), r"effects\[1\]"),
+    "an effect twice": (broken("effects", value=[GOOD["effects"][2]] * 2), "dead_zone"),
+    "an effect out of its bounds": (
+        broken("effects", 2, "parameters", "half_width", value={"value": -1.0}),
+        "half_width",
+    ),
+    "an effect without parameters": (broken("effects", 2, "parameters", drop=True), "parameters"),
+    "no such axis": (broken("axis", value="spiral"), "spiral"),
+    "sample time zero": (broken("sample_time", value=0), "sample_time"),
+    "sample time in words": (broken("sample_time", value="5 ms"), "sample_time"),
+    "source is text": (broken("source", value="log.csv"), "source"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_is_refused_where_it_is_bad(name: str, tmp_path: Path) -> None:
+    content, match = BAD[name]
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(BadModelFile, match=match) as caught:
+        read_model(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "{", "NaN", "[" * 100_000, '{"schema": 1, "parameters": {"inertia": NaN}}'])
+def test_what_is_not_json_is_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(text)
+    with pytest.raises(BadModelFile):
+        read_model(path)
+
+
+def test_bytes_and_folders_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "model.json").write_bytes(b"\xff\xfe\x00")
+    for path in (tmp_path / "model.json", tmp_path, tmp_path / "absent.json"):
+        with pytest.raises(BadModelFile):
+            read_model(path)
+
+
+scalars = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5)
+anything = st.recursive(
+    scalars, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(place=st.sampled_from([*GOOD, "parameters/inertia", "effects/0/name", "effects/2/parameters"]), junk=anything)
+def test_any_junk_gives_a_model_or_one_sentence(tmp_path_factory: Any, place: str, junk: Any) -> None:
+    steps = [int(s) if s.isdigit() else s for s in place.split("/")]
+    path = tmp_path_factory.getbasetemp() / "junk.json"
+    path.write_text(json.dumps(broken(*steps, value=junk)))
+    message = ""
+    try:
+        read_model(path)
+    except BadModelFile as error:
+        message = str(error).replace(repr(junk), "junk")
+    assert "\n" not in message
