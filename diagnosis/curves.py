@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BSpline
 
-from diagnosis.odds import score
+from diagnosis.odds import schwarz_cost, score
 from diagnosis.screen import Screen
 from plant.effects import Motion, TorqueOffset, Trace
 from plant.effects.effect import Array
@@ -33,8 +33,7 @@ def unnamed_dependence(screen: Screen) -> tuple[tuple[str, float], ...]:
     for name, trace, (evidence, _) in zip(names, traces, screen.regress(traces), strict=True):
         found[name] = score(
             evidence,
-            parameters=trace.columns.shape[1],
-            samples=screen.fit.samples,
+            cost=schwarz_cost(trace.columns.shape[1], screen.fit.samples),
             searched=1,
             catalogue=len(names),
         )

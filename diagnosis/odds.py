@@ -1,8 +1,11 @@
 """Odds: from the likelihoods of rival explanations to probabilities.
 
-An explanation's score is its rise in log-likelihood over the model at hand, less half a log(samples) for each parameter
-more (Schwarz 1978), the log of the number of shapes that were searched for it, and the log of the number of rivals that
-the catalogue holds (extended BIC, Chen and Chen 2008). Odds are the exponentials of scores; "none of them" has score 0.
+An explanation's score is its rise in log-likelihood over the model at hand, less what its parameters cost, the log of
+the number of shapes that were searched for it, and the log of the number of rivals in the catalogue (extended BIC,
+Chen and Chen 2008). Odds are the exponentials of scores; "none of them" has score 0.
+
+What parameters cost: by Laplace's method the share of the plausible range that the estimate still leaves open, but at
+most half a log(samples) each (Schwarz 1978). The first keeps a richer rival in the race where the data say little.
 """
 
 from __future__ import annotations
@@ -11,22 +14,63 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from identification.fit import Fit
+
 NONE = "none"
 CLEAR = 0.9  # probability above which a name stands alone
 MISSING = 0.99  # probability of "something is missing" that a name needs
 
 
-def score(evidence: float, *, parameters: int, samples: int, searched: int, catalogue: int) -> float:
+def score(evidence: float, *, cost: float, searched: int, catalogue: int) -> float:
     """Penalised evidence of one explanation.
 
     Args:
         evidence: rise of the log-likelihood.
-        parameters: how many more it has than the model at hand.
-        samples: in the log.
+        cost: of its parameters, from `schwarz_cost` or `parameter_cost`.
         searched: shapes that were compared inside the explanation.
         catalogue: explanations that were asked for.
     """
-    return evidence - 0.5 * parameters * np.log(samples) - np.log(searched) - np.log(max(catalogue, 1))
+    return evidence - cost - float(np.log(searched)) - float(np.log(max(catalogue, 1)))
+
+
+def schwarz_cost(parameters: int, samples: int) -> float:
+    """Half a log(samples) for each parameter."""
+    return 0.5 * parameters * float(np.log(samples))
+
+
+def parameter_cost(fit: Fit, than: Fit) -> float:
+    """Cost of the parameters that a fit has more than another: Laplace's, at most Schwarz's."""
+    more = [row for row, place in enumerate(fit.free) if fit.model.names[place] not in than.model.names]
+    fewer = sum(name not in fit.model.names for name in than.model.names)
+    schwarz = schwarz_cost(len(more) - fewer, fit.samples)
+    ranges = [plausible_range(fit.model.parameters[fit.free[row]].unit, fit) for row in more]
+    if fewer or any(r is None for r in ranges):
+        return schwarz
+    sign, volume = np.linalg.slogdet(2.0 * np.pi * fit.covariance[np.ix_(more, more)])
+    if sign <= 0.0:
+        return schwarz
+    laplace = float(np.sum(np.log(np.array(ranges, dtype=float))) - 0.5 * volume)
+    return min(schwarz, max(laplace, 0.0))
+
+
+def plausible_range(unit: str, fit: Fit) -> float | None:
+    """How far a parameter of that unit may plausibly reach on this log; None where the search itself is the range."""
+    runs = fit.log.runs
+    torque = np.concatenate([run.command - run.servo_gain * run.output for run in runs])
+    speed = np.concatenate([np.diff(run.output) / np.diff(run.time) for run in runs])
+    level = float(np.sqrt(np.mean(torque**2)))
+    fast = float(np.quantile(np.abs(speed), 0.9))
+    return {
+        "N m": level,
+        "N": level,
+        "s": 0.1,
+        "rad/s": fast,
+        "m/s": fast,
+        "N m s/rad": level / fast,
+        "N s/m": level / fast,
+        "N m s^2/rad^2": level / fast**2,
+        "N s^2/m^2": level / fast**2,
+    }.get(unit)
 
 
 def probabilities(scores: Mapping[str, float]) -> dict[str, float]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.odds import CLEAR, MISSING, NONE, probabilities, score
+from diagnosis.odds import CLEAR, MISSING, NONE, parameter_cost, probabilities, schwarz_cost, score
 from diagnosis.result import Candidate, Estimate
 from diagnosis.screen import Screen, Suspect
 from identification.fit import Fit, Problem
@@ -73,16 +73,10 @@ def _one_round(
     problem = Problem.of(fit.log, fit.model, fixed=_fixed(fit))
     suspects = Screen.of(fit, problem, bandwidth=fit.bandwidth).ask(asked)
 
-    def scored(suspect: Suspect, evidence: float, parameters: int) -> float:
-        return score(
-            evidence,
-            parameters=parameters,
-            samples=fit.samples,
-            searched=suspect.searched,
-            catalogue=len(asked),
-        )
+    def scored(suspect: Suspect, evidence: float, cost: float) -> float:
+        return score(evidence, cost=cost, searched=suspect.searched, catalogue=len(asked))
 
-    by_screen = {s.name: scored(s, s.evidence, s.columns) for s in suspects}
+    by_screen = {s.name: scored(s, s.evidence, schwarz_cost(s.columns, fit.samples)) for s in suspects}
     worth = [s for s in suspects if by_screen[s.name] > -5.0]
     leader = max((s.evidence for s in worth), default=0.0)
     chosen = [s for s in worth if s.evidence >= _WORTH * leader][:_REFITS]
@@ -91,9 +85,8 @@ def _one_round(
     for suspect in chosen:
         if progress is not None:
             progress(f"round {number}: refitting with {suspect.start.title}")
-        refits[suspect.name] = refit(fit, suspect.start)
-        more = len(refits[suspect.name].model.names) - len(fit.model.names)
-        scores[suspect.name] = scored(suspect, evidence_of(refits[suspect.name], fit), more)
+        tried = refits[suspect.name] = refit(fit, suspect.start)
+        scores[suspect.name] = scored(suspect, evidence_of(tried, fit), parameter_cost(tried, fit))
     odds = probabilities({name: value for name, value in scores.items() if name in refits or not refits})
     for suspect in suspects:
         own = refits.get(suspect.name)
@@ -153,22 +146,24 @@ def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
 def holds_up(before: Fit, after: Fit) -> bool:
     """Whether an extended model predicts data better that neither it nor its predecessor was fitted to.
 
-    Both are refitted to the first part of each run and judged by the likelihood of their predictions of the rest.
-    The bar is low, because the odds have already decided; it stops what only fits the record that it was chosen on.
+    Both are refitted to the first part of each run and judged by the likelihood of their predictions of the rest, at
+    the same observer bandwidth. The bar is low, because the odds have already decided; it stops what only fits the
+    record that it was chosen on.
     """
-    return _unseen_likelihood(after) > _unseen_likelihood(before) - 3.0
+    bandwidth = max(before.bandwidth, after.bandwidth)
+    return _unseen_likelihood(after, bandwidth) > _unseen_likelihood(before, bandwidth) - 3.0
 
 
-def _unseen_likelihood(fit: Fit) -> float:
+def _unseen_likelihood(fit: Fit, bandwidth: float) -> float:
     seen = Log(
         runs=tuple(run.slice(0, max(int(len(run) * (1.0 - _UNSEEN)), 2)) for run in fit.log.runs), axis=fit.log.axis
     )
     problem = Problem.of(seen, fit.model, fixed=_fixed(fit))
-    best = problem.minimise(problem.pack(fit.model.values, fit.initial), fit.bandwidth, 0.0, iterations=5)
+    best = problem.minimise(problem.pack(fit.model.values, fit.initial), bandwidth, 0.0, iterations=5)
     values, initial = problem.unpack(best.point)
     variance = best.equations.cost / problem.samples
     whole = replace(problem.predictor, runs=fit.log.runs, free=())
-    predictions = whole.predict(values, initial, bandwidth=fit.bandwidth, width=0.0, sensitivities=False)
+    predictions = whole.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
     total = 0.0
     for run, part, prediction in zip(fit.log.runs, seen.runs, predictions, strict=True):
         unseen = prediction.innovations[len(part) :][run.valid[len(part) :]]
@@ -189,8 +184,7 @@ def _without_superfluous(
             progress(f"is {addition.effect} still needed?")
         model = fit.model.without_effect(addition.effect)
         without = Problem.of(fit.log, model, fixed=[n for n in _fixed(fit) if n in model.names]).descend(fit)
-        fewer = len(fit.model.names) - len(model.names)
-        if evidence_of(fit, without) < 0.5 * fewer * np.log(fit.samples):
+        if evidence_of(fit, without) < parameter_cost(fit, without):
             last = replace(additions[-1], fit=without)
             additions = [a for a in additions[:-1] if a is not addition] + [last]
     return additions
