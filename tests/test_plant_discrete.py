@@ -89,6 +89,18 @@ def test_derivatives_of_the_step_are_those_of_finite_differences(name: str, widt
         assert np.array(slopes(state, inputs, values)) == pytest.approx(numeric, abs=1e-7)
 
 
+def test_a_dead_zone_can_open_from_nothing() -> None:
+    """At half width zero, where fits begin, the slope by the half width is that from the right."""
+    import casadi as ca
+
+    model = ServoModel(effects=(catalogue["dead_zone"](half_width=0.0),))
+    step, z = sample_step(model), ca.SX.sym("z", 4)
+    for torque in (3.0, -3.0):
+        inputs = np.array([torque, torque, 0.0, np.inf, 0.02, 0.0])
+        slope = ca.Function("slope", [z], [ca.jacobian(step(np.zeros(2), inputs, z), z[3])])(model.values)
+        assert float(slope[1]) == pytest.approx(-np.sign(torque) * 0.02 / model.inertia, rel=0.01)
+
+
 @pytest.mark.parametrize("hours", [3])
 def test_stiction_holds_for_hours_without_creeping(hours: int) -> None:
     model = ServoModel(gravity=0.5, effects=(StribeckFriction(coulomb=0.6, excess=0.3, velocity=0.1),))
