@@ -125,9 +125,7 @@ def simulate(
     scenario: Annotated[
         str, typer.Argument(metavar="SCENARIO", help="tracking, figure7, drive-loss, disturbance, or a TOML file.")
     ],
-    model: Annotated[
-        Path | None, typer.Option(metavar="MODEL.json", help="Design model of the controller.")
-    ] = None,
+    model: Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Design model of the controller.")] = None,
     out: Out = OUT,
     seed: Seed = 0,
     quiet: Quiet = False,

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from antidrive import report
+from antidrive.fitted_model import model_file
 from antidrive.log_options import LogOptions
 from antidrive.output import whole_file, whole_folder, write_json
 from antidrive.provenance import Provenance
 from antidrive.voice import Voice
 from antidrive.words import headline, sentences
-from identification.fit import Fit
 from identification.log import Log
 from plant.errors import BadParameter
-from plant.model_file import ModelFile, read_model
+from plant.model_file import read_model
 from plant.servo import ServoModel
 
 __all__ = ["Voice", "allocate", "demo", "diagnose", "identify", "predict", "simulate"]
@@ -35,7 +35,7 @@ def identify(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
             simulated = free_simulation(measured.log, found.model)
         content = fit_to_dict(found)
         provenance = Provenance.now(voice.words, measured.log.sources)
-        _model_file(found).write(draft / "model.json")
+        model_file(found).write(draft / "model.json")
         write_json(draft / "fit.json", content)
         page = report.fit_page(found, simulated, provenance, notes=measured.notes)
         (draft / "report.html").write_text(page, encoding="utf-8")
@@ -54,11 +54,11 @@ def diagnose(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
             found = find_causes(measured.log, start, holdout=measured.holdout, progress=progress)
         held_out = measured.holdout.sources if measured.holdout is not None else ()
         provenance = Provenance.now(voice.words, (*measured.log.sources, *held_out))
-        _model_file(found.extended).write(draft / "model.json")
+        model_file(found.extended).write(draft / "model.json")
         write_json(draft / "diagnosis.json", found.to_dict())
         page = report.diagnosis_page(found, provenance, notes=measured.notes)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [headline(found), *(f"  {line}" for line in sentences(found)), *_data_lines(measured.log)]
+    lines = [headline(found), *(f"  {line}" for line in (*sentences(found), *found.warnings))]
     lines.append(_written(out, "diagnosis.json, model.json, report.html"))
     voice.result("\n".join(lines), found.to_dict())
 
@@ -164,15 +164,6 @@ def demo(*, out: Path, seed: int, voice: Voice) -> None:
 
 def _base(path: Path | None) -> ServoModel | None:
     return None if path is None else read_model(path).model
-
-
-def _model_file(fit: Fit) -> ModelFile:
-    return ModelFile(
-        model=fit.model,
-        std={p.name: p.std for p in fit.parameters},
-        sample_time=fit.log.runs[0].sample_time,
-        source=tuple({"file": s.file, "sha256": s.sha256} for s in fit.log.sources),
-    )
 
 
 def _data_lines(log: Log) -> list[str]:

@@ -131,9 +131,12 @@ def traces_figure(
         bounds: by row, from 1: levels to draw as dotted lines.
     """
     figure = make_subplots(rows=len(rows), cols=1, shared_xaxes=True, vertical_spacing=0.05)
+    listed: set[str] = set()
     for row, (title, curves) in enumerate(rows, start=1):
         for name, colour, values in curves:
-            figure.add_trace(_line(time, values, name, colour, width=3.5 if colour == MEASURED else 1.6), row, 1)
+            width = 3.5 if colour == MEASURED else 1.6
+            figure.add_trace(_line(time, values, name, colour, width=width, legend=name not in listed), row, 1)
+            listed.add(name)
         for level in bounds.get(row, ()):
             figure.add_hline(y=level, line_dash="dot", line_color=MEASURED, line_width=1, row=row, col=1)
         figure.update_yaxes(title_text=title, row=row, col=1)
@@ -184,5 +187,5 @@ def _finish(figure: go.Figure, height: int, *, legend: bool = True) -> go.Figure
         hovermode="closest",
     )
     figure.update_xaxes(automargin=True, zeroline=False)
-    figure.update_yaxes(automargin=True, zeroline=False)
+    figure.update_yaxes(automargin=True, zeroline=False, exponentformat="power")
     return figure

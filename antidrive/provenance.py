@@ -37,4 +37,3 @@ class Provenance:
             except PackageNotFoundError:
                 versions.append((name, "not installed"))
         return cls(command=shlex.join(command), versions=tuple(versions), sources=tuple(dict.fromkeys(sources)))
-

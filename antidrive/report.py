@@ -205,6 +205,8 @@ def _environment() -> Environment:
 def _page(template: str, provenance: Provenance, title: str, **content: Mapping[str, Any] | Sequence[Any]) -> str:
     from plotly.offline import get_plotlyjs
 
-    return _environment().get_template(f"{template}.html.j2").render(
-        title=title, provenance=provenance, plotly=Markup(get_plotlyjs()), **content
+    return (
+        _environment()
+        .get_template(f"{template}.html.j2")
+        .render(title=title, provenance=provenance, plotly=Markup(get_plotlyjs()), **content)
     )

@@ -1,0 +1,68 @@
+"""The closed loop when one drive gives no torque: the other one carries the load alone."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from allocation import least_effort
+from mpc import ClosedLoopResult, Controller
+from plant.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+def loop_with_drive_loss(
+    controller: Controller, rig: Rig, reference: Array, pushes: Array, *, drive: int, time: float, seed: int
+) -> ClosedLoopResult:
+    """Run a controller on the rig while one drive fails.
+
+    From then on the follower torque that the controller asks for is given by the other drive alone, in both senses and
+    within its limit. Motion is kept; its flank parts whenever the torque reverses, and the backlash shows.
+
+    Args:
+        controller: a fresh one.
+        rig: the machine.
+        reference: (T,) wanted load angle [rad].
+        pushes: (T,) disturbing torque on the load [N m].
+        drive: 1 or 2, the one that fails.
+        time: when it fails [s].
+        seed: of the encoder's noise.
+    """
+    dt, ahead = controller.sample_time, controller.horizon
+    lost, kept = drive - 1, 2 - drive
+    wanted = np.append(reference, np.full(ahead, reference[-1]))
+    rng = np.random.default_rng(seed)
+    broken_from = round(time / dt)
+    first = least_effort(controller.bounds, 0.0)
+    state = rig.rest(float(reference[0]), first if broken_from > 0 else np.zeros(2))
+    rows: dict[str, list[float]] = {name: [] for name in ("angle", "velocity", "measured", "unknown", "margin")}
+    torques, flanks, status = [], [], []
+    for k, push in enumerate(pushes):
+        measured = rig.measure(state, rng)
+        control = controller.step(measured, wanted[k : k + ahead + 1])
+        applied, said, margin = control.torques, control.status, control.margin
+        if k >= broken_from:
+            alone = float(rig.gears.follower_torque(applied)) / float(rig.gears.torque_map[kept])
+            applied = np.zeros(2)
+            applied[kept] = np.clip(alone, -controller.max_torque, controller.max_torque)
+            said, margin = f"degraded: drive {lost + 1} is lost, drive {kept + 1} works alone", -controller.min_torque
+        for name, value in zip(rows, (state.angle, state.velocity, measured, control.disturbance, margin), strict=True):
+            rows[name].append(value)
+        state = rig.advance(state, applied, dt, float(push))
+        torques.append(applied)
+        flanks.append(state.least_flank_torques)
+        status.append(said)
+    columns = {name: np.array(values) for name, values in rows.items()}
+    return ClosedLoopResult(
+        time=np.arange(len(pushes)) * dt,
+        reference=reference.copy(),
+        angle=columns["angle"],
+        measured_angle=columns["measured"],
+        velocity=columns["velocity"],
+        torques=np.array(torques),
+        disturbance=columns["unknown"],
+        margin=columns["margin"],
+        flank_torques=np.array(flanks),
+        status=tuple(status),
+    )

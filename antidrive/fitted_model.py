@@ -1,0 +1,16 @@
+"""From a fit to the model file that carries it on."""
+
+from __future__ import annotations
+
+from identification.fit import Fit
+from plant.model_file import ModelFile
+
+
+def model_file(fit: Fit) -> ModelFile:
+    """The fitted model with its standard errors, and the files that it came from."""
+    return ModelFile(
+        model=fit.model,
+        std={p.name: p.std for p in fit.parameters},
+        sample_time=fit.log.runs[0].sample_time,
+        source=tuple({"file": s.file, "sha256": s.sha256} for s in fit.log.sources),
+    )
