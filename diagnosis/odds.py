@@ -44,7 +44,8 @@ def parameter_cost(fit: Fit, than: Fit) -> float:
     fewer = sum(name not in fit.model.names for name in than.model.names)
     schwarz = schwarz_cost(len(more) - fewer, fit.samples)
     ranges = [plausible_range(fit.model.parameters[fit.free[row]].unit, fit) for row in more]
-    if fewer or any(r is None for r in ranges):
+    settled = all(fit.parameters[fit.free[row]].std and not fit.parameters[fit.free[row]].at_bound for row in more)
+    if fewer or not settled or any(r is None for r in ranges):
         return schwarz
     sign, volume = np.linalg.slogdet(2.0 * np.pi * fit.covariance[np.ix_(more, more)])
     if sign <= 0.0:

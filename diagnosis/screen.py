@@ -6,8 +6,8 @@ through the linearised predictor into the innovations,
     s[k+1] = A[k] (s[k] - gain[k] s_angle[k]) + B[k] d[k],      de[k] = -s_angle[k],
 
 which is the same filter for all, so one pass over the log serves all traces. What the parameters of the model and the
-initial states can absorb is projected out, and the rest is regressed on the innovations (Rao 1948; the Lagrange
-multiplier test).
+initial states can absorb is projected out, and the rest is regressed on the whitened innovations (Rao 1948; the
+Lagrange multiplier test).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from identification.fit import Fit, Problem
+from identification.noise import autoregression, whiten
 from identification.predictor import Prediction, run_inputs, stack
 from plant.discrete import INPUTS, sample_step
 from plant.effects import Effect, Motion, TorqueOffset, Trace
@@ -59,6 +60,7 @@ class Screen:
     innovations: Array
     nuisance: Array
     filters: tuple[tuple[Array, Array, Array], ...]
+    colour: Array
 
     @classmethod
     def of(cls, fit: Fit, problem: Problem, *, bandwidth: float, missing: Array | None = None) -> Screen:
@@ -70,11 +72,18 @@ class Screen:
             _linearised(fit.model, problem, run, p, bandwidth)
             for run, p in zip(problem.log.runs, predictions, strict=True)
         ]
+        coefficients = autoregression(innovations)
+        innovations, nuisance = whiten(innovations, coefficients), whiten(nuisance, coefficients)
         basis, triangle = np.linalg.qr(nuisance)
         kept = np.abs(np.diag(triangle)) > 1e-10 * np.abs(np.diag(triangle)).max()
         motion = _motion(fit, problem, predictions, bandwidth, linear)
         return cls(
-            fit=fit, motion=motion, innovations=innovations, nuisance=basis[:, kept], filters=tuple(linear)
+            fit=fit,
+            motion=motion,
+            innovations=innovations,
+            nuisance=basis[:, kept],
+            filters=tuple(linear),
+            colour=coefficients,
         )
 
     def ask(self, effects: Mapping[str, type[Effect]]) -> list[Suspect]:
@@ -98,7 +107,7 @@ class Screen:
         columns = [trace.columns for trace in traces]
         if not columns:
             return
-        responses = self._through_filter(np.hstack(columns))
+        responses = whiten(self._through_filter(np.hstack(columns)), self.colour)
         e = self.innovations - self.nuisance @ (self.nuisance.T @ self.innovations)
         responses = responses - self.nuisance @ (self.nuisance.T @ responses)
         n, first = self.fit.samples, 0

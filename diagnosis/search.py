@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,8 +14,9 @@ from identification.fit import Fit, Problem
 from identification.log import Log
 from plant.effects import Effect, catalogue
 
-_REFITS = 5  # effects refitted in one round, at most
-_WORTH = 0.2  # share of the leader's evidence that earns a refit
+_REFITS = 5  # effects refitted in one round because they are close to the leader of the screen
+_WORTH = 0.2  # share of the leader's evidence that counts as close
+_PROMISING = -5.0  # screened score below which a refit cannot clear the bar
 _ROUNDS = 6
 _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
 
@@ -76,16 +77,13 @@ def _one_round(
     def scored(suspect: Suspect, evidence: float, cost: float) -> float:
         return score(evidence, cost=cost, searched=suspect.searched, catalogue=len(asked))
 
-    by_screen = {s.name: scored(s, s.evidence, schwarz_cost(s.columns, fit.samples)) for s in suspects}
-    worth = [s for s in suspects if by_screen[s.name] > -5.0]
-    leader = max((s.evidence for s in worth), default=0.0)
-    chosen = [s for s in worth if s.evidence >= _WORTH * leader][:_REFITS]
+    scores = {s.name: scored(s, s.evidence, schwarz_cost(s.columns, fit.samples)) for s in suspects}
     refits: dict[str, Fit] = {}
-    scores = dict(by_screen)
-    for suspect in chosen:
+    for suspect in _worth_a_refit(suspects, scores, refits):
         if progress is not None:
             progress(f"round {number}: refitting with {suspect.start.title}")
-        tried = refits[suspect.name] = refit(fit, suspect.start)
+        best = max((other.log_likelihood for other in refits.values()), default=-np.inf)
+        tried = refits[suspect.name] = refit(fit, suspect.start, worth=best - 30.0)
         scores[suspect.name] = scored(suspect, evidence_of(tried, fit), parameter_cost(tried, fit))
     odds = probabilities({name: value for name, value in scores.items() if name in refits or not refits})
     for suspect in suspects:
@@ -109,10 +107,24 @@ def _one_round(
     return Addition(effect=winner, fit=refits[winner], odds=odds, evidence=evidence_of(refits[winner], fit))
 
 
+def _worth_a_refit(
+    suspects: list[Suspect], scores: Mapping[str, float], refits: Mapping[str, Fit]
+) -> Iterator[Suspect]:
+    """Suspects to refit: the leading ones of the screen, and on as long as it promises more than the refits delivered."""
+    waiting = sorted(suspects, key=lambda suspect: -scores[suspect.name])
+    leader = max((suspect.evidence for suspect in suspects), default=0.0)
+    for suspect in waiting:
+        promise = scores[suspect.name]
+        delivered = max((scores[name] for name in refits), default=-np.inf)
+        close = suspect.evidence >= _WORTH * leader and len(refits) < _REFITS
+        if promise > _PROMISING and (close or promise > delivered):
+            yield suspect
+
+
 def _would_add(fit: Fit, kind: type[Effect]) -> bool:
-    """Whether an effect is neither in the model nor a special case of one that is."""
+    """Whether an effect makes sense on this axis and is neither in the model nor a special case of one that is."""
     held = {name for effect in fit.model.effects for name in (effect.name, *effect.contains)}
-    return kind.name not in held
+    return kind.name not in held and fit.model.axis in kind.axes
 
 
 def _fixed(fit: Fit) -> tuple[str, ...]:
@@ -125,11 +137,11 @@ def evidence_of(fit: Fit, than: Fit) -> float:
     return fit.log_likelihood - than.log_likelihood - charge * ((fit.bandwidth > 0.0) - (than.bandwidth > 0.0))
 
 
-def refit(fit: Fit, effect: Effect) -> Fit:
-    """Fit the model with one effect more, from where the screen says it is."""
+def refit(fit: Fit, effect: Effect, *, worth: float = -np.inf) -> Fit:
+    """Fit the model with one effect more, from where the screen says it is; finely if it gets a likelihood `worth` it."""
     model = fit.model.with_effect(effect)
     kept = [name for name in _fixed(fit) if name in model.names]
-    return Problem.of(fit.log, model, fixed=kept).descend(fit)
+    return Problem.of(fit.log, model, fixed=kept).descend(fit, worth=worth)
 
 
 def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from identification.inverse import starting_values
 from identification.least_squares import Minimum, NormalEquations, covariance, minimise
 from identification.log import Log
+from identification.noise import log_likelihood
 from identification.predictor import Predictor, stack
 from plant.effects.effect import Array
 from plant.errors import BadParameter
@@ -134,6 +135,14 @@ def base_model(log: Log) -> ServoModel:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class _Trial:
+    """A minimum at one bandwidth and its score."""
+
+    minimum: Minimum
+    score: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
     """A fit before it is solved: a log, a model's structure and what may move."""
 
@@ -197,11 +206,6 @@ class Problem:
             total = float(sum(p.innovations @ p.innovations for p in predictions))
         return total if np.isfinite(total) else np.inf
 
-    def likelihood(self, cost: float) -> float:
-        """Log-likelihood with the noise level at its best value."""
-        n = self.samples
-        return -0.5 * n * (np.log(2.0 * np.pi * max(cost, 1e-300) / n) + 1.0)
-
     def minimise(self, start: Array, bandwidth: float, width: float, iterations: int = 30) -> Minimum:
         """The best point at a bandwidth and a width."""
         return minimise(
@@ -238,7 +242,8 @@ class Problem:
             point = best.point
             if progress is not None:
                 progress(f"observer at {bandwidth:.3g} rad/s: noise {np.sqrt(best.equations.cost / self.samples):.3g}")
-        trials = {bandwidth: self._exact(bandwidth, minimum) for bandwidth, minimum in visited}
+        more = 4 if self.model.dry_friction(0.0) is not None else 0
+        trials = {bandwidth: self._trial(minimum.point, bandwidth, iterations=more) for bandwidth, minimum in visited}
         return self._result(*self._refined(trials), sum(m.evaluations for _, m in visited))
 
     def _plausible(self, minimum: Minimum) -> bool:
@@ -255,11 +260,12 @@ class Problem:
         found = (starting_values(self.log, self.model, share * rate) for share in (0.005, 0.02, 0.06))
         return [values for values in found if values is not None]
 
-    def descend(self, start: Fit) -> Fit:
+    def descend(self, start: Fit, *, worth: float = -np.inf) -> Fit:
         """Fit from another fit of a simpler model that lies near: at its bandwidth first, then down as far as it pays.
 
         Args:
             start: parameters of the same name and initial states are taken over; new ones start at the model's values.
+            worth: log-likelihood from which the bandwidth is searched finely.
         """
         values = self.model.values
         for place, name in enumerate(self.model.names):
@@ -269,48 +275,52 @@ class Problem:
         point, evaluations = self.pack(values, start.initial), 0
         bandwidth = start.bandwidth
         if self.model.dry_friction(0.0) is not None and start.model.dry_friction(0.0) is None:
-            for width in self.widths()[1:4]:
+            for width in self.widths()[1:4:2]:
                 point = self.minimise(point, bandwidth, width, iterations=3).point
-        trials = {bandwidth: self.minimise(point, bandwidth, 0.0, iterations=6)}
+        trials = {bandwidth: self._trial(point, bandwidth, iterations=6)}
         slowest = 1.0 / max(run.duration for run in self.log.runs)
         while bandwidth:
             last = trials[bandwidth]
             bandwidth = bandwidth / 4.0 if bandwidth > 4.0 * slowest else 0.0
-            trials[bandwidth] = self.minimise(last.point, bandwidth, 0.0, iterations=5)
-            if self.likelihood(trials[bandwidth].equations.cost) < self.likelihood(last.equations.cost) - 10.0:
+            trials[bandwidth] = self._trial(last.minimum.point, bandwidth, iterations=5)
+            if trials[bandwidth].score < last.score - 10.0:
                 break
-        evaluations = sum(minimum.evaluations for minimum in trials.values())
-        return self._result(*self._refined(trials), evaluations)
+        evaluations = sum(trial.minimum.evaluations for trial in trials.values())
+        if max(trial.score for trial in trials.values()) > worth:
+            return self._result(*self._refined(trials), evaluations)
+        top = max(trials, key=lambda bandwidth: trials[bandwidth].score)
+        return self._result(top, trials[top].minimum, evaluations)
 
-    def _exact(self, bandwidth: float, minimum: Minimum) -> Minimum:
-        if bandwidth == 0.0 or self.model.dry_friction(0.0) is None:
-            return minimum
-        return self.minimise(minimum.point, bandwidth, 0.0, iterations=4)
+    def _trial(self, point: Array, bandwidth: float, iterations: int) -> _Trial:
+        """A minimum in the exact form and its score: the log-likelihood, less the charge for a bandwidth above 0."""
+        minimum = self.minimise(point, bandwidth, 0.0, iterations=iterations)
+        charge = 0.5 * np.log(self.samples) if bandwidth else 0.0
+        return _Trial(minimum=minimum, score=log_likelihood(minimum.equations.residuals, self.samples) - charge)
 
-    def score(self, bandwidth: float, minimum: Minimum) -> float:
-        """Log-likelihood, less the charge for a bandwidth that is not zero."""
-        return self.likelihood(minimum.equations.cost) - (0.5 * np.log(self.samples) if bandwidth else 0.0)
-
-    def _refined(self, trials: dict[float, Minimum]) -> tuple[float, Minimum]:
-        """The best bandwidth: the best of the trials, its neighbours, and the top of the parabola through them."""
-        top = max(trials, key=lambda b: self.score(b, trials[b]))
+    def _refined(self, trials: dict[float, _Trial]) -> tuple[float, Minimum]:
+        """The best bandwidth among the trials and the neighbours of the best."""
+        fastest = 1.0 / self.log.runs[0].sample_time
+        top = max(trials, key=lambda bandwidth: trials[bandwidth].score)
         for factor in (2.5, 1.6) if top else ():
             for bandwidth in (top * factor, top / factor):
-                if not any(abs(np.log(bandwidth / other)) < 0.2 for other in trials if other):
-                    trials[bandwidth] = self.minimise(trials[top].point, bandwidth, 0.0, iterations=4)
-            top = max(trials, key=lambda b: self.score(b, trials[b]))
-        return top, self.minimise(trials[top].point, top, 0.0)
+                if bandwidth < fastest and not any(abs(np.log(bandwidth / other)) < 0.2 for other in trials if other):
+                    trials[bandwidth] = self._trial(trials[top].minimum.point, bandwidth, iterations=4)
+            top = max(trials, key=lambda bandwidth: trials[bandwidth].score)
+        best = trials[top].minimum
+        return top, best if best.converged else self.minimise(best.point, top, 0.0)
 
     def _result(self, bandwidth: float, minimum: Minimum, evaluations: int) -> Fit:
         values, initial = self.unpack(minimum.point)
         variance = minimum.equations.cost / max(self.samples - minimum.point.size, 1)
-        spread, lost = covariance(minimum.equations.information, variance)
+        innovations, jacobian = stack(
+            self.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0)
+        )
+        spread, lost = covariance(innovations, jacobian, variance)
         count = len(self.free)
         spread, lost = spread[:count, :count], lost[:count]
         lost = lost | self._without_weight(values, np.sqrt(np.diag(spread)))
         values[np.array(self.free)[lost]] = self.model.values[np.array(self.free)[lost]]
         fitted = self.model.with_values(values)
-        predictions = self.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
         return Fit(
             model=fitted,
             parameters=self._lines(fitted, spread, lost),
@@ -319,9 +329,9 @@ class Problem:
             initial=initial,
             bandwidth=bandwidth,
             noise_std=float(np.sqrt(variance)),
-            log_likelihood=self.likelihood(minimum.equations.cost),
+            log_likelihood=log_likelihood(innovations, self.samples),
             samples=self.samples,
-            innovations=np.concatenate([p.innovations for p in predictions]),
+            innovations=innovations,
             substeps=self.predictor.substeps,
             converged=minimum.converged,
             evaluations=evaluations + minimum.evaluations,

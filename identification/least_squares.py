@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.noise import autoregression, colour, whiten
 from plant.effects.effect import Array
 
 
@@ -23,11 +24,13 @@ class NormalEquations:
         cost: sum of squares of the residuals.
         gradient: (n,) of half the cost.
         information: (n, n) Jacobian transposed times Jacobian.
+        residuals: (T,) themselves.
     """
 
     cost: float
     gradient: Array
     information: Array
+    residuals: Array
 
     @classmethod
     def of(cls, residuals: Array, jacobian: Array) -> NormalEquations:
@@ -37,7 +40,7 @@ class NormalEquations:
             gradient, information = jacobian.T @ residuals, jacobian.T @ jacobian
         if not (np.isfinite(cost) and np.isfinite(gradient).all() and np.isfinite(information).all()):
             cost = np.inf
-        return cls(cost=cost, gradient=gradient, information=information)
+        return cls(cost=cost, gradient=gradient, information=information, residuals=residuals)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,7 +61,7 @@ def minimise(
     *,
     samples: int,
     iterations: int = 30,
-    tolerance: float = 1e-3,
+    tolerance: float = 0.01,
     at_start: NormalEquations | None = None,
 ) -> Minimum:
     """Minimise a sum of squares within bounds.
@@ -77,7 +80,11 @@ def minimise(
     here = at_start if at_start is not None else evaluate(point)
     evaluations, damping, converged = int(at_start is None), 1e-6, False
     while evaluations < iterations and np.isfinite(here.cost) and here.cost > 0.0:
-        step = _bounded_step(here, point, lower, upper, damping)
+        # A quantity that is positive by nature (a time, a width, an inertia) changes by a factor of five at most, so
+        # that one about which the log is silent does not run away.
+        least = np.where(lower > 0.0, np.maximum(lower, point / 5.0), lower)
+        most = np.where(lower > 0.0, np.minimum(upper, point * 5.0), upper)
+        step = _bounded_step(here, point, least, most, damping)
         promise = -(2.0 * here.gradient @ step + step @ here.information @ step)
         if 0.5 * samples * promise / here.cost < tolerance:
             converged = True
@@ -116,16 +123,25 @@ def _bounded_step(here: NormalEquations, point: Array, lower: Array, upper: Arra
     return np.clip(point + step / scale, lower, upper) - point
 
 
-def covariance(information: NDArray[np.float64], variance: float) -> tuple[Array, NDArray[np.bool_]]:
+def covariance(
+    residuals: Array, jacobian: NDArray[np.float64], variance: float
+) -> tuple[Array, NDArray[np.bool_]]:
     """Covariance (n, n) of the estimate, and which parameters the data do not determine (n,).
 
-    A parameter is undetermined when a direction of (numerically) no information reaches into it.
+    The residuals' colour is taken into account (Box and Jenkins 1970): with the noise covariance R that an
+    autoregression gives, the covariance is (J'J)^-1 J'RJ (J'J)^-1. A parameter is undetermined when a direction of
+    (numerically) no information reaches into it.
     """
+    information = jacobian.T @ jacobian
     diagonal = np.diag(information)
     scale = np.sqrt(np.maximum(diagonal, 1e-300))
-    normalised = information / np.outer(scale, scale)
-    eigenvalues, vectors = np.linalg.eigh(normalised)
+    eigenvalues, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     lost = eigenvalues < 1e-12 * max(float(eigenvalues.max(initial=0.0)), 1e-300)
     inverse = (vectors[:, ~lost] / eigenvalues[~lost]) @ vectors[:, ~lost].T
     undetermined = (np.abs(vectors[:, lost]) > 1e-3).any(axis=1) | (diagonal <= 0.0)
-    return variance * inverse / np.outer(scale, scale), undetermined
+
+    coefficients = autoregression(residuals)
+    white_share = float(np.mean(whiten(residuals, coefficients) ** 2) / max(float(np.mean(residuals**2)), 1e-300))
+    coloured = colour(jacobian[::-1] / scale, coefficients)  # R = C'C with C the colouring filter: C' runs backwards
+    middle = variance * white_share * (coloured.T @ coloured)
+    return inverse @ middle @ inverse / np.outer(scale, scale), undetermined

@@ -144,6 +144,7 @@ class Effect:
     contains: ClassVar[tuple[str, ...]] = ()
     """Effects that are special cases of this one; it takes their place."""
     has_state: ClassVar[bool] = False
+    axes: ClassVar[tuple[Axis, ...]] = ("rotary", "linear")
 
     def __post_init__(self) -> None:
         """Validate every parameter."""

@@ -20,6 +20,7 @@ class GravityOffset(Effect):
     stage = Stage.LOAD
     equation = r"\tau_g = -\beta \sin x"
     trace = "sin x in missing torque"
+    axes = ("rotary",)
     confused_with = ("torque_offset", "cable_stiffness", "encoder_eccentricity")
 
     beta: float = parameter("{torque}", "gravity torque in quadrature")

@@ -28,7 +28,7 @@ class StribeckFriction(Effect):
 
     coulomb: float = parameter("{torque}", "sliding friction F_c", lower=0.0)
     excess: float = parameter("{torque}", "breakaway level above sliding, F_s - F_c", lower=0.0)
-    velocity: float = parameter("{angle}/s", "Stribeck velocity v_s", lower=1e-6)
+    velocity: float = parameter("{angle}/s", "Stribeck velocity v_s", lower=1e-6, upper=1e3)
 
     def dry_friction(self, velocity: Expression) -> tuple[Expression, Expression]:
         """The Stribeck curve, the same in both directions."""
