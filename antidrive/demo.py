@@ -90,8 +90,8 @@ class Demo:
             lines.append(f"Missing: {title_of(cause.effect)} ({size}), {percent(cause.probability)} sure.")
         if gain is not None:
             lines.append(
-                f"Prediction: held-out error {gain.held_out_rms_before:.3g} -> {gain.held_out_rms_after:.3g} {gain.unit} "
-                f"rms ({_change(gain.cut)})."
+                f"Prediction: held-out error {gain.held_out_rms_before:.3g} -> {gain.held_out_rms_after:.3g} "
+                f"{gain.unit} rms ({_change(gain.cut)})."
             )
         tracking = found["tracking"]
         lines.append(

@@ -55,7 +55,7 @@ def loop_with_drive_loss(
         status.append(said)
     columns = {name: np.array(values) for name, values in rows.items()}
     return ClosedLoopResult(
-        time=np.arange(len(pushes)) * dt,
+        time=np.arange(len(pushes), dtype=np.float64) * dt,
         reference=reference.copy(),
         angle=columns["angle"],
         measured_angle=columns["measured"],

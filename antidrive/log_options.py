@@ -73,8 +73,6 @@ class LogOptions:
         )
 
     def _known(self) -> Measured:
-        from identification.datasets import load_dataset
-
         for option, given in (("--map", self.mapping), ("--unit", self.units), ("--scale", self.scales)):
             if given:
                 raise BadParameter(f"{option} does not go with --dataset: the names and units of a data set are known.")
@@ -82,6 +80,8 @@ class LogOptions:
             raise BadParameter("--holdout does not go with --dataset: a data set says itself what is held out.")
         if (self.data is None) == (not self.files):
             raise BadParameter("--dataset needs either --data FOLDER or the files of the data set.")
+        from identification.datasets import load_dataset
+
         loaded = load_dataset(
             str(self.dataset), self.data if self.data is not None else list(self.files), joint=self.joint
         )

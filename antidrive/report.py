@@ -71,7 +71,8 @@ def demo_page(told: Demo, provenance: Provenance) -> str:
         provenance,
         headline(told.diagnosis),
         story=told.sentences(),
-        diagnosis=_diagnosis(told.diagnosis, ("synthetic log, recorded on the rig with friction hidden in it",)),
+        diagnosis=_diagnosis(told.diagnosis, ("synthetic log, recorded on the rig with effects hidden in it",))
+        | {"sentences": ()},
         trials=[_trial(trial) for trial in told.trials],
     )
 

@@ -119,9 +119,9 @@ class Trial:
         if "single_drive" in s:
             one = s["single_drive"]
             lines.append(
-                f"Teeth apart in {s['samples_apart']} samples with both drives, in {one['samples_apart']} with one, which "
-                f"then hits the far flank with up to {one['hardest_hit_on_far_flank']:.3g} N m; tracking error with one "
-                f"drive: {one['tracking_rms']:.3g} rad rms."
+                f"Teeth apart in {s['samples_apart']} samples with both drives, in {one['samples_apart']} with one, "
+                f"which then hits the far flank with up to {one['hardest_hit_on_far_flank']:.3g} N m; tracking error "
+                f"with one drive: {one['tracking_rms']:.3g} rad rms."
             )
         if s["degraded_samples"]:
             first = next(status for status in self.result.status if status != "optimal")
@@ -184,7 +184,7 @@ def run_scenario(scenario: Scenario, *, model: ServoModel | None = None, seed: i
         return Controller(design, rig.gears, sample_time=scenario.sample_time, **scenario.controller)
 
     pushes, loss = scenario.pushes(), scenario.drive_loss
-    wanted = scenario.wanted(np.arange(pushes.size) * scenario.sample_time)
+    wanted = scenario.wanted(np.arange(pushes.size, dtype=np.float64) * scenario.sample_time)
     first = controller()
     if loss is None:
         result = closed_loop(first, rig, scenario.wanted, scenario.duration, seed, disturbance=pushes)

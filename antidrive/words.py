@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from diagnosis.result import Cause, Diagnosis
 from plant.effects import catalogue
+
+_ALONE = 0.9  # probability above which a name stands without its rivals
 
 
 def title_of(effect: str) -> str:
@@ -34,13 +38,13 @@ def headline(diagnosis: Diagnosis) -> str:
         where = ", ".join(diagnosis.unexplained.depends_on)
         lives = f"; it depends on {where}" if where else ""
         return f"Something is missing that no effect of the catalogue explains{lives}."
-    if diagnosis.verdict == "ambiguous":
-        names = " or ".join(title_of(name) for name in (causes[0].effect, *_rivals(causes[0])))
-        return f"Something is missing, and this log does not tell which: {names}."
-    names = " and ".join(
-        filter(None, (", ".join(title_of(c.effect) for c in causes[:-1]), title_of(causes[-1].effect)))
-    )
-    return f"The model misses {names}."
+    named = [title_of(cause.effect) for cause in causes if cause.probability >= _ALONE]
+    open_ones = [" or ".join(map(title_of, (c.effect, *_rivals(c)))) for c in causes if c.probability < _ALONE]
+    known = f"The model misses {_listed(named)}" if named else ""
+    unclear = f"misses {_listed(open_ones)}, and this log does not tell which" if open_ones else ""
+    if known and unclear:
+        return f"{known}; it also {unclear}."
+    return f"{known}." if known else f"The model {unclear}."
 
 
 def sentences(diagnosis: Diagnosis) -> list[str]:
@@ -84,3 +88,8 @@ def _rivals(cause: Cause) -> list[str]:
     """The alternatives that cannot be put aside."""
     close = [name for name, p in cause.alternatives if p > 0.05]
     return close or [name for name, _ in cause.alternatives[:1]]
+
+
+def _listed(names: Sequence[str]) -> str:
+    """A, B and C."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))

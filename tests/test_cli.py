@@ -1,0 +1,279 @@
+"""The commands from end to end, on small synthetic logs."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from front_door import DT, PLAIN, TRUTH, antidrive, columns, listing, write_csv, write_model
+
+import antidrive.cli as cli
+from antidrive.output import whole_folder
+from plant import BadParameter, read_model
+
+
+def strict_json(text: str):
+    """Parse JSON and refuse the NaN and Infinity that Python would let through."""
+
+    def refuse(constant: str):
+        raise AssertionError(f"{constant} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory) -> Path:
+    return write_csv(tmp_path_factory.mktemp("logs") / "log.csv", columns())
+
+
+@pytest.fixture(scope="module")
+def held(tmp_path_factory) -> Path:
+    return write_csv(tmp_path_factory.mktemp("logs") / "held.csv", columns(seed=1, duration=9.0))
+
+
+@pytest.fixture(scope="module")
+def fitted(log, tmp_path_factory):
+    out = tmp_path_factory.mktemp("fit") / "out"
+    base = write_model(out.parent / "base.json", TRUTH)
+    return antidrive("identify", log, "--base", base, "--out", out), out
+
+
+def test_identify_recovers_the_truth_and_writes_three_files(fitted):
+    spoken, out = fitted
+    assert spoken.code == 0, spoken.err
+    assert sorted(listing(out)) == ["fit.json", "model.json", "report.html"]
+    found = read_model(out / "model.json")
+    assert found.model.values == pytest.approx(TRUTH.values, rel=0.02, abs=0.01)
+    assert found.sample_time == pytest.approx(DT)
+    assert found.source[0]["file"].endswith("log.csv")
+    assert len(found.source[0]["sha256"]) == 64
+    content = strict_json((out / "fit.json").read_text())
+    line = content["parameters"]["inertia"]
+    assert abs(line["value"] - TRUTH.inertia) < 5 * line["std"]
+    assert "inertia" in spoken.out
+
+
+def test_mapping_units_and_scales_give_the_same_fit(fitted, log, tmp_path):
+    _, out = fitted
+    table = pd.read_csv(log)
+    odd = pd.DataFrame({"t": table.time, "i": table.torque / 2.5, "qm": np.rad2deg(table.angle)})
+    odd.to_csv(tmp_path / "odd.csv", index=False, sep=";", decimal=",")
+    base = write_model(tmp_path / "base.json", TRUTH)
+    words = "--map time=t --map torque=i --map angle=qm --unit angle=deg --scale torque=2.5".split()
+    spoken = antidrive("identify", tmp_path / "odd.csv", *words, "--base", base, "--out", tmp_path / "out", "--json")
+    assert spoken.code == 0, spoken.err
+    values = read_model(tmp_path / "out" / "model.json").model.values
+    np.testing.assert_allclose(values, read_model(out / "model.json").model.values, rtol=1e-4, atol=1e-6)
+    assert strict_json(spoken.out)["parameters"]["inertia"]["unit"] == "kg m^2"
+    assert spoken.err == ""
+
+
+def test_quiet_says_nothing_and_the_same_seed_gives_the_same_files(fitted, log, tmp_path):
+    _, out = fitted
+    base = write_model(tmp_path / "base.json", TRUTH)
+    spoken = antidrive("identify", log, "--base", base, "--out", tmp_path / "again", "--quiet")
+    assert (spoken.code, spoken.out, spoken.err) == (0, "", "")
+    assert (tmp_path / "again" / "fit.json").read_bytes() == (out / "fit.json").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def diagnosed(log, held, tmp_path_factory):
+    out = tmp_path_factory.mktemp("diagnosis") / "out"
+    return antidrive("diagnose", log, "--holdout", held, "--out", out, "--json"), out
+
+
+def test_diagnose_names_what_is_hidden_in_the_contracted_form(diagnosed):
+    spoken, out = diagnosed
+    assert spoken.code == 0, spoken.err
+    assert sorted(listing(out)) == ["diagnosis.json", "model.json", "report.html"]
+    content = strict_json((out / "diagnosis.json").read_text())
+    assert strict_json(spoken.out) == content
+    assert content["schema"] == 1
+    assert content["verdict"] == "named"
+    assert [cause["effect"] for cause in content["causes"]] == ["coulomb_friction"]
+    cause = content["causes"][0]
+    assert set(cause) == {"effect", "probability", "alternatives", "parameters", "gain"}
+    assert cause["parameters"]["torque"]["value"] == pytest.approx(0.4, abs=0.02)
+    assert cause["parameters"]["torque"]["unit"] == "N m"
+    gain = content["gain"]
+    assert set(gain) == {"held_out_rms_before", "held_out_rms_after", "noise_floor", "unit", "window", "runs"}
+    assert gain["held_out_rms_after"] < 0.2 * gain["held_out_rms_before"]
+    assert set(content["unexplained"]) == {"share", "depends_on"}
+    assert set(content["data"]) == {"warnings"}
+
+
+def test_the_extended_model_predicts_better_than_the_base(diagnosed, held, tmp_path):
+    _, out = diagnosed
+    errors = []
+    for name, model in (("extended", out / "model.json"), ("plain", write_model(tmp_path / "plain.json"))):
+        target = tmp_path / f"{name}.csv"
+        spoken = antidrive("predict", model, held, "--out", target, "--json")
+        assert spoken.code == 0, spoken.err
+        told = strict_json(spoken.out)["runs"][0]["rms"]
+        predicted, measured = pd.read_csv(target), pd.read_csv(held)
+        assert list(predicted.columns) == ["run", "time", "angle"]
+        assert told == pytest.approx(np.sqrt(np.mean((predicted.angle - measured.angle) ** 2)), rel=1e-6)
+        errors.append(told)
+    assert errors[0] < 0.1 * errors[1]
+
+
+@pytest.mark.parametrize("window", [None, 2.0])
+def test_a_prediction_sees_the_output_only_while_it_settles(window, tmp_path):
+    table = columns()
+    model = write_model(tmp_path / "model.json", TRUTH)
+    options = [] if window is None else ["--window", window]
+    period = window or 1e9
+    late = (table["time"] % period) > 0.2 + DT
+    changed = table | {"angle": np.where(late, table["angle"] + 0.3 * np.sin(table["time"]), table["angle"])}
+    curves = []
+    for name, content in (("true", table), ("changed", changed)):
+        log, out = write_csv(tmp_path / f"{name}.csv", content), tmp_path / f"{name}-out.csv"
+        assert antidrive("predict", model, log, *options, "--out", out).code == 0
+        curves.append(pd.read_csv(out).angle.to_numpy())
+    np.testing.assert_array_equal(curves[0], curves[1])
+    assert np.sqrt(np.mean((curves[0] - table["angle"]) ** 2)) < 0.02
+
+
+def test_a_linear_axis_is_predicted_as_a_position_for_each_run(tmp_path):
+    count = 300
+    time_ = np.tile(np.arange(count) * DT, 2)
+    force = np.tile(2.0 * np.sin(np.arange(count) * DT * 4), 2)
+    table = {"time": time_, "force": force, "position": np.cumsum(force) * 1e-4, "run": np.repeat([3, 7], count)}
+    log = write_csv(tmp_path / "axis.csv", table)
+    content = json.dumps(
+        {"schema": 1, "axis": "linear", "parameters": {"inertia": 5, "gravity": 0, "viscous_friction": 9}}
+    )
+    (tmp_path / "model.json").write_text(content)
+    spoken = antidrive("predict", tmp_path / "model.json", log, "--out", tmp_path / "p.csv")
+    assert spoken.code == 0, spoken.err
+    predicted = pd.read_csv(tmp_path / "p.csv")
+    assert list(predicted.columns) == ["run", "time", "position"]
+    assert predicted.run.value_counts().to_dict() == {3: count, 7: count}
+
+
+def test_allocate_shares_the_torque_and_keeps_every_bound():
+    spoken = antidrive("allocate", "-1", "0", "2.0", "9", "--json")
+    assert spoken.code == 0, spoken.err
+    splits = strict_json(spoken.out)["splits"]
+    for split, wanted in zip(splits, (-1.0, 0.0, 2.0, 9.0), strict=True):
+        first, second = split["torques"]
+        assert 0.02 <= first <= 0.3
+        assert -0.3 <= second <= -0.02
+        assert -161 / 20 * (first + second) + split["missing_torque"] == pytest.approx(wanted, abs=1e-9)
+    assert [split["status"] == "optimal" for split in splits] == [True, True, True, False]
+    assert splits[3]["missing_torque"] == pytest.approx(9 - 161 / 20 * 0.28)
+    assert "degraded" in antidrive("allocate", "9").out
+
+
+def test_simulate_holds_the_teeth_together_while_it_tracks(tmp_path):
+    text = """
+    title = "short"
+    duration = 1.5
+    sample_time = 0.005
+    reference = { kind = "sine", amplitude = 0.1, frequency = 0.3 }
+    """
+    (tmp_path / "short.toml").write_text(text)
+    spoken = antidrive("simulate", tmp_path / "short.toml", "--out", tmp_path / "out", "--json")
+    assert spoken.code == 0, spoken.err
+    assert sorted(listing(tmp_path / "out")) == ["report.html", "summary.json", "trajectory.csv"]
+    summary = strict_json((tmp_path / "out" / "summary.json").read_text())
+    assert strict_json(spoken.out) == summary
+    path = pd.read_csv(tmp_path / "out" / "trajectory.csv")
+    assert len(path) == 300
+    assert (path.torque_1 >= 0.02).all()
+    assert (path.torque_2 <= -0.02).all()
+    assert summary["least_preload_margin"] == pytest.approx(path[["flank_torque_1", "flank_torque_2"]].min().min())
+    assert summary["least_preload_margin"] > 0
+    assert summary["tracking_rms"] == pytest.approx(np.sqrt(np.mean((path.angle - path.reference) ** 2)), rel=1e-6)
+    assert summary["tracking_rms"] < 2e-3
+
+
+def test_motion_outlives_a_drive_but_preload_does_not(tmp_path):
+    text = """
+    duration = 1.6
+    sample_time = 0.005
+    [reference]
+    kind = "sine"
+    amplitude = 0.1
+    frequency = 0.4
+    [drive_loss]
+    drive = 1
+    time = 0.8
+    """
+    (tmp_path / "loss.toml").write_text(text)
+    spoken = antidrive("simulate", tmp_path / "loss.toml", "--out", tmp_path / "out", "--json")
+    assert spoken.code == 0, spoken.err
+    path, summary = pd.read_csv(tmp_path / "out" / "trajectory.csv"), strict_json(spoken.out)
+    after = path.time >= 0.8
+    assert (path.torque_1[after] == 0).all()
+    assert path.status[after].str.startswith("degraded: drive 1 is lost").all()
+    assert (path.flank_torque_1[after] <= 0).any()
+    assert summary["tracking_rms_after_loss"] < 5e-3
+    assert summary["least_preload_margin"] > 0
+
+
+def test_results_are_whole_or_absent(tmp_path):
+    out = tmp_path / "out"
+    with pytest.raises(ZeroDivisionError), whole_folder(out) as draft:
+        (draft / "half.json").write_text("{")
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+    with whole_folder(out) as draft:
+        (draft / "a.txt").write_text("new")
+    (out / "b.txt").write_text("mine")
+    with whole_folder(out) as draft:
+        (draft / "a.txt").write_text("newer")
+    assert listing(tmp_path) == {"out/a.txt": b"newer", "out/b.txt": b"mine"}
+    (out / "c.txt").mkdir()
+    with pytest.raises(BadParameter, match=r"c\.txt"), whole_folder(out) as draft:
+        (draft / "a.txt").write_text("never")
+        (draft / "c.txt").write_text("never")
+    assert (out / "a.txt").read_text() == "newer"
+
+
+def test_a_fault_of_the_program_is_exit_code_1_and_leaves_nothing(monkeypatch, log, tmp_path):
+    def broken(*_, **__):
+        raise RuntimeError("the unexpected")
+
+    monkeypatch.setattr("antidrive.report.fit_page", broken)
+    spoken = antidrive("identify", log, "--out", tmp_path / "out")
+    assert spoken.code == 1
+    assert "fault of the program" in spoken.err
+    assert list(tmp_path.iterdir()) == []
+    monkeypatch.setattr(cli, "app", lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+    assert antidrive("demo").code == 1
+
+
+def test_as_a_process_of_its_own(tmp_path):
+    program = [sys.executable, "-c", "import sys; from antidrive.cli import main; sys.exit(main())"]
+    log, base = write_csv(tmp_path / "log.csv", columns(PLAIN, duration=4.0)), write_model(tmp_path / "base.json")
+    good = subprocess.run(
+        [*program, "identify", str(log), "--base", str(base), "--json"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert good.returncode == 0, good.stderr
+    assert good.stderr == ""
+    assert strict_json(good.stdout)["schema"] == 1
+    assert sorted(listing(tmp_path / "antidrive-out")) == ["fit.json", "model.json", "report.html"]
+    bad = subprocess.run([*program, "identify", "absent.csv"], cwd=tmp_path, capture_output=True, text=True)
+    assert bad.returncode == 2
+    assert "absent.csv" in bad.stderr
+    assert "Traceback" not in bad.stderr
+    assert bad.stderr.count("\n") == 1
+
+
+def test_help_answers_at_once_and_imports_nothing_heavy():
+    code = (
+        "import sys; from antidrive.cli import main; main(['--help']);"
+        "heavy = {'casadi', 'pandas', 'plotly', 'scipy', 'numpy'} & set(sys.modules); sys.exit(f'{heavy}' if heavy else 0)"
+    )
+    begin = time.perf_counter()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "diagnose" in done.stdout
+    assert time.perf_counter() - begin < 2.0  # 0.25 s on a quiet machine
