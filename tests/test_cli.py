@@ -65,7 +65,8 @@ def test_mapping_units_and_scales_give_the_same_fit(fitted, log, tmp_path):
     odd = pd.DataFrame({"t": table.time, "i": table.torque / 2.5, "qm": np.rad2deg(table.angle)})
     odd.to_csv(tmp_path / "odd.csv", index=False, sep=";", decimal=",")
     base = write_model(tmp_path / "base.json", TRUTH)
-    words = "--map time=t --map torque=i --map angle=qm --unit angle=deg --scale torque=2.5".split()
+    names = ["--map", "time=t", "--map", "torque=i", "--map", "angle=qm"]
+    words = [*names, "--unit", "angle=deg", "--scale", "torque=2.5"]
     spoken = antidrive("identify", tmp_path / "odd.csv", *words, "--base", base, "--out", tmp_path / "out", "--json")
     assert spoken.code == 0, spoken.err
     values = read_model(tmp_path / "out" / "model.json").model.values
@@ -218,23 +219,32 @@ def test_motion_outlives_a_drive_but_preload_does_not(tmp_path):
     assert summary["least_preload_margin"] > 0
 
 
+def write(out: Path, *names: str, fails: bool = False) -> None:
+    """Write files into a whole folder, and fail before its end if asked to."""
+    with whole_folder(out) as draft:
+        for name in names:
+            (draft / name).write_text("new")
+        if fails:
+            raise ZeroDivisionError
+
+
 def test_results_are_whole_or_absent(tmp_path):
     out = tmp_path / "out"
-    with pytest.raises(ZeroDivisionError), whole_folder(out) as draft:
-        (draft / "half.json").write_text("{")
-        raise ZeroDivisionError
+    with pytest.raises(ZeroDivisionError):
+        write(out, "a.txt", fails=True)
     assert list(tmp_path.iterdir()) == []
-    with whole_folder(out) as draft:
-        (draft / "a.txt").write_text("new")
+    write(out, "a.txt")
+    (out / "a.txt").write_text("old")
     (out / "b.txt").write_text("mine")
-    with whole_folder(out) as draft:
-        (draft / "a.txt").write_text("newer")
-    assert listing(tmp_path) == {"out/a.txt": b"newer", "out/b.txt": b"mine"}
+    with pytest.raises(ZeroDivisionError):
+        write(out, "a.txt", "b.txt", fails=True)
+    assert listing(tmp_path) == {"out/a.txt": b"old", "out/b.txt": b"mine"}
     (out / "c.txt").mkdir()
-    with pytest.raises(BadParameter, match=r"c\.txt"), whole_folder(out) as draft:
-        (draft / "a.txt").write_text("never")
-        (draft / "c.txt").write_text("never")
-    assert (out / "a.txt").read_text() == "newer"
+    with pytest.raises(BadParameter, match=r"c\.txt"):
+        write(out, "a.txt", "c.txt")
+    assert listing(tmp_path) == {"out/a.txt": b"old", "out/b.txt": b"mine"}
+    write(out, "a.txt")
+    assert listing(tmp_path) == {"out/a.txt": b"new", "out/b.txt": b"mine"}
 
 
 def test_a_fault_of_the_program_is_exit_code_1_and_leaves_nothing(monkeypatch, log, tmp_path):
@@ -270,7 +280,8 @@ def test_as_a_process_of_its_own(tmp_path):
 def test_help_answers_at_once_and_imports_nothing_heavy():
     code = (
         "import sys; from antidrive.cli import main; main(['--help']);"
-        "heavy = {'casadi', 'pandas', 'plotly', 'scipy', 'numpy'} & set(sys.modules); sys.exit(f'{heavy}' if heavy else 0)"
+        "heavy = {'casadi', 'pandas', 'plotly', 'scipy', 'numpy'} & set(sys.modules);"
+        "sys.exit(str(heavy) if heavy else 0)"
     )
     begin = time.perf_counter()
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

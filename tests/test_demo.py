@@ -1,0 +1,43 @@
+"""The demo tells the truth: what it says was missing is what was hidden, and its gains are gains."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from front_door import antidrive, listing
+
+from antidrive.demo import HIDDEN
+from plant import read_model
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    out = tmp_path_factory.mktemp("demo") / "out"
+    return antidrive("demo", "--out", out), out
+
+
+def test_names_what_was_hidden_and_gains_by_it(told):
+    spoken, out = told
+    assert spoken.code == 0, spoken.err
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["synthetic"] is True
+    assert "cogging" in summary["missing"]
+    assert any("friction" in name for name in summary["missing"])
+    assert summary["prediction"]["rms_after"] < 0.3 * summary["prediction"]["rms_before"]
+    assert summary["tracking"]["rms_after"] < 0.8 * summary["tracking"]["rms_before"]
+    assert summary["least_preload_margin"] > 0
+    causes = {cause["effect"]: cause for cause in json.loads((out / "diagnosis.json").read_text())["causes"]}
+    cogging = causes["cogging"]["parameters"]
+    assert cogging["amplitude"]["value"] == pytest.approx(HIDDEN["cogging_amplitude"], rel=0.05)
+    assert cogging["order"]["value"] == pytest.approx(HIDDEN["cogging_order"], rel=0.01)
+
+
+def test_ends_in_numbers_and_leaves_models_that_load(told):
+    spoken, out = told
+    for word in ("Synthetic", "Missing: cogging", "Prediction:", "Tracking:", "Preload:"):
+        assert word in spoken.out
+    assert sorted(listing(out)) == ["base-model.json", "diagnosis.json", "model.json", "report.html", "summary.json"]
+    base, extended = read_model(out / "base-model.json").model, read_model(out / "model.json").model
+    assert len(extended.effects) > len(base.effects)
+    assert "synthetic" in (out / "report.html").read_text().lower()

@@ -1,0 +1,244 @@
+"""The report: one file, offline, escaped, thinned without losing a spike; words that say what the numbers say."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from front_door import PLAIN, columns
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from antidrive.output import to_json
+from antidrive.provenance import Provenance
+from antidrive.report import diagnosis_page, fit_page
+from antidrive.thinning import LIMIT, thin
+from antidrive.words import headline, percent, sentences
+from diagnosis.missing_torque import missing_torque
+from diagnosis.result import Candidate, Cause, Diagnosis, Estimate, Gain, Replay, Unexplained
+from identification import Log, fit, free_simulation
+
+HOSTILE = "</script><script>alert(1)</script> & <b>log</b>"
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return fit(Log.from_arrays(label=HOSTILE, **columns(PLAIN, duration=6.0)), PLAIN)
+
+
+@pytest.fixture(scope="module")
+def diagnosis(fitted):
+    run = fitted.log.runs[0]
+    size = Estimate(value=0.4, std=0.01, unit="N m")
+    cause = Cause(
+        effect="coulomb_friction",
+        probability=0.97,
+        alternatives=(("stribeck_friction", 0.02), ("none", 0.01)),
+        parameters={"torque": size},
+        gain=0.8,
+        evidence=321.0,
+    )
+    candidate = Candidate(
+        round=1,
+        effect="coulomb_friction",
+        evidence=321.0,
+        score=311.0,
+        probability=0.97,
+        refitted=True,
+        parameters={"torque": size},
+    )
+    missing = missing_torque(fitted)
+    return Diagnosis(
+        verdict="named",
+        causes=(cause,),
+        gain=Gain(
+            held_out_rms_before=0.05,
+            held_out_rms_after=0.01,
+            noise_floor=0.001,
+            unit="rad",
+            window=None,
+            runs=(HOSTILE,),
+        ),
+        unexplained=Unexplained(share=0.02, depends_on=("velocity",)),
+        warnings=("a warning about " + HOSTILE,),
+        base=fitted,
+        extended=replace(fitted),
+        missing_before=missing,
+        missing_after=missing,
+        candidates=(candidate,),
+        replays=(
+            Replay(
+                label=HOSTILE,
+                time=run.time,
+                measured=run.output,
+                before=run.output + 0.01,
+                after=run.output + 0.001,
+                valid=run.valid,
+            ),
+        ),
+        whiteness=0.01,
+    )
+
+
+@pytest.fixture(scope="module")
+def page(diagnosis):
+    return diagnosis_page(diagnosis, Provenance.now(["antidrive", "diagnose", HOSTILE], diagnosis.base.log.sources))
+
+
+class Outline(HTMLParser):
+    """Headings, visible text and what a page would load."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.inside: list[str] = []
+        self.headings: list[str] = []
+        self.text: list[str] = []
+        self.loads: list[str] = []
+        self.figures: list[str] = []
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.loads += [given[key] for key in ("src", "href") if key in given]
+        if tag == "script":
+            self.inside.append("figure" if given.get("type") == "application/json" else "script")
+        elif tag in ("style", "h1", "h2", "b"):
+            self.inside.append(tag)
+
+    def handle_endtag(self, tag):
+        if tag in ("script", "style", "h1", "h2", "b"):
+            self.inside.pop()
+
+    def handle_data(self, data):
+        where = self.inside[-1] if self.inside else ""
+        if where == "figure":
+            self.figures.append(data)
+        elif where in ("h1", "h2"):
+            self.headings.append(data)
+        elif where not in ("script", "style"):
+            self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def outline(page):
+    outline = Outline()
+    outline.feed(page)
+    return outline
+
+
+def test_the_page_reads_from_verdict_to_reproduction(outline):
+    assert outline.headings == [
+        "The model misses Coulomb friction.",
+        "What is wrong",
+        "Where it lives",
+        "Its name, and how sure",
+        "Before and after",
+        "Parameters of the extended model",
+        "What was tried",
+        "The data",
+        "How to reproduce",
+    ]
+    text = " ".join(outline.text)
+    for expected in ("0.05 rad", "0.01 rad", "97 %", "inertia", "kg m^2"):
+        assert expected in text
+    assert re.search(r"[0-9a-f]{64}", text)
+
+
+def test_the_page_loads_nothing_and_runs_nothing_of_the_user(page, outline):
+    assert outline.loads == []
+    assert "@import" not in page.split("<script>")[0]
+    assert "alert(1)</script>" not in page
+    assert page.count("<script>") == 2
+    assert HOSTILE in "".join(outline.text)
+
+
+def test_figures_are_json_of_few_points(outline):
+    assert len(outline.figures) >= 7
+    for text in outline.figures:
+        figure = json.loads(text)
+        for trace in figure["data"]:
+            for axis in ("x", "y"):
+                values = trace[axis]
+                if isinstance(values, dict):
+                    assert len(values["bdata"]) <= (LIMIT + 2) * 8 * 4 / 3 + 4
+
+
+@pytest.mark.parametrize("verdict", ["nothing_missing", "unknown"])
+def test_a_page_without_causes_stands_too(diagnosis, verdict):
+    bare = replace(diagnosis, verdict=verdict, causes=(), gain=None, extended=diagnosis.base, candidates=(), replays=())
+    text = diagnosis_page(bare, Provenance.now(["antidrive"]))
+    assert headline(bare) in text
+    assert "Its name" not in text
+
+
+def test_a_fit_has_its_page(fitted):
+    page = fit_page(fitted, free_simulation(fitted.log, fitted.model), Provenance.now(["antidrive"]))
+    outline = Outline()
+    outline.feed(page)
+    assert outline.headings == [
+        "4 parameters fitted",
+        "Parameters",
+        "Measured and simulated",
+        "The data",
+        "How to reproduce",
+    ]
+
+
+def test_words_say_how_sure(diagnosis):
+    first, second, third = sentences(diagnosis)
+    assert first == (
+        "Coulomb friction: 97 % sure (torque 0.4 ± 0.01 N m); next would be Stribeck friction 2 %, none 1 %."
+    )
+    assert second == (
+        "On 1 held-out run the simulation error falls from 0.05 to 0.01 rad rms (80 %); the noise floor is 0.001 rad."
+    )
+    assert third == "2 % of the error power remains unexplained (over velocity)."
+    cause = replace(diagnosis.causes[0], probability=0.6, alternatives=(("stribeck_friction", 0.39), ("none", 0.01)))
+    torn = replace(diagnosis, verdict="ambiguous", causes=(cause,))
+    assert headline(torn) == "The model misses Coulomb friction or Stribeck friction, and this log does not tell which."
+    both = replace(torn, causes=(diagnosis.causes[0], replace(cause, effect="cogging")))
+    assert headline(both) == (
+        "The model misses Coulomb friction; it also misses cogging or Stribeck friction, and this log does not tell "
+        "which."
+    )
+    lost = replace(diagnosis, verdict="unknown", causes=())
+    assert headline(lost).endswith("explains; it depends on velocity.")
+
+
+def test_nothing_is_certain_and_nothing_impossible():
+    assert [percent(p) for p in (1.0, 0.9999, 0.5, 0.001, 0.0)] == ["> 99.9 %", "> 99.9 %", "50 %", "0.1 %", "< 0.1 %"]
+
+
+@given(arrays(np.float64, st.integers(1, 30_000), elements=st.just(0.0)), st.data())
+@settings(max_examples=40, deadline=None)
+def test_thinning_keeps_ends_and_spikes(values, data):
+    place = data.draw(st.integers(0, values.size - 1))
+    values[place] = data.draw(st.sampled_from([-5.0, 7.0]))
+    kept = thin(values)
+    assert kept.size <= LIMIT
+    assert kept[0] == 0
+    assert kept[-1] == values.size - 1
+    assert (np.diff(kept) > 0).all()
+    assert place in kept
+
+
+def test_thinning_keeps_a_long_gap_open():
+    values = np.sin(np.linspace(0.0, 50.0, 100_000))
+    values[40_000:60_000] = np.nan
+    kept = thin(values)
+    inside = kept[(kept > 41_000) & (kept < 59_000)]
+    assert inside.size > 0
+    assert np.isnan(values[inside]).all()
+
+
+@given(st.recursive(st.floats() | st.text(max_size=5), lambda inner: st.lists(inner, max_size=4), max_leaves=8))
+@settings(deadline=None)
+def test_json_is_strict_whatever_the_numbers(content):
+    def refuse(constant):
+        raise AssertionError(constant)
+
+    json.loads(to_json({"content": content, "array": np.array([1.0, np.nan, np.inf])}), parse_constant=refuse)
