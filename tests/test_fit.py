@@ -218,3 +218,11 @@ def test_no_dead_zone_is_found_as_none() -> None:
     width = found["dead_zone.half_width"]
     assert width.value is None or width.value < 5 * (width.std or 0.0) or width.at_bound
     assert_recovers(found, dict(zip(NAMES[:3], TRUE[:3], strict=True)))
+
+
+def test_a_model_with_everything_fixed_still_finds_its_initial_state() -> None:
+    log = open_loop().log(1)
+    found = fit(log, ServoModel.paper(), fixed=NAMES)
+    assert found.initial == pytest.approx(np.array([[1.0, 0.5]]), abs=2e-3)
+    assert found.model == ServoModel.paper()
+    assert found.noise_std == pytest.approx(1e-3, rel=0.05)

@@ -59,6 +59,16 @@ def test_a_lag_before_a_dead_zone_agrees_to_the_square_of_the_step() -> None:
     assert fine < coarse / 4
 
 
+@pytest.mark.parametrize("time_constant", [2e-4, 1e-3, 5e-3, 2e-2])
+def test_a_lag_costs_its_time_constant_of_impulse(time_constant: float) -> None:
+    """Also a lag much shorter than the step."""
+    lag = catalogue["actuator_lag"](time_constant=time_constant)
+    model = ServoModel(inertia=1.5, gravity=0.0, viscous_friction=0.0, effects=(lag,))
+    command = np.where(np.arange(200) < 10, 0.0, 2.0)
+    speed = simulate(model, command=command, dt=SAMPLE)[-1, 1]
+    assert 190 * SAMPLE - speed * 1.5 / 2.0 == pytest.approx(time_constant, rel=0.01)
+
+
 @pytest.mark.parametrize("name", HIDDEN)
 @pytest.mark.parametrize("width", [0.0, 0.05])
 def test_derivatives_of_the_step_are_those_of_finite_differences(name: str, width: float) -> None:

@@ -1,0 +1,111 @@
+"""What is hidden from the diagnosis: each of ten effects at three sizes, and the oracle that knows which.
+
+A size is chosen by how plainly the log shows the effect: lambda, twice the log-likelihood by which the model with the
+true effect beats the nearest model without it, is about 100, 400 and 1600 on the minute-long log. The nearest model is
+the base; for the friction laws that contain Coulomb friction it is the base with Coulomb friction, for else the larger
+part of lambda would speak for friction of whatever kind and not for the law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from machine import Machine, excitation, record
+
+from identification.fit import Fit, Problem, fit
+from identification.log import Log
+from plant import ServoModel, catalogue
+from plant.effects import CoulombFriction
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hidden:
+    """One effect to hide: its parameters at a size, the sizes, and the parameters by which its size is judged."""
+
+    effect: str
+    at: Callable[[float], dict[str, float]]
+    sizes: tuple[float, float, float]
+    judged: tuple[str, ...]
+
+    @property
+    def base(self) -> ServoModel | None:
+        """Where the diagnosis starts: the default; for the dead zone, which that has, eq. (4) alone."""
+        return ServoModel(inertia=1.0, gravity=0.0, viscous_friction=0.1) if self.effect == "dead_zone" else None
+
+    def machine(self, size: float) -> Machine:
+        values = self.at(size)
+        return (
+            Machine(effects={self.effect: values})
+            if self.effect == "dead_zone"
+            else Machine().hiding(**{self.effect: values})
+        )
+
+    def truth(self, size: float) -> ServoModel:
+        """The true model."""
+        start = ServoModel() if self.effect == "dead_zone" else ServoModel.paper()
+        return start.with_effect(catalogue[self.effect](**self.at(size)))
+
+
+CASES = (
+    Hidden(effect="input_delay", at=lambda s: {"time": s}, sizes=(0.00015, 0.0007, 0.005), judged=("time",)),
+    Hidden(
+        effect="actuator_lag",
+        at=lambda s: {"time_constant": s},
+        sizes=(0.0005, 0.0012, 0.0055),
+        judged=("time_constant",),
+    ),
+    Hidden(effect="dead_zone", at=lambda s: {"half_width": s}, sizes=(0.001, 0.011, 0.2), judged=("half_width",)),
+    Hidden(effect="torque_offset", at=lambda s: {"torque": s}, sizes=(0.0003, 0.004, 0.15), judged=("torque",)),
+    Hidden(effect="coulomb_friction", at=lambda s: {"torque": s}, sizes=(0.0005, 0.008, 0.18), judged=("torque",)),
+    Hidden(
+        effect="asymmetric_friction",
+        at=lambda s: {"forward": s, "backward": 0.5 * s, "viscous_difference": 0.1 * s},
+        sizes=(0.0008, 0.014, 0.35),
+        judged=("forward", "backward"),
+    ),
+    Hidden(
+        effect="stribeck_friction",
+        at=lambda s: {"coulomb": s, "excess": s, "velocity": 0.3},
+        sizes=(0.004, 0.05, 0.3),
+        judged=("coulomb", "excess"),
+    ),
+    Hidden(effect="quadratic_drag", at=lambda s: {"drag": s}, sizes=(0.0005, 0.006, 0.05), judged=("drag",)),
+    Hidden(effect="gravity_offset", at=lambda s: {"beta": s}, sizes=(0.0003, 0.006, 0.17), judged=("beta",)),
+    Hidden(
+        effect="cogging",
+        at=lambda s: {"amplitude": s, "order": 11.0, "phase": 0.7},
+        sizes=(0.002, 0.008, 0.18),
+        judged=("amplitude",),
+    ),
+)
+
+
+def logs_of(machine: Machine, seed: int, duration: float = 60.0) -> tuple[Log, Log]:
+    """A log to diagnose and one to hold out, from the same machine under different inputs."""
+    commands = np.column_stack([excitation(2 * seed + k, duration=duration) for k in (0, 1)])
+    out = record(machine, commands, seed=seed)
+    return out.log(0), out.log(1)
+
+
+def oracle(case: Hidden, size: float, log: Log) -> Fit:
+    """The fit that is told which effect is there and where the truth is, and refines it."""
+    truth = case.truth(size)
+    at_truth = fit(log, truth, fixed=[name for name in truth.names if name != "inertia"])
+    return Problem.of(log, truth).descend(at_truth)
+
+
+def rival(case: Hidden, log: Log) -> Fit:
+    """The nearest model without the effect."""
+    start = ServoModel() if case.effect == "dead_zone" else ServoModel.paper()
+    if "coulomb_friction" in catalogue[case.effect].contains:
+        start = start.with_effect(CoulombFriction(torque=case.sizes[1]))
+    return fit(log, start)
+
+
+def evidence(case: Hidden, size: float, log: Log) -> float:
+    """lambda: twice the rise in log-likelihood from the rival to the oracle."""
+    return 2.0 * (oracle(case, size, log).log_likelihood - rival(case, log).log_likelihood)
