@@ -30,7 +30,7 @@ def unnamed_dependence(screen: Screen) -> tuple[tuple[str, float], ...]:
     names = [name for name, values in variables.items() if np.ptp(values) > 0.0]
     traces = [_trace(_columns(name, variables[name], motion)) for name in names]
     found = {}
-    for name, trace, (evidence, _) in zip(names, traces, screen.regress(traces), strict=True):
+    for name, trace, (evidence, _) in zip(names, traces, screen.regress(traces, discounted=True), strict=True):
         found[name] = score(
             evidence,
             cost=schwarz_cost(trace.columns.shape[1], screen.fit.samples),

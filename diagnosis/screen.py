@@ -6,8 +6,8 @@ through the linearised predictor into the innovations,
     s[k+1] = A[k] (s[k] - gain[k] s_angle[k]) + B[k] d[k],      de[k] = -s_angle[k],
 
 which is the same filter for all, so one pass over the log serves all traces. What the parameters of the model and the
-initial states can absorb is projected out, and the rest is regressed on the whitened innovations (Rao 1948; the
-Lagrange multiplier test).
+initial states can absorb is projected out, and the rest is regressed on the innovations (Rao 1948; the Lagrange
+multiplier test).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from identification.fit import Fit, Problem
-from identification.noise import autoregression, whiten
+from identification.noise import coloured_information
 from identification.predictor import Prediction, run_inputs, stack
 from plant.discrete import INPUTS, sample_step
 from plant.effects import Effect, Motion, TorqueOffset, Trace
@@ -60,7 +60,6 @@ class Screen:
     innovations: Array
     nuisance: Array
     filters: tuple[tuple[Array, Array, Array], ...]
-    colour: Array
 
     @classmethod
     def of(cls, fit: Fit, problem: Problem, *, bandwidth: float, missing: Array | None = None) -> Screen:
@@ -72,8 +71,6 @@ class Screen:
             _linearised(fit.model, problem, run, p, bandwidth)
             for run, p in zip(problem.log.runs, predictions, strict=True)
         ]
-        coefficients = autoregression(innovations)
-        innovations, nuisance = whiten(innovations, coefficients), whiten(nuisance, coefficients)
         basis, triangle = np.linalg.qr(nuisance)
         kept = np.abs(np.diag(triangle)) > 1e-10 * np.abs(np.diag(triangle)).max()
         motion = _motion(fit, problem, predictions, bandwidth, linear)
@@ -83,7 +80,6 @@ class Screen:
             innovations=innovations,
             nuisance=basis[:, kept],
             filters=tuple(linear),
-            colour=coefficients,
         )
 
     def ask(self, effects: Mapping[str, type[Effect]]) -> list[Suspect]:
@@ -102,12 +98,12 @@ class Screen:
                 best[name] = suspect
         return sorted(best.values(), key=lambda suspect: -suspect.score)
 
-    def regress(self, traces: Iterable[Trace]) -> Iterator[tuple[float, Array]]:
-        """Evidence and coefficients of each trace."""
+    def regress(self, traces: Iterable[Trace], *, discounted: bool = False) -> Iterator[tuple[float, Array]]:
+        """Evidence and coefficients of each trace; evidence discounted for the colour of the innovations on request."""
         columns = [trace.columns for trace in traces]
         if not columns:
             return
-        responses = whiten(self._through_filter(np.hstack(columns)), self.colour)
+        responses = self._through_filter(np.hstack(columns))
         e = self.innovations - self.nuisance @ (self.nuisance.T @ self.innovations)
         responses = responses - self.nuisance @ (self.nuisance.T @ responses)
         n, first = self.fit.samples, 0
@@ -118,7 +114,14 @@ class Screen:
             size = np.sqrt(np.maximum((regressors**2).sum(axis=0), 1e-300))
             coefficients = np.linalg.lstsq(regressors / size, e, rcond=1e-8)[0] / size
             left = float(((e - regressors @ coefficients) ** 2).sum())
-            yield 0.5 * n * float(np.log(total / max(left, 1e-300 + 1e-12 * total))), coefficients
+            evidence = 0.5 * n * float(np.log(total / max(left, 1e-300 + 1e-12 * total)))
+            yield (evidence / self._widening(regressors / size) if discounted else evidence), coefficients
+
+    def _widening(self, regressors: Array) -> float:
+        """Factor by which the innovations' colour widens the variance of regression coefficients, at least 1."""
+        white = float(np.mean(self.innovations**2)) * float((regressors**2).sum())
+        coloured = float(np.trace(coloured_information(regressors, self.innovations)))
+        return max(coloured / max(white, 1e-300), 1.0)
 
     def _through_filter(self, traces: Array) -> Array:
         """Innovations' response (T, M) to load torques (T, M)."""

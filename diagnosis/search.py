@@ -132,9 +132,20 @@ def _fixed(fit: Fit) -> tuple[str, ...]:
 
 
 def evidence_of(fit: Fit, than: Fit) -> float:
-    """By how much a fit is likelier than another, each less its charge for a bandwidth."""
+    """By how much a fit is likelier than a simpler one, each less its charge for a bandwidth.
+
+    Where innovations have a colour, a likelihood ratio counts too much. It is divided by the factor by which the colour
+    widens the variance of the parameters that the fit has more (the scaled likelihood ratio of Satorra and Bentler).
+    """
     charge = 0.5 * np.log(fit.samples)
-    return fit.log_likelihood - than.log_likelihood - charge * ((fit.bandwidth > 0.0) - (than.bandwidth > 0.0))
+    rise = fit.log_likelihood - than.log_likelihood - charge * ((fit.bandwidth > 0.0) - (than.bandwidth > 0.0))
+    more = [row for row, place in enumerate(fit.free) if fit.model.names[place] not in than.model.names]
+    if not more or rise <= 0.0:
+        return rise
+    coloured, white = (np.diag(table)[more] for table in (fit.covariance, fit.white_covariance))
+    known = white > 0.0
+    widening = float(np.exp(np.mean(np.log(coloured[known] / white[known])))) if known.any() else 1.0
+    return rise / max(widening, 1.0)
 
 
 def refit(fit: Fit, effect: Effect, *, worth: float = -np.inf) -> Fit:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.inverse import starting_values
-from identification.least_squares import Minimum, NormalEquations, covariance, minimise
+from identification.least_squares import Minimum, NormalEquations, minimise, uncertainty
 from identification.log import Log
 from identification.noise import log_likelihood
 from identification.predictor import Predictor, stack
@@ -45,7 +45,8 @@ class Fit:
         model: with the estimates; a parameter that the data cannot tell keeps its start.
         parameters: one line each.
         free: (F,) places of the fitted parameters.
-        covariance: (F, F) of the fitted parameters.
+        covariance: (F, F) of the fitted parameters, for innovations of the colour that they have.
+        white_covariance: (F, F) the same if the innovations were white.
         initial: (R, 2) estimated angle and velocity at the first sample of each run.
         bandwidth: of the observer [rad/s]; 0 when what the model misses is measurement noise alone.
         noise_std: standard deviation of the innovations [rad].
@@ -62,6 +63,7 @@ class Fit:
     parameters: tuple[FittedParameter, ...]
     free: tuple[int, ...]
     covariance: NDArray[np.float64]
+    white_covariance: NDArray[np.float64]
     initial: Array
     bandwidth: float
     noise_std: float
@@ -295,7 +297,7 @@ class Problem:
         """A minimum in the exact form and its score: the log-likelihood, less the charge for a bandwidth above 0."""
         minimum = self.minimise(point, bandwidth, 0.0, iterations=iterations)
         charge = 0.5 * np.log(self.samples) if bandwidth else 0.0
-        return _Trial(minimum=minimum, score=log_likelihood(minimum.equations.residuals, self.samples) - charge)
+        return _Trial(minimum=minimum, score=log_likelihood(minimum.equations.cost, self.samples) - charge)
 
     def _refined(self, trials: dict[float, _Trial]) -> tuple[float, Minimum]:
         """The best bandwidth among the trials and the neighbours of the best."""
@@ -315,9 +317,9 @@ class Problem:
         innovations, jacobian = stack(
             self.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0)
         )
-        spread, lost = covariance(innovations, jacobian, variance)
+        found = uncertainty(innovations, jacobian, variance)
         count = len(self.free)
-        spread, lost = spread[:count, :count], lost[:count]
+        spread, lost = found.covariance[:count, :count], found.undetermined[:count]
         lost = lost | self._without_weight(values, np.sqrt(np.diag(spread)))
         values[np.array(self.free)[lost]] = self.model.values[np.array(self.free)[lost]]
         fitted = self.model.with_values(values)
@@ -326,10 +328,11 @@ class Problem:
             parameters=self._lines(fitted, spread, lost),
             free=self.free,
             covariance=spread,
+            white_covariance=found.white[:count, :count],
             initial=initial,
             bandwidth=bandwidth,
             noise_std=float(np.sqrt(variance)),
-            log_likelihood=log_likelihood(innovations, self.samples),
+            log_likelihood=log_likelihood(minimum.equations.cost, self.samples),
             samples=self.samples,
             innovations=innovations,
             substeps=self.predictor.substeps,

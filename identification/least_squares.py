@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.noise import autoregression, colour, whiten
+from identification.noise import coloured_information
 from plant.effects.effect import Array
 
 
@@ -24,13 +24,11 @@ class NormalEquations:
         cost: sum of squares of the residuals.
         gradient: (n,) of half the cost.
         information: (n, n) Jacobian transposed times Jacobian.
-        residuals: (T,) themselves.
     """
 
     cost: float
     gradient: Array
     information: Array
-    residuals: Array
 
     @classmethod
     def of(cls, residuals: Array, jacobian: Array) -> NormalEquations:
@@ -40,7 +38,7 @@ class NormalEquations:
             gradient, information = jacobian.T @ residuals, jacobian.T @ jacobian
         if not (np.isfinite(cost) and np.isfinite(gradient).all() and np.isfinite(information).all()):
             cost = np.inf
-        return cls(cost=cost, gradient=gradient, information=information, residuals=residuals)
+        return cls(cost=cost, gradient=gradient, information=information)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,11 +87,12 @@ def minimise(
         if 0.5 * samples * promise / here.cost < tolerance:
             converged = True
             break
-        there = evaluate(point + step)
+        target = np.clip(point + step, lower, upper)
+        there = evaluate(target)
         evaluations += 1
         gain = (here.cost - there.cost) / promise
         if gain > 1e-4:
-            point, here = point + step, there
+            point, here = target, there
             damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 5.0), 1e-12)
         else:
             damping = max(damping * 30.0, 1e-5)
@@ -123,25 +122,32 @@ def _bounded_step(here: NormalEquations, point: Array, lower: Array, upper: Arra
     return np.clip(point + step / scale, lower, upper) - point
 
 
-def covariance(
-    residuals: Array, jacobian: NDArray[np.float64], variance: float
-) -> tuple[Array, NDArray[np.bool_]]:
-    """Covariance (n, n) of the estimate, and which parameters the data do not determine (n,).
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Uncertainty:
+    """What least squares leaves open.
 
-    The residuals' colour is taken into account (Box and Jenkins 1970): with the noise covariance R that an
-    autoregression gives, the covariance is (J'J)^-1 J'RJ (J'J)^-1. A parameter is undetermined when a direction of
-    (numerically) no information reaches into it.
+    Attributes:
+        covariance: (n, n) of the estimate, for residuals of the colour that they have.
+        white: (n, n) the same if the residuals were white.
+        undetermined: (n,) parameters into which a direction of (numerically) no information reaches.
     """
+
+    covariance: Array
+    white: Array
+    undetermined: NDArray[np.bool_]
+
+
+def uncertainty(residuals: Array, jacobian: Array, variance: float) -> Uncertainty:
+    """Uncertainty of a least-squares estimate: (J'J)^-1 J'RJ (J'J)^-1 with the covariance R of the residuals."""
     information = jacobian.T @ jacobian
     diagonal = np.diag(information)
     scale = np.sqrt(np.maximum(diagonal, 1e-300))
     eigenvalues, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     lost = eigenvalues < 1e-12 * max(float(eigenvalues.max(initial=0.0)), 1e-300)
     inverse = (vectors[:, ~lost] / eigenvalues[~lost]) @ vectors[:, ~lost].T
-    undetermined = (np.abs(vectors[:, lost]) > 1e-3).any(axis=1) | (diagonal <= 0.0)
-
-    coefficients = autoregression(residuals)
-    white_share = float(np.mean(whiten(residuals, coefficients) ** 2) / max(float(np.mean(residuals**2)), 1e-300))
-    coloured = colour(jacobian[::-1] / scale, coefficients)  # R = C'C with C the colouring filter: C' runs backwards
-    middle = variance * white_share * (coloured.T @ coloured)
-    return inverse @ middle @ inverse / np.outer(scale, scale), undetermined
+    size = np.outer(scale, scale)
+    return Uncertainty(
+        covariance=inverse @ coloured_information(jacobian / scale, residuals) @ inverse / size,
+        white=variance * inverse / size,
+        undetermined=(np.abs(vectors[:, lost]) > 1e-3).any(axis=1) | (diagonal <= 0.0),
+    )

@@ -1,9 +1,8 @@
-"""The colour of what a predictor leaves: autoregressive whitening of innovations.
+"""The colour of what a predictor leaves, and what it does to the certainty of an estimate.
 
 A perfect predictor leaves white innovations. Real measurement noise has a colour (quantisation, filters in the drive,
-friction that is not quite repeatable), and a likelihood that ignores it counts the same evidence several times over. So
-the innovations are modelled as an autoregression (Box and Jenkins 1970), whose coefficients are nuisance parameters of
-every model alike.
+friction that is not quite repeatable), and whoever ignores it counts the same evidence several times over. An
+autoregression of the innovations (Box and Jenkins 1970) says by how much.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from scipy.signal import lfilter
 
 from plant.effects.effect import Array
 
-ORDER = 8
+ORDER = 20
 
 
 def autoregression(innovations: Array, order: int = ORDER) -> Array:
@@ -39,11 +38,14 @@ def colour(values: Array, coefficients: Array) -> Array:
     return np.asarray(lfilter([1.0], np.concatenate(([1.0], -coefficients)), values, axis=0), dtype=float)
 
 
-def log_likelihood(innovations: Array, samples: int) -> float:
-    """Gaussian log-likelihood of innovations (T,) of which `samples` count, colour and level at their best values."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        white = whiten(innovations, autoregression(innovations))
-        variance = float(white @ white) / samples
-    if not np.isfinite(variance):
-        return -np.inf
-    return float(-0.5 * samples * (np.log(2.0 * np.pi * max(variance, 1e-300)) + 1.0))
+def coloured_information(jacobian: Array, residuals: Array) -> Array:
+    """(n, n) J'RJ, with R the covariance of the residuals (T,) by their autoregression and J the Jacobian (T, n)."""
+    coefficients = autoregression(residuals)
+    variance = float(np.mean(whiten(residuals, coefficients) ** 2))
+    coloured = colour(jacobian[::-1], coefficients)  # R = C'C with C the colouring filter: C' runs backwards
+    return np.asarray(variance * (coloured.T @ coloured))
+
+
+def log_likelihood(cost: float, samples: int) -> float:
+    """Gaussian log-likelihood of a sum of squared innovations, with the noise level at its best value."""
+    return float(-0.5 * samples * (np.log(2.0 * np.pi * max(cost, 1e-300) / samples) + 1.0))

@@ -84,7 +84,7 @@ class ServoModel:
         return np.array(own + [value for effect in self.effects for value in effect.values], dtype=float)
 
     def with_values(self, values: Sequence[float] | Array) -> Self:
-        """The same structure with other values (P,), clipped into their bounds by at most rounding.
+        """The same structure with other values (P,).
 
         Raises:
             BadParameter: a value is out of its bounds, or the number of values is wrong.
