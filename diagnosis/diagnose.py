@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection
 import numpy as np
 
 from diagnosis.curves import unnamed_dependence
-from diagnosis.holdout import measure_gain, remaining, split
+from diagnosis.holdout import inverse_errors, measure_gain, remaining, split
 from diagnosis.missing_torque import missing_torque
 from diagnosis.odds import NONE
 from diagnosis.result import Cause, Diagnosis, Verdict
@@ -66,6 +66,7 @@ def diagnose(
         verdict=_verdict(outcome, bool(dependence)),
         causes=_causes(outcome, errors),
         gain=gain,
+        torque_error=inverse_errors(log, holdout, null.model, final.model),
         unexplained=remaining(gain, tuple(name for name, _ in dependence)),
         warnings=tuple(warnings),
         base=null,

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.result import Gain, Replay, Unexplained
+from diagnosis.result import Gain, Replay, TorqueError, Unexplained
 from identification.fit import Fit
+from identification.inverse import torque_error
 from identification.log import Log
 from identification.simulation import free_simulation
 from plant.effects.effect import Array
@@ -78,10 +79,20 @@ def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[float], tup
     return gain, errors, replays
 
 
-def remaining(gain: Gain | None, depends_on: tuple[str, ...]) -> Unexplained:
+def inverse_errors(estimation: Log, held_out: Log, before: ServoModel, after: ServoModel) -> TorqueError:
+    """Relative error of the inverse model with both models on both logs."""
+    cutoff = min(40.0, 0.1 / estimation.runs[0].sample_time)
+    return TorqueError(
+        cutoff=cutoff,
+        estimation_before=torque_error(estimation, before, cutoff=cutoff),
+        estimation_after=torque_error(estimation, after, cutoff=cutoff),
+        held_out_before=torque_error(held_out, before, cutoff=cutoff),
+        held_out_after=torque_error(held_out, after, cutoff=cutoff),
+    )
+
+
+def remaining(gain: Gain, depends_on: tuple[str, ...]) -> Unexplained:
     """Share of the held-out error power above the noise floor that is still there."""
-    if gain is None:
-        return Unexplained(share=1.0, depends_on=depends_on)
     floor = gain.noise_floor**2
     before, after = gain.held_out_rms_before**2 - floor, gain.held_out_rms_after**2 - floor
     share = float(np.clip(after / before, 0.0, 1.0)) if before > 0.0 else 0.0

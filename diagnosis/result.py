@@ -74,6 +74,20 @@ class Gain:
 
 
 @dataclass(frozen=True, kw_only=True)
+class TorqueError:
+    """Relative error of the inverse model, |torque - needed torque| / |torque| [-], behind a low pass at `cutoff` [Hz].
+
+    It is the figure in which inverse models are published; it needs no simulation and so knows no drift.
+    """
+
+    cutoff: float
+    estimation_before: float
+    estimation_after: float
+    held_out_before: float
+    held_out_after: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Unexplained:
     """What remains: share of the held-out error power above the noise floor, and the variables it depends on."""
 
@@ -117,20 +131,22 @@ class Diagnosis:
     Attributes:
         verdict: "named", "nothing_missing", "ambiguous" or "unknown".
         causes: what the verdict stands on, the most important first.
-        gain: on held-out runs; None when nothing could be held out.
+        gain: on held-out runs.
+        torque_error: of the inverse model, before and after, on both parts of the data.
         unexplained: what remains after the causes.
         warnings: faults and limits of the data.
         base: fit of the base model to the estimation runs.
         extended: fit of the extended model; the same object as `base` when nothing was added.
         missing_before, missing_after: the torque that each of the two models lacks, over the estimation runs.
         candidates: everything that was tried.
-        replays: the held-out runs, or the estimation runs when nothing was held out.
+        replays: the held-out runs.
         whiteness: share of the extended model's innovations that are still predictable from their own past [-].
     """
 
     verdict: Verdict
     causes: tuple[Cause, ...]
-    gain: Gain | None
+    gain: Gain
+    torque_error: TorqueError
     unexplained: Unexplained
     warnings: tuple[str, ...]
     base: Fit
@@ -163,9 +179,7 @@ class Diagnosis:
                 }
                 for cause in self.causes
             ],
-            "gain": None
-            if self.gain is None
-            else {
+            "gain": {
                 "held_out_rms_before": self.gain.held_out_rms_before,
                 "held_out_rms_after": self.gain.held_out_rms_after,
                 "noise_floor": self.gain.noise_floor,
@@ -176,6 +190,13 @@ class Diagnosis:
             "unexplained": {
                 "share": self.unexplained.share,
                 "depends_on": list(self.unexplained.depends_on),
+            },
+            "torque_error": {
+                "cutoff": self.torque_error.cutoff,
+                "estimation_before": self.torque_error.estimation_before,
+                "estimation_after": self.torque_error.estimation_after,
+                "held_out_before": self.torque_error.held_out_before,
+                "held_out_after": self.torque_error.held_out_after,
             },
             "data": {"warnings": list(self.warnings)},
             "separating_experiment": None,

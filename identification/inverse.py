@@ -40,20 +40,20 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
     The torque is the command or, when a model is given, what arrives behind its actuator effects.
     """
     good = run.valid
-    dt = run.sample_time
-    time = np.arange(run.time[0], run.time[-1], dt)
+    time = np.linspace(run.time[0], run.time[-1], len(run))
+    dt = float(time[1] - time[0])
     output = np.interp(time, run.time[good], run.output[good])
-    held = np.clip(np.searchsorted(run.time, time + 1e-9 * dt, side="right") - 1, 0, run.time.size - 1)
-    drive = run.command[held] - run.servo_gain[held] * output
-    torque = np.clip(drive, -run.command_limit, run.command_limit)
+    drive = np.clip(run.command - run.servo_gain * run.output, -run.command_limit, run.command_limit)
     if model is not None:
-        torque = actuator_torque(model, torque, np.full(torque.size, dt))
-    # A command is held for the sample that follows: on average it acts half a sample later than it is logged.
-    torque = np.append(torque[:1], 0.5 * (torque[1:] + torque[:-1]))
+        drive = actuator_torque(model, drive, np.append(np.diff(run.time), dt))
+    # A command is held for the sample that follows; at a sampling instant half of the old and half of the new one act.
+    impulse = np.concatenate(([0.0], np.cumsum(drive[:-1] * np.diff(run.time))))
+    edges = np.clip(np.stack((time - dt / 2, time + dt / 2)), run.time[0], run.time[-1])
+    torque = np.diff(np.interp(edges, run.time, impulse), axis=0)[0] / np.diff(edges, axis=0)[0]
     low_pass = signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
 
     def smooth(values: Array) -> Array:
-        return np.asarray(signal.sosfiltfilt(low_pass, values, padlen=min(3 * 10, values.size - 1)), dtype=float)
+        return np.asarray(signal.sosfiltfilt(low_pass, values), dtype=float)
 
     angle = smooth(output)
     velocity = np.gradient(angle, dt)
