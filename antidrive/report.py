@@ -70,7 +70,7 @@ def demo_page(told: Demo, provenance: Provenance) -> str:
         "demo",
         provenance,
         headline(told.diagnosis),
-        story=told.sentences(),
+        story=told.sentences()[1:],
         diagnosis=_diagnosis(told.diagnosis, ("synthetic log, recorded on the rig with effects hidden in it",))
         | {"sentences": ()},
         trials=[_trial(trial) for trial in told.trials],
