@@ -70,10 +70,10 @@ CASES = (
     Hidden(
         effect="stribeck_friction",
         at=lambda s: {"coulomb": s, "excess": s, "velocity": 0.3},
-        sizes=(0.004, 0.05, 0.3),
+        sizes=(0.002, 0.025, 0.4),
         judged=("coulomb", "excess"),
     ),
-    Hidden(effect="quadratic_drag", at=lambda s: {"drag": s}, sizes=(0.0005, 0.006, 0.05), judged=("drag",)),
+    Hidden(effect="quadratic_drag", at=lambda s: {"drag": s}, sizes=(0.0005, 0.006, 0.15), judged=("drag",)),
     Hidden(effect="gravity_offset", at=lambda s: {"beta": s}, sizes=(0.0003, 0.006, 0.17), judged=("beta",)),
     Hidden(
         effect="cogging",
