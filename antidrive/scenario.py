@@ -20,7 +20,7 @@ from plant.rig import Rig
 Array = NDArray[np.float64]
 
 NAMES = ("tracking", "figure7", "drive-loss", "disturbance")
-_CONTROLLER = ("horizon", "min_torque", "max_torque", "rotor_inertia", "bandwidth")
+_CONTROLLER = ("horizon", "min_torque", "max_torque", "rotor_inertia", "bandwidth", "encoder_noise")
 _REFERENCES = {
     "constant": ("level",),
     "sine": ("amplitude", "frequency"),

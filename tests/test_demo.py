@@ -9,6 +9,7 @@ from front_door import antidrive, listing
 
 from antidrive.demo import HIDDEN
 from plant import read_model
+from plant.gears import GearTrain
 
 
 @pytest.fixture(scope="module")
@@ -22,14 +23,17 @@ def test_names_what_was_hidden_and_gains_by_it(told):
     assert spoken.code == 0, spoken.err
     summary = json.loads((out / "summary.json").read_text())
     assert summary["synthetic"] is True
-    assert "cogging" in summary["missing"]
-    assert any("friction" in name for name in summary["missing"])
+    assert summary["verdict"] == "named"
+    assert sorted(summary["missing"]) == ["cogging", "coulomb_friction"]
     assert summary["prediction"]["rms_after"] < 0.3 * summary["prediction"]["rms_before"]
     assert summary["tracking"]["rms_after"] < 0.8 * summary["tracking"]["rms_before"]
     assert summary["least_preload_margin"] > 0
     causes = {cause["effect"]: cause for cause in json.loads((out / "diagnosis.json").read_text())["causes"]}
     cogging = causes["cogging"]["parameters"]
     assert cogging["amplitude"]["value"] == pytest.approx(HIDDEN["cogging_amplitude"], rel=0.05)
+    motors = 2 * 5e-4 * GearTrain.paper().ratio  # dry friction of both, seen from the load
+    friction = causes["coulomb_friction"]["parameters"]["torque"]["value"]
+    assert friction == pytest.approx(HIDDEN["coulomb_friction"] + motors, rel=0.02)
     assert cogging["order"]["value"] == pytest.approx(HIDDEN["cogging_order"], rel=0.01)
 
 
