@@ -54,6 +54,7 @@ def diagnose(
     if null.unidentifiable:
         warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
     outcome = search(null, progress=progress)
+    null = outcome.base
 
     tell("measuring the gain on held-out data")
     path = [null, *(addition.fit for addition in outcome.additions)]

@@ -59,6 +59,13 @@ def search(base: Fit, *, progress: Callable[[str], None] | None = None) -> Outco
         found = _one_round(fit, number, candidates, progress)
         if found is None:
             break
+        better = _better_null(fit, found)
+        if better is not None:
+            # The model at hand had only stopped at a poor optimum: what seemed missing is judged again from there.
+            base, fit = (better, better) if not additions else (base, better)
+            if additions:
+                additions[-1] = replace(additions[-1], fit=fit)
+            continue
         additions.append(found)
         fit = found.fit
         additions = _without_superfluous(base, additions, progress)
@@ -105,6 +112,13 @@ def _one_round(
     if not holds_up(fit, refits[winner]):
         return None
     return Addition(effect=winner, fit=refits[winner], odds=odds, evidence=evidence_of(refits[winner], fit))
+
+
+def _better_null(fit: Fit, found: Addition) -> Fit | None:
+    """The model without the addition, fitted from the addition's optimum, if it is clearly likelier than it was."""
+    problem = Problem.of(fit.log, fit.model, fixed=_fixed(fit))
+    again = problem.descend(found.fit, worth=fit.log_likelihood)
+    return again if evidence_of(again, fit) > 3.0 else None
 
 
 def _worth_a_refit(

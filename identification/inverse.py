@@ -15,6 +15,7 @@ from scipy import optimize, signal
 
 from identification.log import Log, Run
 from plant.discrete import actuator_torque
+from plant.effects import DeadZone
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
@@ -69,11 +70,26 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
 def starting_values(log: Log, model: ServoModel, cutoff: float) -> Array | None:
     """(P,) values with J, alpha and K from linear regression on the filtered torque balance, effects as they are.
 
-    None if the regression has nothing to stand on (no motion).
+    A dead zone is not linear and a fit that starts from none can stay there; so the regression is done for several half
+    widths and the best is kept (variable projection). None if there is nothing to stand on (no motion).
     """
-    motions = [filtered_motion(run, cutoff) for run in log.runs]
+    found = [_regression(log, variant, cutoff) for variant in _with_dead_zones(log, model)]
+    usable = [pair for pair in found if pair is not None]
+    return min(usable, key=lambda pair: pair[0])[1] if usable else None
+
+
+def _with_dead_zones(log: Log, model: ServoModel) -> list[ServoModel]:
+    if model.effect("dead_zone") is None:
+        return [model]
+    largest = max(float(np.max(np.abs(run.command))) for run in log.runs)
+    return [model.with_effect(DeadZone(half_width=share * largest)) for share in (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)]
+
+
+def _regression(log: Log, model: ServoModel, cutoff: float) -> tuple[float, Array] | None:
+    """Sum of squares that the regression leaves, and the values (P,)."""
     rows = []
-    for m in motions:
+    for run in log.runs:
+        m = filtered_motion(run, cutoff, model)
         gravity = np.cos(m.angle) if model.axis == "rotary" else np.zeros_like(m.angle)
         edge = min(m.time.size // 10, 100)
         rows.append(np.column_stack((m.acceleration, gravity, m.velocity, m.torque))[edge : m.time.size - edge])
@@ -83,10 +99,10 @@ def starting_values(log: Log, model: ServoModel, cutoff: float) -> Array | None:
     if scale[0] <= 0.0 or scale[2] <= 0.0:
         return None
     scale[1] = scale[1] or 1.0
-    found = optimize.lsq_linear(regressors / scale, torque, bounds=([1e-9, -np.inf, 0.0], np.inf)).x / scale
+    solution = optimize.lsq_linear(regressors / scale, torque, bounds=([1e-9, -np.inf, 0.0], np.inf))
     values = model.values
-    values[:3] = np.maximum(found, [spec.lower for spec in model.parameters[:3]])
-    return values
+    values[:3] = np.maximum(solution.x / scale, [spec.lower for spec in model.parameters[:3]])
+    return float(solution.cost), values
 
 
 def torque_error(log: Log, model: ServoModel, *, cutoff: float) -> float:

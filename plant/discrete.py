@@ -248,14 +248,12 @@ def actuator_torque(model: ServoModel, command: Array, dt: Array) -> Array:
     """(T,) torque behind the actuator's effects, mean over each sample [N m], of a held command (T,) with steps (T,)."""
     now, before, switch = held_commands(command, dt, float(model.delay()))
     entering = before * np.minimum(switch / dt, 1.0) + now * (1.0 - np.minimum(switch / dt, 1.0))
-    count = len(model.states)
-    if all(effect.stage != "actuator" for effect in model.effects):
-        return entering
-    state, torque, h = ca.SX.sym("state", count), ca.SX.sym("torque"), ca.SX.sym("h")
+    state, torque, h = ca.SX.sym("state", len(model.states)), ca.SX.sym("torque"), ca.SX.sym("h")
     (middle, _), (_, states) = (_actuator(model, state, torque, step) for step in (h / 2, h))
     one = ca.Function("actuator", [state, torque, h], [ca.vertcat(state[:2], *states), middle])
     begin = rest(model, torque=float(entering[0]))
-    return np.array(one.mapaccum(command.size)(begin, entering[None, :], dt[None, :])[1]).ravel()
+    stepped = one.mapaccum(command.size) if states else one.map(command.size)
+    return np.array(stepped(begin, entering[None, :], dt[None, :])[1]).ravel()
 
 
 def rest(model: ServoModel, angle: float = 0.0, torque: float = 0.0) -> Array:
