@@ -65,6 +65,12 @@ def sentences(diagnosis: Diagnosis) -> list[str]:
             )
     else:
         lines.append("Nothing could be held out, so the gain is not proven.")
+    error = diagnosis.torque_error
+    lines.append(
+        f"Relative torque error of the inverse model (below {error.cutoff:.3g} Hz): {percent(error.estimation_before)} -> "
+        f"{percent(error.estimation_after)} on the estimation data, {percent(error.held_out_before)} -> "
+        f"{percent(error.held_out_after)} held out."
+    )
     share = diagnosis.unexplained.share
     if diagnosis.verdict != "nothing_missing" and share >= 0.005:
         where = ", ".join(diagnosis.unexplained.depends_on)

@@ -20,7 +20,7 @@ from antidrive.report import diagnosis_page, fit_page
 from antidrive.thinning import LIMIT, thin
 from antidrive.words import headline, percent, sentences
 from diagnosis.missing_torque import missing_torque
-from diagnosis.result import Candidate, Cause, Diagnosis, Estimate, Gain, Replay, Unexplained
+from diagnosis.result import Candidate, Cause, Diagnosis, Estimate, Gain, Replay, TorqueError, Unexplained
 from identification import Log, fit, free_simulation
 
 HOSTILE = "</script><script>alert(1)</script> & <b>log</b>"
@@ -63,6 +63,9 @@ def diagnosis(fitted):
             unit="rad",
             window=None,
             runs=(HOSTILE,),
+        ),
+        torque_error=TorqueError(
+            cutoff=5.0, estimation_before=0.18, estimation_after=0.04, held_out_before=0.19, held_out_after=0.06
         ),
         unexplained=Unexplained(share=0.02, depends_on=("velocity",)),
         warnings=("a warning about " + HOSTILE,),
@@ -189,12 +192,16 @@ def test_a_fit_has_its_page(fitted):
 
 
 def test_words_say_how_sure(diagnosis):
-    first, second, third = sentences(diagnosis)
+    first, second, torque, third = sentences(diagnosis)
     assert first == (
         "Coulomb friction: 97 % sure (torque 0.4 ± 0.01 N m); next would be Stribeck friction 2 %, none 1 %."
     )
     assert second == (
         "On 1 held-out run the simulation error falls from 0.05 to 0.01 rad rms (80 %); the noise floor is 0.001 rad."
+    )
+    assert torque == (
+        "Relative torque error of the inverse model (below 5 Hz): 18 % -> 4 % on the estimation data, "
+        "19 % -> 6 % held out."
     )
     assert third == "2 % of the error power remains unexplained (over velocity)."
     cause = replace(diagnosis.causes[0], probability=0.6, alternatives=(("stribeck_friction", 0.39), ("none", 0.01)))
