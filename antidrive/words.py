@@ -67,9 +67,9 @@ def sentences(diagnosis: Diagnosis) -> list[str]:
         lines.append("Nothing could be held out, so the gain is not proven.")
     error = diagnosis.torque_error
     lines.append(
-        f"Relative torque error of the inverse model (below {error.cutoff:.3g} Hz): {percent(error.estimation_before)} -> "
-        f"{percent(error.estimation_after)} on the estimation data, {percent(error.held_out_before)} -> "
-        f"{percent(error.held_out_after)} held out."
+        f"Relative torque error of the inverse model (below {error.cutoff:.3g} Hz): "
+        f"{percent(error.estimation_before)} -> {percent(error.estimation_after)} on the estimation data, "
+        f"{percent(error.held_out_before)} -> {percent(error.held_out_after)} held out."
     )
     share = diagnosis.unexplained.share
     if diagnosis.verdict != "nothing_missing" and share >= 0.005:
