@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from identification.fit import Fit, Problem
+from identification.log import Run
 from identification.noise import coloured_information
 from identification.predictor import Prediction, run_inputs, stack
 from plant.discrete import INPUTS, sample_step
@@ -48,7 +49,7 @@ class Suspect:
     @property
     def score(self) -> float:
         """Evidence less the charge for the search, to rank by."""
-        return self.evidence - np.log(self.searched)
+        return self.evidence - float(np.log(self.searched))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,7 +137,7 @@ class Screen:
 
 
 def _linearised(
-    model: ServoModel, problem: Problem, run: object, prediction: Prediction, bandwidth: float
+    model: ServoModel, problem: Problem, run: Run, prediction: Prediction, bandwidth: float
 ) -> tuple[Array, Array, Array]:
     """Closed-loop transition (T, n, n), response to a load torque (T, n) and weight (T,) of each sample of a run."""
     probe = model if model.effect("torque_offset") else model.with_effect(TorqueOffset(torque=0.0))
@@ -150,7 +151,7 @@ def _linearised(
         [ca.densify(ca.jacobian(following, state)), ca.densify(ca.jacobian(following, parameters[place]))],
         {"cse": True},
     )
-    data, values = run_inputs(run, probe, probe.values, bandwidth, 0.0)  # type: ignore[arg-type]
+    data, values = run_inputs(run, probe, probe.values, bandwidth, 0.0)
     gain = np.zeros((n, data.shape[1]))
     gain[:2] = data[-2:]
     corrected = prediction.states + gain * prediction.innovations
@@ -158,7 +159,7 @@ def _linearised(
     transition = np.array(by_state).reshape(n, -1, n).transpose(1, 0, 2)
     closed = transition.copy()
     closed[:, :, 0] -= np.einsum("kij,jk->ki", transition, gain)
-    return closed, np.array(by_torque).T, np.asarray(run.valid, dtype=float)  # type: ignore[attr-defined]
+    return closed, np.array(by_torque).T, run.valid.astype(float)
 
 
 def _motion(

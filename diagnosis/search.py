@@ -124,7 +124,7 @@ def _better_null(fit: Fit, found: Addition) -> Fit | None:
 def _worth_a_refit(
     suspects: list[Suspect], scores: Mapping[str, float], refits: Mapping[str, Fit]
 ) -> Iterator[Suspect]:
-    """Suspects to refit: the leading ones of the screen, and on as long as it promises more than the refits delivered."""
+    """Suspects to refit: the leaders of the screen, and on as long as it promises more than the refits delivered."""
     waiting = sorted(suspects, key=lambda suspect: -scores[suspect.name])
     leader = max((suspect.evidence for suspect in suspects), default=0.0)
     for suspect in waiting:
@@ -151,7 +151,7 @@ def evidence_of(fit: Fit, than: Fit) -> float:
     Where innovations have a colour, a likelihood ratio counts too much. It is divided by the factor by which the colour
     widens the variance of the parameters that the fit has more (the scaled likelihood ratio of Satorra and Bentler).
     """
-    charge = 0.5 * np.log(fit.samples)
+    charge = 0.5 * float(np.log(fit.samples))
     rise = fit.log_likelihood - than.log_likelihood - charge * ((fit.bandwidth > 0.0) - (than.bandwidth > 0.0))
     more = [row for row, place in enumerate(fit.free) if fit.model.names[place] not in than.model.names]
     if not more or rise <= 0.0:
@@ -163,7 +163,7 @@ def evidence_of(fit: Fit, than: Fit) -> float:
 
 
 def refit(fit: Fit, effect: Effect, *, worth: float = -np.inf) -> Fit:
-    """Fit the model with one effect more, from where the screen says it is; finely if it gets a likelihood `worth` it."""
+    """Fit the model with one effect more, from where the screen says it is; finely if its likelihood is `worth` it."""
     model = fit.model.with_effect(effect)
     kept = [name for name in _fixed(fit) if name in model.names]
     return Problem.of(fit.log, model, fixed=kept).descend(fit, worth=worth)

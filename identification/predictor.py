@@ -5,9 +5,9 @@ The predictor is an observer around the plant's own step,
     e[k] = y[k] - angle[k],      state[k] <- state[k] + gain * e[k],      state[k+1] = step(state[k]),
 
 with the gain of the stationary Kalman filter for a load torque that fluctuates at random. That gain has a closed form
-(Kalata 1984, alpha-beta filter) in one number, here the observer's bandwidth w in rad/s: the square root of the ratio of
-the acceleration noise to the measurement noise. At w = 0 nothing is corrected and e is the error of a free simulation
-(output error); above it nothing drifts, so that closed-loop logs and integrating plants are harmless.
+(Kalata 1984, alpha-beta filter) in one number, here the observer's bandwidth w in rad/s: the square root of the ratio
+of the acceleration noise to the measurement noise. At w = 0 nothing is corrected and e is the error of a free
+simulation (output error); above it nothing drifts, so that closed-loop logs and integrating plants are harmless.
 """
 
 from __future__ import annotations
@@ -155,9 +155,9 @@ class _Chunk:
         self.errors, self.slopes, self.before = np.zeros(CHUNK), np.zeros((CHUNK, columns)), np.zeros((CHUNK, states))
         self.buffer, self.evaluate = function.buffer()
         for place, array in enumerate((self.begin, self.spread, self.data, self.values)):
-            self.buffer.set_arg(place, memoryview(array.ravel()))
+            self.buffer.set_arg(place, memoryview(array.ravel()))  # type: ignore[arg-type]
         for place, array in enumerate((self.states, self.spreads, self.errors, self.slopes, self.before)):
-            self.buffer.set_res(place, memoryview(array.ravel()))
+            self.buffer.set_res(place, memoryview(array.ravel()))  # type: ignore[arg-type]
 
     def advance(self, begin: Array, spread: Array, data: Array) -> tuple[Array, Array]:
         """Predict up to `CHUNK` samples, data (9, k); returns state and spread behind the last one."""
@@ -170,7 +170,7 @@ class _Chunk:
 
 @lru_cache(maxsize=512)
 def _compiled(key: _Key) -> Any:
-    """Function (state, spread, data (9, CHUNK), parameters) -> states, spreads, innovations, slopes, predicted states."""
+    """Function (state, spread, data, parameters) -> states, spreads, innovations, slopes, predicted states."""
     free, substeps, sensitivities = key.rest
     step = sample_step(key.model, substeps=substeps)
     n, count, columns = len(key.model.states), len(key.model.names), len(free) + 2 if sensitivities else 0

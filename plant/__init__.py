@@ -5,7 +5,9 @@ from __future__ import annotations
 from plant.discrete import sample_step, simulate
 from plant.effects import Effect, catalogue
 from plant.errors import AntidriveError, BadModelFile, BadParameter
+from plant.gears import GearTrain
 from plant.model_file import ModelFile, read_model
+from plant.rig import Rig
 from plant.servo import ServoModel
 
 __all__ = [
@@ -13,7 +15,9 @@ __all__ = [
     "BadModelFile",
     "BadParameter",
     "Effect",
+    "GearTrain",
     "ModelFile",
+    "Rig",
     "ServoModel",
     "catalogue",
     "read_model",

@@ -245,7 +245,7 @@ def simulate(
 
 
 def actuator_torque(model: ServoModel, command: Array, dt: Array) -> Array:
-    """(T,) torque behind the actuator's effects, mean over each sample [N m], of a held command (T,) with steps (T,)."""
+    """(T,) torque behind the actuator's effects, mean over each sample [N m], of a command (T,) held for steps (T,)."""
     now, before, switch = held_commands(command, dt, float(model.delay()))
     entering = before * np.minimum(switch / dt, 1.0) + now * (1.0 - np.minimum(switch / dt, 1.0))
     state, torque, h = ca.SX.sym("state", len(model.states)), ca.SX.sym("torque"), ca.SX.sym("h")

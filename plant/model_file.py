@@ -94,7 +94,7 @@ def _parse(content: Any) -> ModelFile:
         where = f"effects[{place}]"
         entry = _mapping(entry, where)
         name = entry.get("name")
-        if name not in catalogue:
+        if not isinstance(name, str) or name not in catalogue:
             raise BadModelFile(f"{where}: unknown effect {name!r}; known are {', '.join(catalogue)}.")
         kind = catalogue[name]
         given = _mapping(entry.get("parameters"), f"{where}.parameters")
@@ -119,18 +119,19 @@ def _numbers(
     """The numbers of one group of parameters; each entry is a number or {"value": .., "std": ..}."""
     unknown = set(given) - {spec.name for spec in specs}
     if unknown:
-        raise BadModelFile(f"{where}: unknown parameter {min(unknown)!r}; known are {', '.join(s.name for s in specs)}.")
+        known = ", ".join(spec.name for spec in specs)
+        raise BadModelFile(f"{where}: unknown parameter {min(unknown)!r}; known are {known}.")
     numbers = {}
     for spec in specs:
         if spec.name not in given:
             raise BadModelFile(f"{where}: parameter {spec.name!r} is missing.")
         entry = given[spec.name]
         value = entry.get("value") if isinstance(entry, Mapping) else entry
-        if not _is_number(value):
+        if value is None or not _is_number(value):
             raise BadModelFile(f"{where}: {spec.name} must be a finite number, not {value!r}.")
         numbers[spec.name] = float(value)
         error = entry.get("std") if isinstance(entry, Mapping) else None
-        std[prefix + spec.name] = float(error) if _is_number(error) else None
+        std[prefix + spec.name] = float(error) if error is not None and _is_number(error) else None
     return numbers
 
 

@@ -29,7 +29,7 @@ def multisine(
     t = np.arange(round(duration / sample_time)) * sample_time
     phases = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, len(frequencies))
     waves = np.sin(2.0 * np.pi * np.outer(t, frequencies) + phases).sum(axis=1)
-    return amplitude * waves / np.max(np.abs(waves))
+    return np.asarray(amplitude * waves / np.max(np.abs(waves)), dtype=float)
 
 
 def _check(duration: float, sample_time: float) -> None:

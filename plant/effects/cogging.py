@@ -80,4 +80,4 @@ def _periodogram(angle: Array, torque: Array, orders: Array) -> Array:
     sums = np.bincount(bins, weights=centred)
     length = int(2 ** np.ceil(np.log2(8 * sums.size)))
     spectrum = np.abs(np.fft.rfft(sums, length)) ** 2
-    return np.interp(orders, 2.0 * np.pi * np.fft.rfftfreq(length, step), spectrum)
+    return np.asarray(np.interp(orders, 2.0 * np.pi * np.fft.rfftfreq(length, step), spectrum), dtype=float)
