@@ -22,7 +22,7 @@ from plant.servo import ServoModel
 
 Array = NDArray[np.float64]
 
-FRICTION_WIDTH = 0.02
+FRICTION_WIDTH = 0.005
 """Velocity over which the prediction smooths dry friction [rad/s], so that it has a derivative at rest."""
 
 _USED_BY_GOVERNOR = 0.85
@@ -189,14 +189,16 @@ class Controller:
             raise BadParameter(
                 f"The reference must be a number or {self.horizon + 1} samples, not an array of shape {wanted.shape}."
             )
-        troubles = [self.estimator.advance(float(angle), self._past[1], self._past[0])]
-        state = self.estimator.state
-        if state is None:
-            return self._hold(troubles)
-        if not np.all(np.isfinite(wanted)):
-            troubles.append("the reference is not a number, the angle is held")
-            wanted = np.asarray(state[0])
-        return self._plan_ahead(state, self._governed(self._preview(wanted), state), troubles)
+        # Absurd numbers may overflow; every result is checked, so no warning is needed.
+        with np.errstate(all="ignore"):
+            troubles = [self.estimator.advance(float(angle), self._past[1], self._past[0])]
+            state = self.estimator.state
+            if state is None:
+                return self._hold(troubles)
+            if not np.all(np.isfinite(wanted)):
+                troubles.append("the reference is not a number, the angle is held")
+                wanted = np.asarray(state[0])
+            return self._plan_ahead(state, self._governed(self._preview(wanted), state), troubles)
 
     def _preview(self, wanted: Array) -> Array:
         """The wanted angle (N + 1,) [rad]; a single number goes on at its speed if it has been moving smoothly."""
@@ -229,8 +231,9 @@ class Controller:
         guess = np.full(N, self._past[-1]) if self._plan is None else np.append(self._plan[1:], self._plan[-1])
         under_way = np.array(self._past)[1:]
         course = self._predictor.look_ahead(state, np.concatenate((under_way, guess)), self.estimator.disturbance)
-        # What is decided now acts after the delay, so the first `late` samples are fate.
-        ahead = np.append(wanted, np.full(late, wanted[-1]))[late:]
+        # What is decided now acts after the delay: the first samples are fate, and the reference must reach further.
+        beyond = wanted[-1] + (wanted[-1] - wanted[-2]) * np.arange(1, late + 1)
+        ahead = np.append(wanted, beyond)[late:]
         acceleration = np.diff(course.states[late:, 1]) / self.sample_time
         reach = self._dead_zone.effective(self.bounds.reachable(acceleration))
         solution, response = self._optimise(course, ahead, guess, reach)

@@ -41,6 +41,4 @@ class DeadZoneInverse:
     def command(self, effective: ArrayLike) -> Array:
         """The torque to command for a torque behind the dead zone [N m], shape of the input."""
         h = np.asarray(effective, dtype=np.float64)
-        if self.half_width == 0.0:
-            return h
-        return np.asarray(h + self.half_width * np.clip(h / (0.1 * self.half_width), -1.0, 1.0))
+        return np.asarray(h + np.clip(10.0 * h, -self.half_width, self.half_width))

@@ -88,7 +88,7 @@ class Estimator:
             return self.advance(reading, torque, previous_torque) or "the estimate diverged and began anew"
         if not np.isfinite(reading):
             return "the angle is not a number, the model's prediction stands in"
-        if innovation**2 > _OUTLIER**2 * variance:
+        if abs(innovation) > _OUTLIER * np.sqrt(variance):
             self._doubts += 1
             if self._doubts < _PATIENCE:
                 return "the angle jumped, the model's prediction stands in"

@@ -1,0 +1,135 @@
+"""The loop closed on the rig, which the model only approximates."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mpc import ClosedLoopResult, Controller, closed_loop
+from plant import ServoModel, sample_step
+from plant.effects import Cogging, CoulombFriction, InputDelay
+from plant.errors import BadParameter
+from plant.gears import GearTrain
+from plant.rig import Rig
+
+Array = NDArray[np.float64]
+
+PAPER = GearTrain.paper()
+RIG = Rig.paper_like()
+RIGID = ServoModel(inertia=RIG.total_inertia, gravity=0.5, viscous_friction=0.8)
+COUNT = 2 * np.pi / RIG.encoder_counts
+
+
+def swing(time: Array) -> Array:
+    """To and fro within 0.4 rad at a quarter hertz [rad]."""
+    return 0.2 * (1 - np.cos(2 * np.pi * 0.25 * time))
+
+
+def run(model: ServoModel, rig: Rig = RIG, duration: float = 3.0, min_torque: float = 0.02) -> ClosedLoopResult:
+    return closed_loop(Controller(model, PAPER, min_torque=min_torque), rig, swing, duration, seed=0)
+
+
+def test_it_tracks_and_the_teeth_stay_together() -> None:
+    result = run(RIGID)
+    assert result.tracking_rms < 3 * COUNT
+    assert result.degraded == 0
+    assert result.least_flank_torque > 0.0
+    assert np.all(result.torques[:, 0] >= 0.02)
+    assert np.all(result.torques[:, 1] <= -0.02)
+    assert np.all(np.abs(result.torques) <= 0.3)
+
+
+def test_without_preload_they_part() -> None:
+    assert run(RIGID, min_torque=0.0).least_flank_torque <= 0.0
+
+
+@pytest.mark.parametrize("load", [0.4, -0.5])
+def test_a_constant_load_leaves_no_error(load: float) -> None:
+    pushes = np.where(np.arange(600) > 200, load, 0.0)
+    result = closed_loop(Controller(RIGID, PAPER), RIG, 0.3, 3.0, seed=1, disturbance=pushes)
+    error = result.angle - 0.3
+    assert np.max(np.abs(error[200:300])) > 2 * COUNT
+    assert abs(np.mean(error[-200:])) < 0.2 * COUNT
+    assert np.mean(result.disturbance[-200:]) == pytest.approx(load, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("rig", "effect", "gain"),
+    [
+        (Rig.paper_like(coulomb_friction=0.4), CoulombFriction(torque=0.5), 0.3),
+        (
+            Rig.paper_like(cogging_amplitude=0.3, cogging_order=40.0),
+            Cogging(amplitude=0.3, order=40.0, phase=0.0),
+            0.5,
+        ),
+    ],
+)
+def test_a_model_that_knows_the_effect_tracks_better(rig: Rig, effect: CoulombFriction | Cogging, gain: float) -> None:
+    # the first quarter second pays for gravity, which both models learn
+    def settled(result: ClosedLoopResult) -> float:
+        return float(np.sqrt(np.mean((result.angle - result.reference)[50:] ** 2)))
+
+    assert settled(run(RIGID.with_effect(effect), rig)) < gain * settled(run(RIGID, rig))
+
+
+def test_a_jump_of_the_reference_does_not_open_the_teeth_or_overshoot() -> None:
+    result = closed_loop(Controller(RIGID, PAPER), RIG, lambda t: 0.5 * (t > 0.2), 3.0, seed=0)
+    assert np.max(result.angle) < 0.51
+    assert abs(result.angle[-1] - 0.5) < 2 * COUNT
+    assert result.least_flank_torque > 0.0
+
+
+def test_a_reference_out_of_reach_is_approached_without_cycling() -> None:
+    result = closed_loop(Controller(RIGID, PAPER), RIG, lambda t: 0.4 * np.sin(2 * np.pi * 0.25 * t), 3.0, seed=0)
+    assert np.max(np.abs(result.angle)) < 0.5
+    assert result.least_flank_torque > 0.0
+
+
+def follow(model: ServoModel, plant: ServoModel) -> float:
+    """RMS error [rad] of a controller on a servo whose exact equations are `plant` after two seconds."""
+    controller = Controller(model, PAPER)
+    step, state = sample_step(plant, substeps=4), np.zeros(2)
+    whole, switch = divmod(float(plant.delay()), 0.005)
+    values = plant.values
+    if "input_delay.time" in plant.names:
+        values[plant.names.index("input_delay.time")] = switch
+    commands = deque([0.0] * (int(whole) + 2), maxlen=int(whole) + 2)
+    errors = []
+    wanted = swing(np.arange(831) * 0.005)
+    for k in range(800):
+        errors.append(state[0] - wanted[k])
+        control = controller.step(round(state[0] / COUNT) * COUNT, wanted[k : k + 31])
+        commands.append(float(PAPER.follower_torque(control.torques)))
+        inputs = np.array([commands[1], commands[0], 0.0, np.inf, 0.005, 0.0])
+        state = np.asarray(step(state, inputs, values))[:, 0]
+    return float(np.sqrt(np.mean(np.square(errors[400:]))))
+
+
+def test_a_delay_that_is_known_is_compensated() -> None:
+    delayed = RIGID.with_effect(InputDelay(time=0.032))
+    assert follow(delayed, delayed) < 0.3 * follow(RIGID, delayed)
+
+
+def test_a_dead_zone_that_is_known_is_compensated() -> None:
+    paper = ServoModel.paper()
+    assert follow(paper, paper) < 0.5 * follow(paper.without_effect("dead_zone"), paper)
+
+
+def test_results_add_up() -> None:
+    result = run(RIGID, duration=0.5)
+    assert result.time.shape == result.angle.shape == (100,)
+    assert result.torques.shape == result.flank_torques.shape == (100, 2)
+    assert len(result.status) == 100
+    assert result.reference == pytest.approx(swing(result.time))
+    assert result.heat == pytest.approx(np.mean(result.torques[:, 0] ** 2 + result.torques[:, 1] ** 2))
+    samples = closed_loop(Controller(RIGID, PAPER), RIG, swing(np.arange(140) * 0.005), 0.5, seed=0)
+    assert np.array_equal(samples.angle, result.angle)
+
+
+@pytest.mark.parametrize(("reference", "duration"), [(0.0, 0.0), (float("nan"), 1.0), (0.0, float("nan"))])
+def test_refuses_what_cannot_be_run(reference: float, duration: float) -> None:
+    with pytest.raises(BadParameter):
+        closed_loop(Controller(RIGID, PAPER), RIG, reference, duration, seed=0)

@@ -1,0 +1,237 @@
+"""The controller keeps its promises at every sample, whatever it is fed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import qpsolvers
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+import mpc.controller
+from allocation import InfeasibleTorque
+from mpc import Control, Controller
+from mpc.box_qp import BoxSolution
+from plant import ServoModel
+from plant.effects import ActuatorLag, DeadZone, InputDelay
+from plant.errors import BadParameter
+from plant.gears import GearTrain
+
+Array = NDArray[np.float64]
+
+PAPER = GearTrain.paper()
+UNEQUAL = GearTrain(pinion_teeth=(20, 31), follower_teeth=161)
+RIGID = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
+
+
+def promised(controller: Controller, control: Control) -> None:
+    """Bounds over the whole horizon, to the last bit, and a status in the contract's words."""
+    xi = control.predicted_torques
+    assert xi.shape == (controller.horizon, 2)
+    assert np.array_equal(control.torques, xi[0])
+    assert np.all(xi[:, 0] >= controller.min_torque)
+    assert np.all(xi[:, 1] <= -controller.min_torque)
+    assert np.all(np.abs(xi) <= controller.max_torque)
+    assert control.status == "optimal" or control.status.startswith("degraded: ")
+    assert np.isfinite(control.margin)
+
+
+hostile = st.one_of(
+    st.floats(-1, 1),
+    st.sampled_from([float("nan"), float("inf"), -float("inf"), 1e300, -1e18, 1e6, 0.0]),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(hostile, hostile), min_size=1, max_size=12),
+    st.sampled_from([PAPER, UNEQUAL]),
+    st.sampled_from([0.0, 1e-5]),
+    st.sampled_from([RIGID, ServoModel.paper(), RIGID.with_effect(InputDelay(time=0.012))]),
+)
+def test_it_keeps_the_bounds_whatever_it_is_fed(
+    samples: list[tuple[float, float]], gears: GearTrain, rotor: float, model: ServoModel
+) -> None:
+    controller = Controller(model, gears, horizon=8, rotor_inertia=rotor)
+    for angle, reference in samples:
+        control = controller.step(angle, reference)
+        promised(controller, control)
+        if not np.isfinite(angle) or not np.isfinite(reference):
+            assert control.status != "optimal"
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(-0.4, 0.4), st.integers(2, 25), st.floats(-0.05, 0.05))
+def test_the_torques_solve_the_programme_as_written(start: float, horizon: int, target: float) -> None:
+    """Against states and torques as variables of one large programme, handed to another solver."""
+    J, K, dt = 2.0, 0.8, 0.005
+    model = ServoModel(inertia=J, gravity=0.0, viscous_friction=K)
+    controller = Controller(model, PAPER, horizon=horizon)
+    controller.governor.restart(start, 0.0)
+    controller.governor.distance = lambda angle: 0.0  # type: ignore[method-assign]
+    controller.governor.govern = lambda wanted, limits: wanted  # type: ignore[method-assign]
+    control = controller.step(start, np.full(horizon + 1, start + target))
+
+    block = expm(np.array([[0, 1, 0], [0, -K / J, 1 / J], [0, 0, 0]]) * dt)
+    A, B = block[:2, :2], block[:2, 2]
+    N, P, s = horizon, controller._terminal_weight, controller._rate_weight
+    count = 3 * N  # angle and velocity of samples 1..N, then torques of samples 0..N-1
+    H, g = np.zeros((count, count)), np.zeros(count)
+    for k in range(N - 1):
+        H[2 * k, 2 * k] += 1.0
+        g[2 * k] -= start + target
+    end = slice(2 * N - 2, 2 * N)
+    H[end, end] += P
+    g[end] -= P @ [start + target, 0.0]
+    rates = np.zeros((N, count))
+    rates[:, 2 * N :] = np.eye(N) - np.eye(N, k=-1)
+    H += s * rates.T @ rates
+    rows, rhs = np.zeros((2 * N, count)), np.zeros(2 * N)
+    for k in range(N):
+        rows[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = np.eye(2)
+        rows[2 * k : 2 * k + 2, 2 * N + k] = -B
+        if k > 0:
+            rows[2 * k : 2 * k + 2, 2 * k - 2 : 2 * k] = -A
+        else:
+            rhs[:2] = A @ [start, 0.0]
+    reach = 8.05 * (0.3 - 0.02)
+    lower, upper = np.full(count, -np.inf), np.full(count, np.inf)
+    lower[2 * N :], upper[2 * N :] = -reach, reach
+    x = qpsolvers.solve_qp(H, g, A=rows, b=rhs, lb=lower, ub=upper, solver="daqp")
+    assert x is not None
+    assert control.status == "optimal"
+    assert PAPER.follower_torque(control.predicted_torques) == pytest.approx(x[2 * N :], abs=2e-4 * reach)
+    assert control.predicted_angle[1:] == pytest.approx(x[: 2 * N : 2], abs=1e-6)
+
+
+def test_the_preload_is_the_least_that_the_bounds_allow() -> None:
+    controller = Controller(RIGID, UNEQUAL, horizon=10)
+    control = controller.step(0.0, 0.05)
+    held = np.min(np.abs(control.predicted_torques), axis=1)
+    assert held == pytest.approx(0.02, abs=1e-12)
+    assert control.margin == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_preload_carries_heavy_rotors() -> None:
+    rotor = 2e-5
+    controller = Controller(RIGID, PAPER, horizon=10, rotor_inertia=rotor)
+    control = controller.step(0.0, 0.05)
+    assert control.status == "optimal"
+    # Newton's law for each rotor, seen from its pinion, at the predicted acceleration of the load
+    speeds = np.diff(control.predicted_angle) / 0.005
+    acceleration = np.diff(speeds) / 0.005
+    inertia = rotor * PAPER.pre_reduction**2
+    flank_1 = control.predicted_torques[1:, 0] + inertia * 8.05 * acceleration
+    flank_2 = -control.predicted_torques[1:, 1] - inertia * 8.05 * acceleration
+    assert np.ptp(acceleration) > 0.05
+    assert np.min(flank_1) == pytest.approx(0.02, abs=2e-3)
+    assert np.min(flank_2) > 0.018
+    assert control.margin == pytest.approx(0.0, abs=1e-9)
+
+
+def test_too_heavy_rotors_are_reported() -> None:
+    controller = Controller(RIGID, PAPER, horizon=10, max_torque=0.03, rotor_inertia=1e-2)
+    controller.step(0.0, 0.0)
+    statuses = [controller.step(0.001 * k**2, 0.0).status for k in range(3)]
+    assert any("teeth" in status or "jumped" in status for status in statuses)
+
+
+def test_a_reading_that_is_not_a_number_is_bridged() -> None:
+    controller = Controller(RIGID, PAPER)
+    first = controller.step(float("nan"), 0.0)
+    assert first.status == "degraded: the angle is not a number"
+    promised(controller, first)
+    assert controller.step(0.0, 0.0).status == "optimal"
+    bridged = controller.step(float("nan"), 0.0)
+    assert "not a number" in bridged.status
+    assert controller.step(0.0, 0.0).status == "optimal"
+
+
+@pytest.mark.parametrize("answer", [np.nan, 1e9, 0.0])
+def test_a_solver_that_fails_costs_the_plan_and_nothing_else(monkeypatch: pytest.MonkeyPatch, answer: float) -> None:
+    controller = Controller(RIGID, PAPER)
+    controller.step(0.0, 0.01)
+    with monkeypatch.context() as broken:
+        broken.setattr(
+            mpc.controller,
+            "solve_box_qp",
+            lambda H, g, lower, upper, guess: BoxSolution(x=np.full(g.size, answer), residual=np.inf, iterations=0),
+        )
+        control = controller.step(0.0, 0.01)
+        promised(controller, control)
+        assert "certified" in control.status
+        assert controller._plan is None
+    assert controller.step(0.0, 0.01).status == "optimal"
+
+
+def test_equal_inputs_give_equal_torques() -> None:
+    one, two = Controller(ServoModel.paper(), PAPER), Controller(ServoModel.paper(), PAPER)
+    for angle in np.linspace(0, 0.01, 5):
+        assert np.array_equal(one.step(angle, 0.1).torques, two.step(angle, 0.1).torques)
+
+
+def test_a_number_means_that_the_reference_goes_on() -> None:
+    held, previewed = Controller(RIGID, PAPER), Controller(RIGID, PAPER)
+    for k in range(60):
+        speed = 0.1 * 0.005
+        a = held.step(speed * k, speed * k)
+        b = previewed.step(speed * k, speed * (k + np.arange(31)))
+    assert a.torques == pytest.approx(b.torques, abs=0.02)
+    jumped = Controller(RIGID, PAPER)
+    for reference in (0.0, 0.0, 0.5):
+        control = jumped.step(0.0, reference)
+    assert np.max(control.predicted_angle) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("effect", "seconds"), [(InputDelay(time=0.012), 0.010), (ActuatorLag(time_constant=0.02), 0.0)]
+)
+def test_states_and_delays_of_effects_are_carried(effect: InputDelay | ActuatorLag, seconds: float) -> None:
+    controller = Controller(RIGID.with_effect(effect), PAPER)
+    assert controller._whole_delay * 0.005 == pytest.approx(seconds)
+    for _ in range(5):
+        control = controller.step(0.0, 0.01)
+    promised(controller, control)
+    assert control.status == "optimal"
+
+
+def test_torques_inside_a_dead_zone_are_avoided() -> None:
+    controller = Controller(ServoModel(gravity=0.0, effects=(DeadZone(half_width=0.5),)), PAPER)
+    for _ in range(40):
+        control = controller.step(0.0, 0.001)
+    assert abs(float(PAPER.follower_torque(control.torques))) > 0.5
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"sample_time": 0.0},
+        {"horizon": 1},
+        {"horizon": 3.5},
+        {"min_torque": -1.0},
+        {"max_torque": float("nan")},
+        {"bandwidth": 0.0},
+        {"bandwidth": 50.0},
+        {"encoder_resolution": 0.0, "encoder_noise": 0.0},
+        {"torque_noise": float("inf")},
+        {"rotor_inertia": -1e-6},
+    ],
+)
+def test_refuses_parameters_that_cannot_be(bad: dict[str, float]) -> None:
+    with pytest.raises(BadParameter):
+        Controller(RIGID, PAPER, **bad)  # type: ignore[arg-type]
+
+
+def test_refuses_what_admits_no_torque_and_what_has_no_gears() -> None:
+    with pytest.raises(InfeasibleTorque):
+        Controller(RIGID, PAPER, min_torque=0.4, max_torque=0.3)
+    with pytest.raises(BadParameter, match="rotary"):
+        Controller(ServoModel(gravity=0.0, axis="linear"), PAPER)
+
+
+@pytest.mark.parametrize("shape", [(3,), (30,), (31, 1)])
+def test_refuses_a_preview_of_another_length(shape: tuple[int, ...]) -> None:
+    with pytest.raises(BadParameter, match="31"):
+        Controller(RIGID, PAPER).step(0.0, np.zeros(shape))

@@ -1,0 +1,228 @@
+"""The parts of the controller: prediction, bounded programme, estimator, governor, dead-zone inverse."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import qpsolvers
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+import mpc.box_qp
+from mpc.box_qp import optimality_residual, solve_box_qp
+from mpc.dead_zone import DeadZoneInverse
+from mpc.estimator import Estimator
+from mpc.governor import Governor
+from mpc.prediction import Predictor, sensitivities
+from plant import ServoModel, simulate
+from plant.effects import ActuatorLag, Cogging, CoulombFriction, InputDelay, StribeckFriction
+from plant.errors import BadParameter
+
+Array = NDArray[np.float64]
+
+DT = 0.005
+RICH = ServoModel.paper().without_effect("dead_zone").with_effect(ActuatorLag(time_constant=0.02))
+RICH = RICH.with_effect(Cogging(amplitude=0.2, order=12.0, phase=0.3))
+RICH = RICH.with_effect(StribeckFriction(coulomb=0.3, excess=0.1, velocity=0.1))
+RICH = RICH.with_effect(InputDelay(time=0.002))
+
+
+def predictor(model: ServoModel = RICH, width: float = 0.02) -> Predictor:
+    return Predictor(model=model, sample_time=DT, switch=float(model.delay()), width=width)
+
+
+# Prediction.
+
+
+def test_the_prediction_is_the_plants_simulation() -> None:
+    commands = np.sin(np.arange(40.0))
+    ahead = predictor().look_ahead(np.zeros(3), np.append(commands[0], commands), 0.0)
+    expected = simulate(RICH, command=commands, dt=DT, state=np.zeros(3), width=0.02)
+    assert ahead.states == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_disturbance_is_a_torque_beside_the_command() -> None:
+    commands = np.sin(np.arange(40.0))
+    start = np.array([0.1, 0.2, 0.3])
+    with_disturbance = predictor().look_ahead(start, commands, 0.7)
+    added = predictor().look_ahead(start, commands + 0.7, 0.0)
+    assert np.array_equal(with_disturbance.states, added.states)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_responses_are_the_derivatives(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    state, torques = rng.normal(size=3) * 0.3, rng.normal(size=13)
+    late = 2
+    ahead = predictor().look_ahead(state, torques, 0.1)
+    S = sensitivities(ahead, late)
+    for j in range(10):
+        change = np.zeros(13)
+        change[1 + late + j] = 1e-6
+        up = predictor().look_ahead(state, torques + change, 0.1).states
+        down = predictor().look_ahead(state, torques - change, 0.1).states
+        assert S[:, :, j] == pytest.approx((up - down)[late + 1 :] / 2e-6, rel=1e-4, abs=1e-8)
+
+
+# The programme with bounds.
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 30), st.integers(0, 2**32 - 1), st.floats(0, 5))
+def test_the_active_set_agrees_with_another_solver(n: int, seed: int, hardness: float) -> None:
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(n, n))
+    H = root @ root.T + 0.1 * np.eye(n)
+    g = rng.normal(size=n) * 10**hardness / 100
+    lower, upper = -rng.uniform(0, 1, n), rng.uniform(0, 1, n)
+    ours = solve_box_qp(H, g, lower, upper, rng.normal(size=n))
+    theirs = qpsolvers.solve_qp(H, g, lb=lower, ub=upper, solver="daqp")
+    assert ours.is_optimal
+    assert np.all((ours.x >= lower) & (ours.x <= upper))
+    assert theirs is not None
+    assert ours.x == pytest.approx(theirs, abs=1e-6)
+
+
+def test_the_second_solver_takes_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(20, 20))
+    H, g = root @ root.T + np.eye(20), rng.normal(size=20) * 10
+    lower, upper = -np.ones(20), np.ones(20)
+    first = solve_box_qp(H, g, lower, upper, np.zeros(20))
+    monkeypatch.setattr(mpc.box_qp, "_ITERATIONS", 0)
+    second = solve_box_qp(H, g, lower, upper, np.zeros(20))
+    assert first.iterations > 0
+    assert second.iterations == 0
+    assert second.is_optimal
+    assert second.x == pytest.approx(first.x, abs=1e-5)
+
+
+def test_a_programme_without_solution_is_said_to_have_none() -> None:
+    H, g, one = np.eye(3), np.array([1.0, np.nan, 0.0]), np.ones(3)
+    answer = solve_box_qp(H, g, -one, one, np.array([5.0, 0.0, 0.0]))
+    assert not answer.is_optimal
+    assert np.all(np.abs(answer.x) <= 1.0)
+
+
+def test_the_residual_tells_optimal_from_not() -> None:
+    H, g = np.diag([1.0, 2.0]), np.array([-0.5, -10.0])
+    lower, upper = np.zeros(2), np.ones(2)
+    assert optimality_residual(H, g, lower, upper, np.array([0.5, 1.0])) == 0.0
+    assert optimality_residual(H, g, lower, upper, np.array([0.5, 0.9])) == pytest.approx(0.1)
+    assert optimality_residual(H, g, lower, upper, np.array([np.nan, 0.0])) == np.inf
+
+
+# The estimator.
+
+
+def estimator(model: ServoModel) -> Estimator:
+    return Estimator(
+        predictor=predictor(model),
+        resolution=2 * np.pi / 2**17,
+        noise=2e-5,
+        torque_noise=0.05,
+        disturbance_rate=1.0,
+    )
+
+
+def test_on_a_linear_servo_it_is_the_stationary_kalman_filter() -> None:
+    J, K = 2.0, 0.8
+    filter_ = estimator(ServoModel(inertia=J, gravity=0.0, viscous_friction=K))
+    filter_.start(0.0, 0.0)
+    for _ in range(1500):
+        filter_.advance(0.0, 0.0, 0.0)
+    decay = np.exp(-K * DT / J)
+    slide = (1 - decay) * J / K
+    F = np.array([[1, slide, (DT - slide) / K], [0, decay, (1 - decay) / K], [0, 0, 1.0]])
+    kick = DT / J * 0.05
+    Q = np.diag([(kick * DT / 2) ** 2, kick**2, DT])
+    R = (2 * np.pi / 2**17) ** 2 / 12 + 4e-10
+    before = solve_discrete_are(F.T, np.array([[1.0], [0], [0]]), Q, np.array([[R]]))
+    gain = before[:, 0] / (before[0, 0] + R)
+    step = 1e-5
+    filter_.advance(step, 0.0, 0.0)
+    assert filter_.state is not None
+    assert filter_.state / step == pytest.approx(gain[:2], rel=1e-4)
+    assert filter_.disturbance / step == pytest.approx(gain[2], rel=1e-4)
+
+
+def test_it_finds_a_torque_that_the_model_does_not_have() -> None:
+    model = ServoModel.paper().without_effect("dead_zone").with_effect(CoulombFriction(torque=0.2))
+    commands = 1.5 * np.sin(2 * np.pi * np.arange(800) * DT)
+    truth = simulate(model, command=commands + 0.4, dt=DT)
+    filter_ = estimator(model)
+    rng = np.random.default_rng(0)
+    for k in range(800):
+        reading = truth[k, 0] + 2e-5 * rng.standard_normal()
+        filter_.advance(reading, commands[max(k - 1, 0)], commands[max(k - 2, 0)])
+    assert filter_.state is not None
+    assert filter_.disturbance == pytest.approx(0.4, abs=0.08)
+    assert filter_.state == pytest.approx(truth[799], abs=5e-3)
+
+
+def test_one_wild_reading_is_ignored_and_a_lasting_one_is_believed() -> None:
+    filter_ = estimator(ServoModel(inertia=2.0, gravity=0.0, viscous_friction=0.8))
+    for _ in range(50):
+        assert filter_.advance(0.1, 0.0, 0.0) == ""
+    assert "jumped" in filter_.advance(1.1, 0.0, 0.0)
+    assert filter_.state is not None
+    assert filter_.state[0] == pytest.approx(0.1, abs=1e-3)
+    assert filter_.advance(0.1, 0.0, 0.0) == ""
+    said = [filter_.advance(1.1, 0.0, 0.0) for _ in range(4)]
+    assert "anew" in said[2]
+    assert said[3] == ""
+    assert filter_.state[0] == pytest.approx(1.1, abs=1e-3)
+
+
+def test_it_needs_a_sensor_with_some_error() -> None:
+    with pytest.raises(BadParameter):
+        Estimator(predictor=predictor(), resolution=0.0, noise=0.0, torque_noise=0.1, disturbance_rate=1.0)
+
+
+# The governor.
+
+limits = st.floats(0.5, 10.0)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.floats(-3, 3),
+    st.floats(-3, 3),
+    st.floats(-2, 2),
+    limits,
+    limits,
+)
+def test_it_arrives_exactly_within_its_acceleration(
+    goal: float, angle: float, rate: float, backward: float, forward: float
+) -> None:
+    governor = Governor(sample_time=DT)
+    governor.restart(angle, rate)
+    weaker = min(backward, forward)
+    longest = 2 * (abs(rate) / weaker + np.sqrt((abs(goal - angle) + rate**2 / weaker) / weaker)) + 0.2
+    path = [governor.govern(np.full(2, goal), (backward, forward)) for _ in range(int(longest / DT))]
+    now = np.array([p[0] for p in path])
+    accelerations = np.diff(now, 2) / DT**2
+    assert np.all(accelerations <= forward + 1e-6)
+    assert np.all(accelerations >= -backward - 1e-6)
+    assert now[-1] == pytest.approx(goal, abs=1e-9)
+
+
+def test_what_can_be_followed_is_followed_exactly() -> None:
+    time = np.arange(1000) * DT
+    wanted = 0.2 * (1 - np.cos(2 * np.pi * 0.25 * time))
+    governor = Governor(sample_time=DT)
+    governor.restart(wanted[0], (wanted[1] - wanted[0]) / DT)
+    for k in range(900):
+        assert governor.govern(wanted[k : k + 31], (1.0, 1.0)) == pytest.approx(wanted[k : k + 31], abs=1e-12)
+
+
+# The inverse of the dead zone.
+
+
+@given(st.floats(0, 2), st.floats(-5, 5))
+def test_what_is_commanded_comes_out(half_width: float, torque: float) -> None:
+    inverse = DeadZoneInverse(half_width=half_width)
+    out = inverse.effective(inverse.command(torque))
+    assert abs(float(out) - torque) <= max(0.1 * half_width if abs(torque) < 0.1 * half_width else 0.0, 1e-12)
