@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
-import qpsolvers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 PAPER = GearTrain.paper()
 UNEQUAL = GearTrain(pinion_teeth=(20, 31), follower_teeth=161)
+QUIET = {"printLevel": "none"}
 RIGID = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
 
 
@@ -99,8 +100,10 @@ def test_the_torques_solve_the_programme_as_written(start: float, horizon: int, 
     reach = 8.05 * (0.3 - 0.02)
     lower, upper = np.full(count, -np.inf), np.full(count, np.inf)
     lower[2 * N :], upper[2 * N :] = -reach, reach
-    x = qpsolvers.solve_qp(H, g, A=rows, b=rhs, lb=lower, ub=upper, solver="daqp")
-    assert x is not None
+    solver = ca.conic("reference", "qpoases", {"h": ca.DM(H).sparsity(), "a": ca.DM(rows).sparsity()}, QUIET)
+    answer = solver(h=H, g=g, a=rows, lba=rhs, uba=rhs, lbx=lower, ubx=upper)
+    assert solver.stats()["success"]
+    x = np.asarray(answer["x"])[:, 0]
     assert control.status == "optimal"
     assert PAPER.follower_torque(control.predicted_torques) == pytest.approx(x[2 * N :], abs=2e-4 * reach)
     assert control.predicted_angle[1:] == pytest.approx(x[: 2 * N : 2], abs=1e-6)
