@@ -1,0 +1,45 @@
+"""Known public data sets, read from the user's own folder: nothing of them is shipped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+from identification.datasets import bam, emps, hsm150, kscale, ur10e
+from identification.datasets.dataset import Dataset, files_in
+from plant.errors import BadParameter
+
+_READERS: MappingProxyType[str, tuple[str, Callable[..., Dataset]]] = MappingProxyType(
+    {
+        "emps": ("*.mat", emps.read),
+        "kscale": ("*.npz", kscale.read),
+        "bam": ("*.json", bam.read),
+        "ur10e": ("*.npz", ur10e.read),
+        "hsm150": ("*.mat", hsm150.read),
+    }
+)
+
+
+def load_dataset(name: str, data: Path | str | Sequence[Path | str], *, joint: int | None = None) -> Dataset:
+    """Read a known data set.
+
+    Args:
+        name: emps, kscale, bam, ur10e or hsm150.
+        data: the folder that holds its files, or the files.
+        joint: which joint of a robot; only for ur10e.
+
+    Raises:
+        BadParameter: unknown name, missing folder, or a joint where there is none to choose.
+        MalformedLog: a file is missing or is not what the data set's description says.
+    """
+    if name not in _READERS:
+        raise BadParameter(f"There is no data set {name!r}; known are {', '.join(_READERS)}.")
+    if joint is not None and name != "ur10e":
+        raise BadParameter(f"--joint goes with ur10e only; {name} has one axis.")
+    pattern, read = _READERS[name]
+    files = files_in(data, pattern)
+    return read(files, joint=joint) if name == "ur10e" else read(files)
+
+
+__all__ = ["Dataset", "load_dataset"]

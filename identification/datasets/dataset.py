@@ -1,0 +1,101 @@
+"""A data set with its split, stated in advance."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from identification.errors import MalformedLog
+from identification.log import Log, Source
+from identification.recording import Array, Recording
+from plant.errors import BadParameter
+from plant.servo import ServoModel
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Dataset:
+    """What is fitted, what is held out, and where a diagnosis starts.
+
+    Attributes:
+        estimation, holdout: the two parts; `holdout` is None where the data set states no split.
+        base: the model to start from.
+        fixed: names of the base's parameters that this machine does not have.
+        notes: where it is published, what is peculiar, and published figures to compare with.
+    """
+
+    estimation: Log
+    holdout: Log | None
+    base: ServoModel
+    fixed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def files_in(data: Path | str | Sequence[Path | str], pattern: str) -> list[Path]:
+    """The files of a folder that match a pattern, or the files themselves, in the order of their names."""
+    if isinstance(data, str | Path):
+        folder = Path(data)
+        if not folder.exists():
+            raise BadParameter(f"{folder} does not exist; --data names the folder that holds the data set's files.")
+        found = sorted(folder.glob(pattern)) if folder.is_dir() else [folder]
+        if not found:
+            raise MalformedLog(f"{folder} holds no {pattern} file, which this data set consists of.")
+        return found
+    return sorted(Path(file) for file in data)
+
+
+def source(file: Path) -> Source:
+    """Name and hash of a file."""
+    return Source(file=file.name, sha256=hashlib.sha256(file.read_bytes()).hexdigest())
+
+
+def arrays_of(file: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """Named arrays of a MAT (v5) or NPZ file."""
+    try:
+        if file.suffix == ".mat":
+            from scipy.io import loadmat
+
+            content: Any = loadmat(file)
+        else:
+            content = np.load(file)
+        missing = [name for name in names if name not in content]
+        if missing:
+            raise MalformedLog(f"{file.name} has no array '{missing[0]}', which this data set's files hold.")
+        return {name: np.asarray(content[name]) for name in names}
+    except (OSError, ValueError, NotImplementedError, KeyError) as error:
+        raise MalformedLog(f"{file.name} cannot be read as a {file.suffix} file ({error}).") from None
+
+
+def recording(
+    *,
+    label: str,
+    number: int = 0,
+    time: ArrayLike,
+    command: ArrayLike,
+    output: ArrayLike,
+    servo_gain: ArrayLike = 0.0,
+    command_limit: float = np.inf,
+    valid: NDArray[np.bool_] | None = None,
+    axis: str = "rotary",
+    **others: Array,
+) -> Recording:
+    """One experiment in SI units, ready for the checks that every log passes."""
+    clock = np.asarray(time, dtype=float)
+    return Recording(
+        label=label,
+        number=number,
+        time=clock,
+        command=np.asarray(command, dtype=float),
+        output=np.asarray(output, dtype=float),
+        servo_gain=np.broadcast_to(np.asarray(servo_gain, dtype=float), clock.shape).copy(),
+        valid=np.ones(clock.size, dtype=bool) if valid is None else valid,
+        rows=np.arange(1, clock.size + 1),
+        axis=axis,
+        command_limit=command_limit,
+        others=others,
+    )

@@ -1,0 +1,48 @@
+"""Position servos that swing a pendulum: a goal in, an angle out, the firmware's law between them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.datasets.dataset import recording
+from identification.recording import Array, Recording
+
+HANGING = -0.5 * np.pi  # eq. (4) has gravity alpha cos x, so the pendulum hangs at -pi/2
+VOLTS_UNKNOWN_SCALE = (
+    "The torque's scale is unknown: torques are in volts at the motor, so J, alpha and K are per volt, and the "
+    "viscous friction holds the back-EMF besides, which one supply voltage cannot tell apart."
+)
+
+
+def swing(
+    *,
+    label: str,
+    number: int,
+    time: Array,
+    goal: Array,
+    position: Array,
+    duty_per_rad: float,
+    volts: Array,
+    enabled: NDArray[np.bool_],
+) -> Recording:
+    """One run of a position servo: motor voltage = volts * clip(duty_per_rad * (goal - angle), -1, 1) while enabled.
+
+    Samples in which the bus dropped out (no supply voltage read, or far more than the run's) are masked.
+    """
+    supply = float(np.median(volts[volts > 1.0])) if np.any(volts > 1.0) else 1.0
+    gain = np.where(enabled, duty_per_rad * supply, 0.0)
+    dropped = (volts < 0.5 * supply) | (volts > 1.5 * supply)
+    first = int(np.argmax(~dropped))
+    used = slice(first, None)
+    return recording(
+        label=label,
+        number=number,
+        time=time[used] - time[first],
+        command=(gain * (goal + HANGING))[used],
+        output=(position + HANGING)[used],
+        servo_gain=gain[used],
+        command_limit=supply,
+        valid=~dropped[used],
+        goal=(goal + HANGING)[used],
+    )

@@ -1,0 +1,55 @@
+"""UR10e: one joint of a robot arm sweeps while the others rest.
+
+Mamedov, Mikhel: Practical Aspects of Model-Based Collision Detection. Frontiers in Robotics and AI, 2020. One file a
+joint, about 100 Hz with uneven steps; the motor current stands for the torque.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+from identification.datasets.dataset import Dataset, arrays_of, recording, source
+from identification.errors import MalformedLog
+from identification.log import Log
+from plant.errors import BadParameter
+from plant.servo import ServoModel
+
+_SHARE = 0.7  # of the run that is fitted
+
+
+def read(files: list[Path], *, joint: int | None = None) -> Dataset:
+    """Read the sweep of one joint (1, 2, 3); its last 30 % are held out.
+
+    The current `i` is what was measured; `tau_des` is the robot's own model of the torque, so a fit to it would find
+    the maker's model and not the machine.
+    """
+    joints = {int(found.group(1)): file for file in files if (found := re.search(r"joint_(\d)\.npz$", file.name))}
+    if not joints:
+        raise MalformedLog("UR10e's sweeps are files whose names end in joint_K.npz; none is there.")
+    chosen = min(joints) if joint is None else joint
+    if chosen not in joints:
+        raise BadParameter(f"--joint {chosen}: there is a sweep of joint {', '.join(map(str, sorted(joints)))} only.")
+    file = joints[chosen]
+    data = arrays_of(file, ("t", "q", "i"))
+    run = recording(
+        label=file.name,
+        time=data["t"].ravel(),
+        command=data["i"][:, chosen - 1].astype(float),
+        output=data["q"][:, chosen - 1].astype(float),
+    )
+    log = Log.from_recordings([run], axis="rotary", sources=[source(file)], command_unit="A")
+    whole = max(log.runs, key=len)
+    cut = int(len(whole) * _SHARE)
+    last = replace(whole.slice(cut, len(whole)), label=f"{whole.label}, last 30 %")
+    notes = (
+        f"UR10e (Mamedov, Mikhel 2020), joint {chosen}: the first 70 % of the sweep are fitted, the rest is held out.",
+        "The torque's scale is unknown: torques are in amperes at the motor, so J, alpha and K are per ampere.",
+    )
+    return Dataset(
+        estimation=replace(log, runs=(whole.slice(0, cut),)),
+        holdout=replace(log, runs=(last,)),
+        base=ServoModel(inertia=1.0, gravity=0.0, viscous_friction=1.0),
+        notes=notes,
+    )
