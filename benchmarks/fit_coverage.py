@@ -63,7 +63,7 @@ def table(truth: Array, values: Array, errors: Array) -> str:
 
 
 def main() -> None:
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 600
     truth = drawn(count)
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         results = pool.map(estimated, recorded(truth), chunksize=1)
