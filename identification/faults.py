@@ -62,7 +62,7 @@ def _spike_pass(values: Array, step: float) -> NDArray[np.bool_]:
         )
         least = np.abs(off).min(axis=0)
         if width == 1:
-            noise = 1.4826 * np.maximum(np.median(least), median_filter(least, size=min(101, count), mode="nearest"))
+            noise = 1.4826 * np.maximum(np.median(least), median_filter(least, size=min(101, count), mode="reflect"))
             noise = np.append(noise, np.repeat(noise[-1], _WIDEST_SPIKE))
         limit = np.maximum(_OVER_NOISE * noise[: len(least)], _OVER_QUANTUM * step)
         for start in np.flatnonzero(least > limit):
@@ -119,27 +119,31 @@ def find_wraps(values: Array, turn: float | None) -> tuple[Array, float]:
 
 
 def find_flat_tops(values: Array) -> NDArray[np.bool_]:
-    """Mask (T,) of samples at the channel's very end of scale, run into at speed: a clipped signal.
+    """Mask (T,) of samples at the channel's very end of scale, run into and left at speed: a clipped signal.
 
     A held step also sits at its extreme, but the samples before it do not point beyond it; a smooth peak slows down
-    before it turns.
+    before it turns; a load that friction stops leaves slowly.
     """
     clipped = np.zeros(len(values), dtype=bool)
     step = quantum(values)
     for extreme, sign in ((values.max(), 1.0), (values.min(), -1.0)):
-        tops, cut = [], 0
-        for start, stop in stretches(values == extreme):
-            if stop - start < 3:
-                continue
-            tops.append((start, stop))
-            if start >= 3:
-                slope = sign * (values[start - 1] - values[start - 3]) / 2
-                left = sign * (extreme - values[start - 1])
-                cut += bool(slope > 3 * step and left <= 1.2 * slope)
-        if tops and 2 * cut > len(tops) and sum(stop - start for start, stop in tops) >= 5:
+        room = sign * (extreme - values)  # from each sample to the end of scale
+        tops = [(start, stop) for start, stop in stretches(room == 0) if stop - start >= 3]
+        inner = [(start, stop) for start, stop in tops if start >= 3 and stop + 3 <= len(values)]
+        cut = [
+            _points_beyond(room[start - 3 : start][::-1], step) and _points_beyond(room[stop : stop + 3], step)
+            for start, stop in inner
+        ]
+        if 2 * sum(cut) > len(tops) and sum(stop - start for start, stop in tops) >= 5:
             for start, stop in tops:
                 clipped[start:stop] = True
     return clipped
+
+
+def _points_beyond(room: Array, step: float) -> bool:
+    """True if the room left (3,), from the end of scale on, opens at a steady ten encoder steps a sample or more."""
+    slope = (room[2] - room[0]) / 2
+    return bool(slope > 10 * step and room[0] <= 1.2 * slope)
 
 
 def find_frozen(values: Array) -> NDArray[np.bool_]:
