@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from identification.fit import Fit, Problem
 from identification.log import Run
@@ -101,19 +102,19 @@ class Screen:
 
     def regress(self, traces: Iterable[Trace], *, discounted: bool = False) -> Iterator[tuple[float, Array]]:
         """Evidence and coefficients of each trace; evidence discounted for the colour of the innovations on request."""
-        columns = [trace.columns for trace in traces]
-        if not columns:
+        asked = list(traces)
+        if not asked:
             return
-        responses = self._through_filter(np.hstack(columns))
+        responses = self._through_filter(np.hstack([trace.columns for trace in asked]))
         e = self.innovations - self.nuisance @ (self.nuisance.T @ self.innovations)
         responses = responses - self.nuisance @ (self.nuisance.T @ responses)
         n, first = self.fit.samples, 0
         total = float(e @ e)
-        for block in columns:
-            regressors = -responses[:, first : first + block.shape[1]]
-            first += block.shape[1]
+        for trace in asked:
+            regressors = -responses[:, first : first + trace.columns.shape[1]]
+            first += trace.columns.shape[1]
             size = np.sqrt(np.maximum((regressors**2).sum(axis=0), 1e-300))
-            coefficients = np.linalg.lstsq(regressors / size, e, rcond=1e-8)[0] / size
+            coefficients = _coefficients(regressors / size, e, trace.positive) / size
             left = float(((e - regressors @ coefficients) ** 2).sum())
             evidence = 0.5 * n * float(np.log(total / max(left, 1e-300 + 1e-12 * total)))
             yield (evidence / self._widening(regressors / size) if discounted else evidence), coefficients
@@ -134,6 +135,15 @@ class Screen:
                 state = closed_loop[k] @ state + np.multiply.outer(by_torque[k], traces[row + k])
             row += closed_loop.shape[0]
         return response
+
+
+def _coefficients(regressors: Array, e: Array, positive: tuple[bool, ...]) -> Array:
+    """(m,) least-squares coefficients, some of which cannot be negative."""
+    if not any(positive):
+        return np.asarray(np.linalg.lstsq(regressors, e, rcond=1e-8)[0])
+    orthogonal, triangle = np.linalg.qr(regressors)
+    least = np.where(positive, 0.0, -np.inf)
+    return np.asarray(lsq_linear(triangle, orthogonal.T @ e, bounds=(least, np.inf)).x)
 
 
 def _linearised(

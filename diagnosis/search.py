@@ -11,13 +11,14 @@ from diagnosis.odds import CLEAR, MISSING, NONE, parameter_cost, probabilities, 
 from diagnosis.result import Candidate, Estimate
 from diagnosis.screen import Screen, Suspect
 from identification.fit import Fit, Problem
-from identification.log import Log
 from plant.effects import Effect, catalogue
+from plant.effects.effect import Array
 
 _REFITS = 5  # effects refitted in one round because they are close to the leader of the screen
 _WORTH = 0.2  # share of the leader's evidence that counts as close
 _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
 _ROUNDS = 6
+_BLOCKS = 20  # into which that part is cut to judge its scatter
 _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
 
 
@@ -181,31 +182,30 @@ def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
 
 
 def holds_up(before: Fit, after: Fit) -> bool:
-    """Whether an extended model predicts data better that neither it nor its predecessor was fitted to.
+    """Whether an extended model predicts data that neither it nor its predecessor was fitted to, and not worse.
 
-    Both are refitted to the first part of each run and judged by the likelihood of their predictions of the rest, at
-    the same observer bandwidth. The bar is low, because the odds have already decided; it stops what only fits the
-    record that it was chosen on.
+    Both are refitted to the first part of each run and predict the rest with the same observer. The odds have already
+    decided; this stops what only fits the record on which it was chosen: a loss of likelihood that is significant over
+    blocks of the unseen part (Diebold and Mariano 1995).
     """
     bandwidth = max(before.bandwidth, after.bandwidth)
-    return _unseen_likelihood(after, bandwidth) > _unseen_likelihood(before, bandwidth) - 3.0
+    gained = _unseen(after, bandwidth) - _unseen(before, bandwidth)
+    blocks = np.array([block.mean() for block in np.array_split(gained, _BLOCKS)])
+    return float(blocks.mean()) > -2.0 * float(blocks.std(ddof=1)) / np.sqrt(_BLOCKS)
 
 
-def _unseen_likelihood(fit: Fit, bandwidth: float) -> float:
-    seen = Log(
-        runs=tuple(run.slice(0, max(int(len(run) * (1.0 - _UNSEEN)), 2)) for run in fit.log.runs), axis=fit.log.axis
-    )
+def _unseen(fit: Fit, bandwidth: float) -> Array:
+    """(U,) log-likelihood of each sample in the last part of the runs, after a fit to the first part."""
+    seen = replace(fit.log, runs=tuple(run.slice(0, int(len(run) * (1.0 - _UNSEEN))) for run in fit.log.runs))
     problem = Problem.of(seen, fit.model, fixed=_fixed(fit))
     best = problem.minimise(problem.pack(fit.model.values, fit.initial), bandwidth, 0.0, iterations=5)
     values, initial = problem.unpack(best.point)
     variance = best.equations.cost / problem.samples
     whole = replace(problem.predictor, runs=fit.log.runs, free=())
     predictions = whole.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
-    total = 0.0
-    for run, part, prediction in zip(fit.log.runs, seen.runs, predictions, strict=True):
-        unseen = prediction.innovations[len(part) :][run.valid[len(part) :]]
-        total -= 0.5 * float(np.sum(unseen**2)) / variance + 0.5 * unseen.size * np.log(2.0 * np.pi * variance)
-    return total
+    pairs = zip(seen.runs, predictions, strict=True)
+    unseen = np.concatenate([prediction.innovations[len(part) :] for part, prediction in pairs])
+    return np.asarray(-0.5 * unseen**2 / variance - 0.5 * np.log(variance))
 
 
 def _without_superfluous(

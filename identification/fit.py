@@ -24,6 +24,9 @@ from plant.errors import BadParameter
 from plant.servo import ServoModel
 
 
+_HOPELESS = 2000.0  # loss of log-likelihood at a lower bandwidth that no refit makes good
+
+
 @dataclass(frozen=True, kw_only=True)
 class FittedParameter:
     """One line of a fit: `value` and `std` in `unit`; both are None where the data cannot tell."""
@@ -284,6 +287,8 @@ class Problem:
         while bandwidth:
             last = trials[bandwidth]
             bandwidth = bandwidth / 4.0 if bandwidth > 4.0 * slowest else 0.0
+            if log_likelihood(self.cost(last.minimum.point, bandwidth, 0.0), self.samples) < last.score - _HOPELESS:
+                break
             trials[bandwidth] = self._trial(last.minimum.point, bandwidth, iterations=5)
             if trials[bandwidth].score < last.score - 10.0:
                 break
@@ -320,8 +325,9 @@ class Problem:
         found = uncertainty(innovations, jacobian, variance)
         count = len(self.free)
         spread, lost = found.covariance[:count, :count], found.undetermined[:count]
-        lost = lost | self._without_weight(values, np.sqrt(np.diag(spread)))
-        values[np.array(self.free)[lost]] = self.model.values[np.array(self.free)[lost]]
+        lost = lost | self._without_weight(values, np.sqrt(np.diag(spread))) | self._nothing_moves(minimum)
+        gone = np.array(self.free, dtype=int)[lost]
+        values[gone] = self.model.values[gone]
         fitted = self.model.with_values(values)
         return Fit(
             model=fitted,
@@ -340,6 +346,11 @@ class Problem:
             evaluations=evaluations + minimum.evaluations,
             log=self.log,
         )
+
+    def _nothing_moves(self, minimum: Minimum) -> bool:
+        """Whether an output that stays where it is explains the log as well as the fitted motion: nothing can be told."""
+        still = sum(float(np.sum((run.output - run.output[run.valid].mean())[run.valid] ** 2)) for run in self.log.runs)
+        return still < 1.1 * minimum.equations.cost
 
     def _without_weight(self, values: Array, std: Array) -> NDArray[np.bool_]:
         """(F,) parameters whose uncertainty is worth more than the torque in the log: the data cannot tell them.
@@ -388,9 +399,8 @@ class Problem:
 
 
 def integration_steps(log: Log) -> int:
-    """Integration steps in one sample: at most 5 ms each, 2 ms where a position servo closes its loop inside."""
-    longest = 0.002 if any(np.any(run.servo_gain) for run in log.runs) else 0.005
-    return int(np.ceil(max(run.sample_time for run in log.runs) / longest * (1.0 - 1e-6)))
+    """Integration steps in one sample, of at most 5 ms each."""
+    return int(np.ceil(max(run.sample_time for run in log.runs) / 0.005 * (1.0 - 1e-6)))
 
 
 def first_states(log: Log) -> Array:

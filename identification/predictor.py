@@ -26,7 +26,7 @@ from plant.discrete import INPUTS, held_commands, sample_step
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
-CHUNK = 1000  # samples that one compiled call covers; a run is a few such calls
+CHUNK = 250  # samples that one compiled call covers; a run is a few such calls
 
 
 def observer_gain(bandwidth: float, dt: Array) -> Array:

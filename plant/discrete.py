@@ -6,6 +6,7 @@ parameters, the time step and the smoothing width are its inputs.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal, TypeAlias
 
@@ -85,30 +86,46 @@ def _build(structure: _Structure, substeps: int, method: Method) -> Any:
     end = state
     for torque, length in stretches:
         for _ in range(substeps):
-            drive = ca.fmax(ca.fmin(torque - gain * end[0], limit), -limit)
-            end = advance(model, end, drive, length / substeps, width)
+            end = advance(model, end, _Drive(torque, gain, limit), length / substeps, width)
     names = (["state", "inputs", "parameters"], ["next_state"])
     return ca.Function("sample_step", [state, inputs, parameters], [end], *names, {"cse": True})
 
 
-def _actuator(model: ServoModel, state: Expression, drive: Expression, h: Expression) -> tuple[Expression, list[Any]]:
-    """Torque behind the actuator and the states of its effects, `h` after the drive's torque was set."""
-    torque, states, place = drive, [], 2
+@dataclass(frozen=True)
+class _Drive:
+    """The drive's law over a step: a held command, less what a position servo takes back with the angle."""
+
+    command: Expression
+    gain: Expression
+    limit: Expression
+
+    def torque(self, angle: Expression) -> Expression:
+        return ca.fmax(ca.fmin(self.command - self.gain * angle, self.limit), -self.limit)
+
+
+def _actuator(
+    model: ServoModel, state: Expression, torque: Expression, h: Expression, *, middle: bool = False
+) -> tuple[Expression, list[Any]]:
+    """Torque behind the actuator and the states of its effects, `h` after the drive's torque was set.
+
+    In the middle of a step of length `h` an effect with a state gives the value by which Simpson's rule, and so the
+    Runge-Kutta method, gets its mean over the step right also when it settles much faster than the step.
+    """
+    states, place = [], 2
     for effect in model.effects:
         own = 0.0
         if effect.has_state:
-            own = effect.advance(state[place], torque, h)
+            before, own = state[place], effect.advance(state[place], torque, h)
             states.append(own)
+            if middle:
+                own = (6 * effect.mean(before, torque, h) - before - own) / 4
             place += 1
         torque = effect.command(torque, own)
     return torque, states
 
 
-def _runge_kutta(model: ServoModel, state: Any, drive: Expression, h: Expression, width: Expression) -> Any:
+def _runge_kutta(model: ServoModel, state: Any, drive: _Drive, h: Expression, width: Expression) -> Any:
     """Classical Runge-Kutta step; dry friction opposes the motion at its start and is put right after a reversal."""
-    start, _ = _actuator(model, state, drive, 0.0)
-    middle, _ = _actuator(model, state, drive, h / 2)
-    end, states = _actuator(model, state, drive, h)
     x, v = state[0], state[1]
     slides = model.dry_friction(v) is not None
 
@@ -116,13 +133,20 @@ def _runge_kutta(model: ServoModel, state: Any, drive: Expression, h: Expression
         smooth = model.smooth_acceleration(angle, velocity, torque)
         return smooth - _friction(model, velocity, v) if slides else smooth
 
-    a1 = acceleration(x, v, start)
+    def torque(angle: Any, **when: Any) -> Any:
+        return _actuator(model, state, drive.torque(angle), **when)[0]
+
+    x2 = x + h / 2 * v
+    a1 = acceleration(x, v, torque(x, h=0.0))
     v2 = v + h / 2 * a1
-    a2 = acceleration(x + h / 2 * v, v2, middle)
+    a2 = acceleration(x2, v2, torque(x2, h=h, middle=True))
     v3 = v + h / 2 * a2
-    a3 = acceleration(x + h / 2 * v2, v3, middle)
+    x3 = x + h / 2 * v2
+    a3 = acceleration(x3, v3, torque(x3, h=h, middle=True))
     v4 = v + h * a3
-    a4 = acceleration(x + h * v3, v4, end)
+    x4 = x + h * v3
+    a4 = acceleration(x4, v4, torque(x4, h=h))
+    states = _actuator(model, state, drive.torque(x2), h)[1]
     angle = x + h / 6 * (v + 2 * v2 + 2 * v3 + v4)
     velocity = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
     if slides:
@@ -168,14 +192,14 @@ def _stop_and_go(
     return ca.if_else(width > 0, *angles), ca.if_else(width > 0, *velocities)
 
 
-def _backward_difference(model: ServoModel, state: Any, drive: Expression, h: Expression, width: Expression) -> Any:
+def _backward_difference(model: ServoModel, state: Any, drive: _Drive, h: Expression, width: Expression) -> Any:
     """Equation (5) of the paper: J x'' and K x' by backward differences, gravity and torque at the new sample.
 
     The angle to find stands on both sides; Newton's method on it converges to rounding in a few steps, because
     alpha T^2 / (J + K T) is far below 1. The state's velocity stands for (x[k-1] - x[k-2]) / T.
     """
-    torque, _ = _actuator(model, state, drive, h)
     before, velocity = state[0], state[1]
+    torque, _ = _actuator(model, state, drive.torque(before), h)
     guess = before + h * velocity
     x = ca.SX.sym("x")
     v = (x - before) / h
@@ -249,8 +273,12 @@ def actuator_torque(model: ServoModel, command: Array, dt: Array) -> Array:
     now, before, switch = held_commands(command, dt, float(model.delay()))
     entering = before * np.minimum(switch / dt, 1.0) + now * (1.0 - np.minimum(switch / dt, 1.0))
     state, torque, h = ca.SX.sym("state", len(model.states)), ca.SX.sym("torque"), ca.SX.sym("h")
-    (middle, _), (_, states) = (_actuator(model, state, torque, step) for step in (h / 2, h))
-    one = ca.Function("actuator", [state, torque, h], [ca.vertcat(state[:2], *states), middle])
+    start, middle, (end, states) = (
+        _actuator(model, state, torque, 0.0)[0],
+        _actuator(model, state, torque, h, middle=True)[0],
+        _actuator(model, state, torque, h),
+    )
+    one = ca.Function("actuator", [state, torque, h], [ca.vertcat(state[:2], *states), (start + 4 * middle + end) / 6])
     begin = rest(model, torque=float(entering[0]))
     stepped = one.mapaccum(command.size) if states else one.map(command.size)
     return np.array(stepped(begin, entering[None, :], dt[None, :])[1]).ravel()

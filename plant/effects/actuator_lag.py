@@ -29,6 +29,11 @@ class ActuatorLag(Effect):
         """Exact solution over `h` for a constant command, so that short lags need no short steps."""
         return torque + (state - torque) * ca.exp(-h / self.time_constant)
 
+    def mean(self, state: Expression, torque: Expression, h: Expression) -> Expression:
+        """Exact mean of the lagged torque over `h`."""
+        settled = self.time_constant / ca.fmax(h, 1e-12) * (1 - ca.exp(-h / self.time_constant))
+        return torque + (state - torque) * settled
+
     def command(self, torque: Expression, state: Expression) -> Expression:
         """The lagged torque."""
         return state
@@ -40,6 +45,7 @@ class ActuatorLag(Effect):
         for lag in (n * motion.sample_time for n in samples):
             yield Trace(
                 columns=(lagged(motion, lag) - motion.torque)[:, None],
+                positive=(True,),
                 start=lambda c, lag=lag: cls(
                     time_constant=within(lag * min(c[0], 2.0), cls, "time_constant", floor=0.1 * lag)
                 ),  # type: ignore[misc]

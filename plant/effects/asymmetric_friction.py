@@ -43,6 +43,7 @@ class AsymmetricFriction(Effect):
         forward, backward = np.clip(motion.sign, 0.0, None), np.clip(motion.sign, None, 0.0)
         yield Trace(
             columns=-np.column_stack((forward, backward, np.abs(motion.velocity))),
+            positive=(True, True, False),
             start=lambda c: cls(
                 forward=within(c[0], cls, "forward"),
                 backward=within(c[1], cls, "backward"),

@@ -30,5 +30,6 @@ class CoulombFriction(Effect):
         """The direction of motion."""
         yield Trace(
             columns=-motion.sign[:, None],
+            positive=(True,),
             start=lambda c: cls(torque=within(c[0], cls, "torque")),
         )

@@ -25,8 +25,8 @@ class DeadZone(Effect):
     half_width: float = parameter("{torque}", "half width gamma", lower=0.0)
 
     def command(self, torque: Expression, state: Expression) -> Expression:
-        """Eq. (6) for both signs of the torque. Its kink is mild: it needs no smooth form."""
-        return torque - ca.fmax(ca.fmin(torque, self.half_width), -self.half_width)
+        """Eq. (6) for both signs of the torque. Its kinks are mild: it needs no smooth form, and a fit can open it from nothing."""
+        return ca.fmax(torque - self.half_width, 0) + ca.fmin(torque + self.half_width, 0)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
@@ -36,6 +36,7 @@ class DeadZone(Effect):
         for width in (share * largest for share in shares):
             yield Trace(
                 columns=-np.clip(motion.torque, -width, width)[:, None],
+                positive=(True,),
                 start=lambda c, width=width: cls(half_width=within(width * min(c[0], 2.0), cls, "half_width")),  # type: ignore[misc]
                 searched=len(shares),
             )

@@ -123,11 +123,13 @@ class Trace:
     Attributes:
         columns: (T, m) torque on the load per unit of each coefficient [N m].
         start: the effect that coefficients (m,) found by regression suggest.
+        positive: (m,) which coefficients cannot be negative; none by default.
         searched: how many shapes were compared to find this one (the search is charged for).
     """
 
     columns: Array
     start: Callable[[Array], Effect]
+    positive: tuple[bool, ...] = ()
     searched: int = 1
 
 
@@ -176,6 +178,10 @@ class Effect:
 
     def advance(self, state: Expression, torque: Expression, h: Expression) -> Expression:
         """The effect's own state after `h` under a constant incoming torque."""
+        return state
+
+    def mean(self, state: Expression, torque: Expression, h: Expression) -> Expression:
+        """Mean of the effect's own state over `h` under a constant incoming torque."""
         return state
 
     def command(self, torque: Expression, state: Expression) -> Expression:

@@ -38,6 +38,7 @@ class InputDelay(Effect):
         for delay in (n * motion.sample_time for n in samples):
             yield Trace(
                 columns=(delayed(motion, delay) - motion.torque)[:, None],
+                positive=(True,),
                 start=lambda c, delay=delay: cls(time=within(delay * min(c[0], 2.0), cls, "time", floor=0.1 * delay)),  # type: ignore[misc]
                 searched=len(samples),
             )

@@ -33,5 +33,6 @@ class QuadraticDrag(Effect):
         """The signed square of the velocity."""
         yield Trace(
             columns=-(motion.velocity * np.abs(motion.velocity))[:, None],
+            positive=(True,),
             start=lambda c: cls(drag=within(c[0], cls, "drag")),
         )

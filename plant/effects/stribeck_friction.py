@@ -44,9 +44,10 @@ class StribeckFriction(Effect):
             hump = motion.sign * np.exp(-((motion.velocity / scale) ** 2))
             yield Trace(
                 columns=-np.column_stack((motion.sign, hump)),
+                positive=(True, True),
                 start=lambda c, scale=scale: cls(  # type: ignore[misc]
                     coulomb=within(c[0], cls, "coulomb"),
-                    excess=within(c[1], cls, "excess", floor=0.1 * abs(c[0])),
+                    excess=within(c[1], cls, "excess", floor=0.1 * c[0]),
                     velocity=scale,
                 ),
                 searched=len(shares),
