@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.faults import find_flat_tops, find_frozen, find_spikes, find_wraps, stretches
+from identification.faults import find_flat_tops, find_frozen, find_spikes, find_wraps, quantum, stretches
 from identification.plausibility import check_time_unit, check_velocity_unit, warn_of_degrees
 from identification.recording import Array, Finding, Recording
 
@@ -34,6 +34,8 @@ def check(recording: Recording) -> tuple[list[Recording], list[Finding]]:
     """
     recording, findings = check_time(recording)
     check_time_unit(recording)
+    recording, found = trim(recording)
+    findings += found
     usable = []
     parts, found = split_at_gaps(recording)
     findings += found
@@ -42,7 +44,7 @@ def check(recording: Recording) -> tuple[list[Recording], list[Finding]]:
         if short is not None:
             findings.append(short)
             continue
-        for step in (fill_command, fill_output, fill_others, mask_spikes, unwrap, mask_clipped, mask_frozen, mask_gaps):
+        for step in (fill_output, fill_command, fill_others, mask_spikes, unwrap, mask_clipped, mask_frozen, mask_gaps):
             part, found = step(part)
             findings += found
         if np.mean(part.valid) < 0.5:
@@ -82,8 +84,26 @@ def check_time(recording: Recording) -> Checked:
             f"{first}: {count} of {len(time)} samples repeat the time of the one before, "
             "export the time with more digits."
         )
-    text = f"{first}: {count} samples with a repeated time are left out"
+    text = f"{first}: {_count(count, 'sample')} with a repeated time left out"
     return recording.take(~repeated), [Finding(kind="repeated time", repaired=True, text=text)]
+
+
+def trim(recording: Recording) -> Checked:
+    """Samples before both channels have begun, and after one has ended, are left out."""
+    command = np.isfinite(recording.command) & np.isfinite(recording.servo_gain)
+    output = np.isfinite(recording.output)
+    both = np.flatnonzero(command & output)
+    if len(both) == 0 or len(both) == len(recording) or (both[0] == 0 and both[-1] == len(recording) - 1):
+        return recording, []
+    first, last = int(both[0]), int(both[-1])
+    before, after = first, len(recording) - 1 - last
+    index = 0 if before else last + 1
+    name = recording.name("output" if command[index] else "command")
+    text = (
+        f"{recording.where(index)}: {before} samples at the start and {after} at the end are left out, as there "
+        f"'{name}' is not a number"
+    )
+    return recording.take(slice(first, last + 1)), [Finding(kind="trimmed", repaired=True, text=text)]
 
 
 def split_at_gaps(recording: Recording) -> tuple[list[Recording], list[Finding]]:
@@ -99,7 +119,7 @@ def split_at_gaps(recording: Recording) -> tuple[list[Recording], list[Finding]]
         recording.take(slice(a, b), label=f"{recording.label} part {k + 1}") for k, (a, b) in enumerate(pairwise(edges))
     ]
     text = (
-        f"{recording.where(int(cuts[0]) + 1)}: {len(cuts)} gaps of up to {steps.max():.3g} s, "
+        f"{recording.where(int(cuts[0]) + 1)}: {_count(len(cuts), 'gap')} of up to {steps.max():.3g} s, "
         f"the run is split into {len(parts)} parts with initial states of their own"
     )
     return parts, [Finding(kind="split", repaired=True, text=text)]
@@ -126,7 +146,7 @@ def fill_command(recording: Recording) -> Checked:
         return recording, []
     first = int(np.flatnonzero(~known)[0])
     missing = int((~known).sum())
-    if missing > 0.01 * len(recording) or first == 0:
+    if missing > 0.01 * len(recording):
         raise MalformedLog(
             f"{recording.where(first)}: '{name}' is not a number in {missing} of {len(recording)} samples, "
             "and no motion can be predicted without it; repair or cut the log."
@@ -134,8 +154,8 @@ def fill_command(recording: Recording) -> Checked:
     last = np.maximum.accumulate(np.where(known, np.arange(len(known)), 0))
     disturbed = np.convolve(~known, np.ones(AFTER_HELD + 1))[: len(known)] > 0
     text = (
-        f"{recording.where(first)}: {missing} missing samples of '{name}' are held from the sample before, and "
-        f"{int(disturbed.sum())} samples of '{recording.name('output')}' are masked"
+        f"{recording.where(first)}: {_count(missing, 'missing sample')} of '{name}' held from the sample before, and "
+        f"{_count(int(disturbed.sum()), 'sample')} of '{recording.name('output')}' masked"
     )
     repaired = replace(
         recording,
@@ -147,19 +167,19 @@ def fill_command(recording: Recording) -> Checked:
 
 
 def fill_output(recording: Recording) -> Checked:
-    """Missing readings are masked (and interpolated, so that every sample is a number)."""
+    """Missing readings, and those that came masked, are interpolated, so that every sample is a sound number."""
     output, name = recording.output, recording.name("output")
-    _refuse_huge(recording, output, name)
-    known = np.isfinite(output)
+    _refuse_huge(recording, np.where(recording.valid, output, 0.0), name)
+    known = np.isfinite(output) & recording.valid
     if known.all():
         return recording, []
     first = int(np.flatnonzero(~known)[0])
     if known.sum() < 0.5 * len(output):
         raise MalformedLog(
-            f"{recording.where(first)}: '{name}' is not a number in {int((~known).sum())} of {len(output)} samples, "
+            f"{recording.where(first)}: '{name}' is missing in {int((~known).sum())} of {len(output)} samples, "
             "export the channel again."
         )
-    text = f"{recording.where(first)}: {int((~known).sum())} missing samples of '{name}' are masked"
+    text = f"{recording.where(first)}: {_count(int((~known).sum()), 'missing sample')} of '{name}' masked"
     filled = replace(recording, output=_bridge(output, known), valid=recording.valid & known)
     return filled, [Finding(kind="missing output", repaired=True, text=text)]
 
@@ -174,10 +194,10 @@ def fill_others(recording: Recording) -> Checked:
             others[name] = values
             continue
         where = recording.where(int(np.flatnonzero(~known)[0]))
-        share = f"{int((~known).sum())} missing samples of '{recording.name(name)}'"
+        share = f"{_count(int((~known).sum()), 'missing sample')} of '{recording.name(name)}'"
         if known.mean() >= 0.9:
             others[name] = _bridge(values, known)
-            text = f"{where}: {share} are interpolated"
+            text = f"{where}: {share} interpolated"
         else:
             text = f"{where}: {share}, the channel is not used"
         findings.append(Finding(kind=f"missing {name}", repaired=True, text=text))
@@ -186,14 +206,15 @@ def fill_others(recording: Recording) -> Checked:
 
 def mask_spikes(recording: Recording) -> Checked:
     """Isolated readings that jump away and return are masked."""
-    spikes = find_spikes(recording.output) & recording.valid
+    spikes = find_spikes(recording.output, _step(recording)) & recording.valid
     if not spikes.any():
         return recording, []
     output = _bridge(recording.output, ~spikes)
     size = np.abs(output - recording.output)[spikes].max()
+    found, samples = _count(len(stretches(spikes)), "spike"), _count(int(spikes.sum()), "sample")
     text = (
-        f"{recording.where(int(np.flatnonzero(spikes)[0]))}: {len(stretches(spikes))} spikes of "
-        f"'{recording.name('output')}' (up to {size:.3g} {_unit(recording)}) are masked, {int(spikes.sum())} samples"
+        f"{recording.where(int(np.flatnonzero(spikes)[0]))}: {found} of '{recording.name('output')}' "
+        f"(up to {size:.3g} {_unit(recording)}), {samples} masked"
     )
     masked = replace(recording, output=output, valid=recording.valid & ~spikes)
     return masked, [Finding(kind="spikes", repaired=True, text=text)]
@@ -205,14 +226,14 @@ def unwrap(recording: Recording) -> Checked:
     findings = []
     channels = {"output": recording.output, **{k: recording.others[k] for k in recording.others if "angle_" in k}}
     for name, values in channels.items():
-        offsets, period = find_wraps(values, turn)
+        offsets, period = find_wraps(values, turn, _step(recording) if name == "output" else quantum(values))
         if not period:
             continue
         channels[name] = values + offsets
         turns = np.flatnonzero(np.diff(offsets))
         text = (
             f"{recording.where(int(turns[0]) + 1)}: '{recording.name(name)}' wraps around by {period:.6g} "
-            f"{_unit(recording)} {len(turns)} times and is continued"
+            f"{_unit(recording)} {_count(len(turns), 'time')} and is continued"
         )
         findings.append(Finding(kind="counter wrap", repaired=True, text=text))
     output = channels.pop("output")
@@ -222,15 +243,15 @@ def unwrap(recording: Recording) -> Checked:
 def mask_clipped(recording: Recording) -> Checked:
     """A clipped output is masked; a clipped command is only reported, for a limit before the drive is no fault."""
     findings = []
-    clipped = find_flat_tops(recording.output)
+    clipped = find_flat_tops(recording.output, _step(recording))
     if clipped.any():
         text = (
-            f"{recording.where(int(np.flatnonzero(clipped)[0]))}: '{recording.name('output')}' is clipped or meets a "
-            f"stop in {int(clipped.sum())} samples, which are masked"
+            f"{recording.where(int(np.flatnonzero(clipped)[0]))}: '{recording.name('output')}' is clipped in "
+            f"{int(clipped.sum())} samples, which are masked"
         )
         findings.append(Finding(kind="clipped output", repaired=True, text=text))
         recording = replace(recording, valid=recording.valid & ~clipped)
-    saturated = find_flat_tops(recording.command)
+    saturated = find_flat_tops(recording.command, quantum(recording.command))
     if saturated.any():
         text = (
             f"{recording.where(int(np.flatnonzero(saturated)[0]))}: '{recording.name('command')}' is clipped in "
@@ -242,7 +263,7 @@ def mask_clipped(recording: Recording) -> Checked:
 
 def mask_frozen(recording: Recording) -> Checked:
     """Readings that stand still in the midst of motion and then catch up are masked."""
-    frozen = find_frozen(recording.output) & recording.valid
+    frozen = find_frozen(recording.output, _step(recording)) & recording.valid
     if not frozen.any():
         return recording, []
     text = (
@@ -262,8 +283,8 @@ def mask_gaps(recording: Recording) -> Checked:
     for gap in gaps:
         after |= (recording.time > recording.time[gap]) & (recording.time <= recording.time[gap + 1] + steps[gap])
     text = (
-        f"{recording.where(int(gaps[0]) + 1)}: {len(gaps)} gaps in time of up to {1e3 * steps.max():.3g} ms, "
-        f"{int(after.sum())} samples after them are masked"
+        f"{recording.where(int(gaps[0]) + 1)}: {_count(len(gaps), 'gap')} in time of up to {1e3 * steps.max():.3g} ms, "
+        f"{_count(int(after.sum()), 'sample')} after it masked"
     )
     return replace(recording, valid=recording.valid & ~after), [Finding(kind="gaps", repaired=True, text=text)]
 
@@ -273,7 +294,7 @@ def jitter(recording: Recording) -> Iterable[Finding]:
     steps = np.diff(recording.time)
     usual = steps[steps <= GAP * np.median(steps)]
     spread = float(usual.std() / usual.mean())
-    if spread > 0.02:
+    if spread > 0.05:
         text = f"{recording.label}: the sample time varies by {spread:.1%} (standard deviation), true times are used"
         yield Finding(kind="jitter", repaired=False, text=text)
 
@@ -311,6 +332,15 @@ def _refuse_huge(recording: Recording, values: Array, name: str) -> None:
             f"{recording.where(int(size.argmax()))}: '{name}' is {values[size.argmax()]:.3g}, which no drive can "
             "reach; check the file and the units."
         )
+
+
+def _step(recording: Recording) -> float:
+    """Encoder step of the output; bridged samples lie between its steps."""
+    return quantum(recording.output[recording.valid])
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def _unit(recording: Recording) -> str:

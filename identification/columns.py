@@ -165,6 +165,10 @@ def _listed(names: Mapping[str, Any]) -> str:
 def _numbers(table: Table, name: str, column: str) -> Array:
     """The column as floats; dates become seconds from the first one."""
     raw: NDArray[Any] = np.asarray(table.columns[name])
+    if raw.ndim != 1:
+        raise MalformedLog(
+            f"{table.name}: the column '{name}' has shape {raw.shape}, give one number for each sample of '{column}'."
+        )
     if raw.dtype.kind in "fiub":
         return raw.astype(np.float64)
     import pandas as pd
@@ -178,8 +182,11 @@ def _numbers(table: Table, name: str, column: str) -> Array:
             return np.asarray((stamps - stamps.iloc[0]).dt.total_seconds(), dtype=np.float64)
     if raw.dtype.kind == "m":
         return np.asarray(raw / np.timedelta64(1, "ns"), dtype=np.float64) * 1e-9
-    numbers = np.asarray(pd.to_numeric(pd.Series(raw), errors="coerce"))
-    if numbers.dtype.kind not in "fiub":
+    try:
+        numbers = np.asarray(pd.to_numeric(pd.Series(raw), errors="coerce"))
+    except (ValueError, TypeError):  # cells that are lists, records, ...
+        numbers = np.asarray([None])
+    if numbers.dtype.kind not in "fiub" or raw.dtype.kind in "M":
         raise MalformedLog(f"{table.name}: the column '{name}' does not hold plain numbers, export it again.")
     numbers = numbers.astype(np.float64)
     bad = np.flatnonzero(np.isnan(numbers) & ~np.asarray(pd.isna(pd.Series(raw))))
@@ -196,10 +203,10 @@ def _numbers(table: Table, name: str, column: str) -> Array:
 def _same_length(table: Table, found: Mapping[str, str], channels: Mapping[str, Array]) -> None:
     samples = len(channels["time"])
     for column, values in channels.items():
-        if values.ndim != 1 or len(values) != samples:
+        if len(values) != samples:
             raise MalformedLog(
-                f"{table.name}: the column '{found[column]}' has shape {values.shape}, but the time has {samples} "
-                "samples; export both at the same rate."
+                f"{table.name}: the column '{found[column]}' has {len(values)} samples, but the time has {samples}; "
+                "export both at the same rate."
             )
 
 

@@ -1,7 +1,8 @@
 """Faults that a measured channel shows by itself: spikes, counter wraps, clipping, freezing.
 
-Each detector takes one channel and says which samples are concerned; none of them changes anything. They are built
-to let motion, steps, stick-slip and noise pass: a fault must stand out from its own neighbourhood, by a multiple.
+Each detector takes one channel and its encoder step and says which samples are concerned; none of them changes
+anything. They are built to let motion, steps, stick-slip and noise pass: a fault must stand out from its own
+neighbourhood, by a multiple.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ _OVER_FLANK, _OVER_NOISE, _OVER_QUANTUM = 8.0, 10.0, 5.0
 
 
 def quantum(values: Array) -> float:
-    """The smallest step between two neighbouring samples, 0 for a constant channel."""
+    """The smallest step between two neighbouring samples, 0 for a constant channel; rounding errors are no steps."""
     steps = np.abs(np.diff(values))
-    steps = steps[steps > 0]
+    steps = steps[steps > 1e-13 * np.abs(values).max(initial=0.0)]
     return float(steps.min()) if len(steps) else 0.0
 
 
-def find_spikes(values: Array) -> NDArray[np.bool_]:
+def find_spikes(values: Array, step: float) -> NDArray[np.bool_]:
     """Mask (T,) of isolated jumps that return within a few samples, as a bus fault makes them.
 
     A parabola through five samples on either side predicts the samples between. They are a spike if each is off by
@@ -34,7 +35,6 @@ def find_spikes(values: Array) -> NDArray[np.bool_]:
     if len(values) < 4 * _FLANK:
         return spikes
     index = np.arange(len(values))
-    step = quantum(values)
     cleaned = values
     for _ in range(3):  # what hides beside a large spike shows once that one is gone
         found = _spike_pass(cleaned, step)
@@ -82,7 +82,7 @@ def _parabola(width: int) -> tuple[Array, Array, NDArray[np.int64]]:
     return predict, np.eye(len(flank)) - basis[flank] @ solve, flank.astype(np.int64)
 
 
-def find_wraps(values: Array, turn: float | None) -> tuple[Array, float]:
+def find_wraps(values: Array, turn: float | None, step: float) -> tuple[Array, float]:
     """Offsets (T,) that continue a counter which wrapped around, and its period (0 if it never did).
 
     A wrap is a jump across nearly the whole range of the readings, after which the motion goes on as before, by a
@@ -101,13 +101,13 @@ def find_wraps(values: Array, turn: float | None) -> tuple[Array, float]:
         return none
     usual = np.array([np.nanmedian(part) for part in around])
     noise = 1.4826 * float(np.nanmedian(np.abs(motion - np.nanmedian(motion))))
-    slack = 3 * np.abs(usual).max() + 2 * quantum(values) + 6 * noise
+    slack = 3 * np.abs(usual).max() + 2 * step + 6 * noise
     if np.any(np.abs(steps[jumps]) < 8 * np.abs(usual)):
         return none
     period = float(np.median(np.abs(steps[jumps] - usual)))
     if np.any(np.abs(np.abs(steps[jumps] - usual) - period) > slack):
         return none
-    known = quantum(values) * 2.0 ** np.arange(8, 33)
+    known = step * 2.0 ** np.arange(8, 33)
     if turn is not None:
         known = np.append(turn * 2.0 ** np.arange(0, 17), known)
     nearest = float(known[np.argmin(np.abs(known - period))])
@@ -118,46 +118,49 @@ def find_wraps(values: Array, turn: float | None) -> tuple[Array, float]:
     return np.cumsum(offsets), nearest
 
 
-def find_flat_tops(values: Array) -> NDArray[np.bool_]:
+def find_flat_tops(values: Array, step: float) -> NDArray[np.bool_]:
     """Mask (T,) of samples at the channel's very end of scale, run into and left at speed: a clipped signal.
 
-    A held step also sits at its extreme, but the samples before it do not point beyond it; a smooth peak slows down
-    before it turns; a load that friction stops leaves slowly.
+    A held step also sits at its extreme, but the samples beside it do not point beyond it; a smooth peak slows down
+    before it turns; a load that friction stops slows down before it and leaves it slowly.
     """
     clipped = np.zeros(len(values), dtype=bool)
-    step = quantum(values)
     for extreme, sign in ((values.max(), 1.0), (values.min(), -1.0)):
         room = sign * (extreme - values)  # from each sample to the end of scale
         tops = [(start, stop) for start, stop in stretches(room == 0) if stop - start >= 3]
-        inner = [(start, stop) for start, stop in tops if start >= 3 and stop + 3 <= len(values)]
-        cut = [
-            _points_beyond(room[start - 3 : start][::-1], step) and _points_beyond(room[stop : stop + 3], step)
-            for start, stop in inner
-        ]
-        if 2 * sum(cut) > len(tops) and sum(stop - start for start, stop in tops) >= 5:
+        cut = sum(
+            _steady(room[start - 3 : start][::-1], step) and _steady(room[stop : stop + 3], step)
+            for start, stop in tops
+            if start >= 3 and stop + 3 <= len(values)
+        )
+        if 2 * cut > len(tops) and sum(stop - start for start, stop in tops) >= 5:
             for start, stop in tops:
                 clipped[start:stop] = True
     return clipped
 
 
-def _points_beyond(room: Array, step: float) -> bool:
-    """True if the room left (3,), from the end of scale on, opens at a steady ten encoder steps a sample or more."""
-    slope = (room[2] - room[0]) / 2
-    return bool(slope > 10 * step and room[0] <= 1.2 * slope)
+def _steady(room: Array, step: float) -> bool:
+    """True if the room (3,), from the end of scale outwards, opens at once and at a speed of ten encoder steps or more.
+
+    From rest, at a constant acceleration, the second increment is 5/3 to 3 times the first; beside a peak that was
+    cut off it is at most 1.4 times the first.
+    """
+    first, second = np.diff(room)
+    slope = (first + second) / 2
+    return bool(slope > 10 * step and room[0] <= 1.2 * slope and second < 1.5 * first)
 
 
-def find_frozen(values: Array) -> NDArray[np.bool_]:
+def find_frozen(values: Array, step: float) -> NDArray[np.bool_]:
     """Mask (T,) of readings that stand still for five samples or more in the midst of motion and then catch up."""
     frozen = np.zeros(len(values), dtype=bool)
-    step = quantum(values)
     for start, stop in stretches(np.append(np.diff(values) == 0, False)):
         stop += 1  # a stretch of equal differences has one sample more
-        if stop - start < 5 or start < 3 or stop >= len(values):
+        if stop - start < 5 or start < 3 or stop + 1 >= len(values):
             continue
         slope = (values[start] - values[start - 3]) / 3
-        jump = values[stop] - values[stop - 1]
-        # A stuck load leaves slowly; only a stuck reading makes up for all the motion that it missed.
-        if abs(slope) > 3 * step and np.sign(jump) == np.sign(slope) and abs(jump) > 0.4 * abs(slope) * (stop - start):
+        jump, after = np.sign(slope) * np.diff(values[stop - 1 : stop + 2])
+        # A stuck load leaves slowly; a stuck reading makes up at once for all the motion that it missed.
+        if abs(slope) > 3 * step and jump > 0.4 * abs(slope) * (stop - start) and abs(after) < 0.5 * jump:
             frozen[start + 1 : stop] = True
     return frozen
 

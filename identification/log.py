@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from identification.checks import check, excited
 from identification.columns import COLUMNS, Gears, Reading, read_recordings
 from identification.errors import MalformedLog
-from identification.readers import Table, read_table
+from identification.readers import Table, columns_of, read_table
 from identification.recording import Finding, Recording
 from identification.run import Run
 from plant.errors import BadParameter
@@ -108,7 +108,7 @@ class Log:
         gears: Gears | None = None,
     ) -> Log:
         """A log from the columns of a DataFrame; arguments and errors as in `read`."""
-        columns = {str(name): frame[name].to_numpy() for name in dict.fromkeys(frame.columns)}
+        columns = columns_of(frame)
         reading = Reading(mapping=mapping or {}, units=units or {}, scales=scales or {}, gears=gears)
         return cls._from_table(_table(columns, label), reading)
 
@@ -130,7 +130,13 @@ class Log:
             if name not in COLUMNS:
                 raise BadParameter(f"there is no channel '{name}', a log has {', '.join(COLUMNS)}.")
         reading = Reading(mapping={}, units=units or {}, scales=scales or {}, gears=gears)
-        return cls._from_table(_table({name: np.asarray(v) for name, v in channels.items()}, label), reading)
+        columns = {}
+        for name, values in channels.items():
+            try:
+                columns[name] = np.asarray(values)
+            except ValueError as error:
+                raise MalformedLog(f"{label}: the channel '{name}' is ragged, give one number a sample.") from error
+        return cls._from_table(_table(columns, label), reading)
 
     @classmethod
     def from_recordings(
@@ -234,8 +240,7 @@ def _table(columns: dict[str, Any], label: str) -> Table:
     digest = hashlib.sha256()
     for name, values in columns.items():
         digest.update(name.encode())
-        plain = values.astype(str) if values.dtype.kind == "O" else values
-        digest.update(np.ascontiguousarray(plain).tobytes())
+        digest.update(repr(values.tolist()).encode() if values.dtype.kind == "O" else values.tobytes())
     return Table(name=label, columns=columns, sha256=digest.hexdigest())
 
 
@@ -245,7 +250,7 @@ def _told(findings: Iterable[Finding]) -> tuple[str, ...]:
     for finding in findings:
         kinds[finding.kind].append(finding.text)
     told = []
-    for kind, texts in kinds.items():
-        rest = len(texts) - _TOLD
-        told += texts if rest <= 0 else [*texts[:_TOLD], f"{kind}: the same in {rest} further runs"]
+    for texts in kinds.values():
+        many = len(texts) > _TOLD
+        told += [f"{texts[0]}; and the like in {len(texts) - 1} further runs"] if many else texts
     return tuple(told)

@@ -89,7 +89,7 @@ def warn_of_degrees(recording: Recording) -> Iterable[Finding]:
     if recording.axis != "rotary" or "velocity" in recording.others:
         return
     speeds = np.abs(np.diff(recording.output) / np.diff(recording.time))
-    lines = 360.0 / max(quantum(recording.output), 1e-9)
+    lines = 360.0 / max(quantum(recording.output[recording.valid]), 1e-9)
     power = np.log2(lines)
     if float(np.quantile(speeds, 0.99)) > FASTEST_LOAD:
         reason = f"moves at {float(np.quantile(speeds, 0.99)):.3g} rad/s"

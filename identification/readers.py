@@ -7,12 +7,15 @@ import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FORMATS = {
     ".csv": "text",
@@ -78,11 +81,16 @@ def read_table(path: str | Path) -> Table:
     return Table(name=path.name, columns=columns, sha256=digest)
 
 
+def columns_of(frame: pd.DataFrame) -> dict[str, NDArray[Any]]:
+    """The columns of a DataFrame, and its index where that has a name: the time, more often than not."""
+    columns = {str(name): frame.index.get_level_values(name).to_numpy() for name in frame.index.names if name}
+    return columns | {str(name): frame[name].to_numpy() for name in dict.fromkeys(frame.columns)}
+
+
 def _parquet(content: bytes) -> dict[str, NDArray[Any]]:
     import pandas as pd
 
-    frame = pd.read_parquet(io.BytesIO(content))
-    return {str(name): frame[name].to_numpy() for name in frame.columns}
+    return columns_of(pd.read_parquet(io.BytesIO(content)))
 
 
 def _npz(content: bytes) -> dict[str, NDArray[Any]]:

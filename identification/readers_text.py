@@ -28,19 +28,20 @@ def parse_text(content: bytes, name: str) -> tuple[dict[str, NDArray[Any]], int,
     while lines and not lines[-1].strip():
         lines.pop()
     separator, start = _layout(lines, name)
+    cells = len(_split(lines[start], separator))
     header_line, header = _header(lines, separator, start, name)
     notes = []
     if start - header_line > 1:
         notes.append(
-            f"{name}: the lines {header_line + 2} to {start} between the header and the data are not read; "
+            f"{name}: the lines {header_line + 2} to {start} between the names and the data are not read; "
             "units written there must be given with --unit"
         )
     width = len(header)
-    if len(_split(lines[-1], separator)) < width:
+    if len(lines) > start + 1 and len(_split(lines[-1], separator)) < width:
         notes.append(f"{name}: the last line ({len(lines)}) is cut off and left out")
         lines.pop()
-    decimal = "," if separator != "," and _has_decimal_comma(lines[start:], separator) else "."
-    frame = _parse(lines[start:], separator, decimal, width, start, name)
+    decimal = "," if _has_decimal_comma(lines[start:], separator) else "."
+    frame = _parse(lines[start:], separator, decimal, cells, start, name)[:width]
     columns = {
         column: values
         for column, values in zip(_unique(header), frame, strict=True)
@@ -80,15 +81,17 @@ def _is_value(cell: str) -> bool:
 
 def _is_data(cells: list[str]) -> bool:
     filled = [cell for cell in cells if cell]
-    return bool(filled) and 2 * sum(map(_is_value, filled)) >= len(filled)
+    return 2 * sum(map(_is_value, filled)) > len(filled)
 
 
 def _layout(lines: list[str], name: str) -> tuple[str, int]:
-    """Separator and index of the first data line: the separator that gives two columns or more, a lone comma last."""
-    for separator in ("\t", ";", "|", ",", " "):
-        for index, line in enumerate(lines[:_SEARCHED_LINES]):
-            cells = _split(line, separator)
-            if len(cells) >= 2 and not line.lstrip().startswith(_COMMENT) and _is_data(cells):
+    """Separator and index of the first data line: two columns or more, and another such line below it."""
+    searched = lines[:_SEARCHED_LINES]
+    for separator in ("\t", ";", "|", ",", " "):  # the comma late: it may be the decimal point
+        table = [[] if line.lstrip().startswith(_COMMENT) else _split(line, separator) for line in searched]
+        for index, cells in enumerate(table):
+            below = table[index + 1] if index + 1 < len(table) else cells
+            if len(cells) >= 2 and len(below) == len(cells) and _is_data(cells) and _is_data(below):
                 return separator, index
     raise MalformedLog(
         f"{name}: no table of numbers is found; a log needs one line of column names and then rows of "
@@ -97,21 +100,25 @@ def _layout(lines: list[str], name: str) -> tuple[str, int]:
 
 
 def _header(lines: list[str], separator: str, start: int, name: str) -> tuple[int, list[str]]:
-    """The names: the first line of the block above the data that has as many cells as the data."""
-    width = len(_split(lines[start], separator))
+    """The names: of the lines right above the data with as many cells, the fullest one, and of these the first."""
+    data = _split(lines[start], separator)
+    width = len(data)
+    while data and not data[-1]:  # some exports end each row, but not the names, with a separator
+        data.pop()
     best: tuple[int, list[str]] | None = None
     for index in range(start - 1, -1, -1):
         cells = _split(lines[index].lstrip("#% "), separator)
         while len(cells) > width and not cells[-1]:
             cells.pop()
-        if len(cells) != width:
+        if not len(data) <= len(cells) <= width or not any(cells):
             if best is None and lines[index].strip():
                 raise MalformedLog(
                     f"{name}, line {start + 1}: the data have {width} columns but the line of names above has "
                     f"{len(cells)}, make them match."
                 )
             break
-        best = (index, cells)
+        if best is None or sum(map(bool, cells)) >= sum(map(bool, best[1])):
+            best = (index, cells)
     if best is None:
         raise MalformedLog(f"{name}: no column names stand above the numbers, add a line like time,torque,angle.")
     return best

@@ -55,7 +55,9 @@ class Recording:
 
     def name(self, channel: str) -> str:
         """The name under which the user knows "command", "output" or another channel."""
-        return self.names.get(channel, channel)
+        rotary = self.axis == "rotary"
+        usual = {"command": "torque" if rotary else "force", "output": "angle" if rotary else "position"}
+        return self.names.get(channel, usual.get(channel, channel))
 
     def where(self, index: int) -> str:
         """File, row, line and time of one sample, for messages."""
