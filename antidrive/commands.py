@@ -31,7 +31,7 @@ def identify(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
     with whole_folder(out) as draft:
         measured = options.read()
         with voice.progress("fitting") as progress:
-            found = fit(measured.log, start, progress=progress)
+            found = fit(measured.log, start or measured.base, fixed=measured.absent(start), progress=progress)
             simulated = free_simulation(measured.log, found.model)
         content = fit_to_dict(found)
         provenance = Provenance.now(voice.words, measured.log.sources)
@@ -51,7 +51,13 @@ def diagnose(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
     with whole_folder(out) as draft:
         measured = options.read()
         with voice.progress("diagnosing") as progress:
-            found = find_causes(measured.log, start, holdout=measured.holdout, progress=progress)
+            found = find_causes(
+                measured.log,
+                start or measured.base,
+                measured.holdout,
+                fixed=measured.absent(start),
+                progress=progress,
+            )
         held_out = measured.holdout.sources if measured.holdout is not None else ()
         provenance = Provenance.now(voice.words, (*measured.log.sources, *held_out))
         model_file(found.extended).write(draft / "model.json")

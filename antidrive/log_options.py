@@ -10,17 +10,28 @@ from typing import TypeVar
 from identification.log import Log
 from plant.errors import BadParameter
 from plant.gears import GearTrain
+from plant.servo import ServoModel
 
 Value = TypeVar("Value")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """What was read: the log to learn from and the log to judge by, if one was set apart."""
+    """What was read: the log to learn from, the log to judge by if one was set apart, and where a known machine starts.
+
+    Attributes:
+        base: model to start from, and `fixed` its parameters that the machine does not have; None if nothing is known.
+    """
 
     log: Log
     holdout: Log | None = None
     notes: tuple[str, ...] = ()
+    base: ServoModel | None = None
+    fixed: tuple[str, ...] = ()
+
+    def absent(self, start: ServoModel | None) -> tuple[str, ...]:
+        """Parameters to leave as they are: those that the known machine does not have, unless the user gave a model."""
+        return self.fixed if start is None else ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +96,9 @@ class LogOptions:
         loaded = load_dataset(
             str(self.dataset), self.data if self.data is not None else list(self.files), joint=self.joint
         )
-        return Measured(log=loaded.estimation, holdout=loaded.holdout, notes=tuple(loaded.notes))
+        return Measured(
+            log=loaded.estimation, holdout=loaded.holdout, notes=loaded.notes, base=loaded.base, fixed=loaded.fixed
+        )
 
 
 def pairs(option: str, given: Sequence[str], convert: Callable[[str], Value], example: str) -> dict[str, Value]:

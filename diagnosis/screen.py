@@ -29,6 +29,10 @@ from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 
+_LONG_SEARCH = 100  # shapes from which a search counts as long
+_NEAR = 0.5  # share of the best shape's evidence that makes another shape a start of its own
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Suspect:
     """An effect that the screen has looked at.
@@ -38,14 +42,14 @@ class Suspect:
         evidence: rise of the log-likelihood that it promises.
         columns: number of coefficients that were fitted for it.
         searched: number of shapes that were compared.
-        start: the effect as the regression suggests it, to refit from.
+        starts: the effect as the regression suggests it, to refit from: the best shape, then others nearly as good.
     """
 
     name: str
     evidence: float
     columns: int
     searched: int
-    start: Effect
+    starts: tuple[Effect, ...]
 
     @property
     def score(self) -> float:
@@ -87,18 +91,25 @@ class Screen:
     def ask(self, effects: Mapping[str, type[Effect]]) -> list[Suspect]:
         """What each effect would explain, with its best trace; the most promising first."""
         asked = [(name, trace) for name, kind in effects.items() for trace in kind.traces(self.motion)]
-        best: dict[str, Suspect] = {}
+        shapes: dict[str, list[tuple[float, Trace, Effect]]] = {}
         for (name, trace), (evidence, coefficients) in zip(asked, self.regress(t for _, t in asked), strict=True):
-            suspect = Suspect(
-                name=name,
-                evidence=evidence,
-                columns=trace.columns.shape[1],
-                searched=trace.searched,
-                start=trace.start(coefficients),
+            shapes.setdefault(name, []).append((evidence, trace, trace.start(coefficients)))
+        suspects = []
+        for name, tried in shapes.items():
+            tried.sort(key=lambda shape: -shape[0])
+            evidence, trace, _ = tried[0]
+            # A coarse grid of shapes has one basin; a long search may have its best peak beside the right one.
+            near = [start for e, _, start in tried if e > _NEAR * evidence] if trace.searched > _LONG_SEARCH else []
+            suspects.append(
+                Suspect(
+                    name=name,
+                    evidence=evidence,
+                    columns=trace.columns.shape[1],
+                    searched=trace.searched,
+                    starts=tuple(near[:3]) or (tried[0][2],),
+                )
             )
-            if name not in best or suspect.evidence > best[name].evidence:
-                best[name] = suspect
-        return sorted(best.values(), key=lambda suspect: -suspect.score)
+        return sorted(suspects, key=lambda suspect: -suspect.score)
 
     def regress(self, traces: Iterable[Trace], *, discounted: bool = False) -> Iterator[tuple[float, Array]]:
         """Evidence and coefficients of each trace; evidence discounted for the colour of the innovations on request."""

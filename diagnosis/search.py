@@ -13,6 +13,7 @@ from diagnosis.screen import Screen, Suspect
 from identification.fit import Fit, Problem
 from plant.effects import Effect, catalogue
 from plant.effects.effect import Array
+from plant.servo import ServoModel
 
 _REFITS = 5  # effects refitted in one round because they are close to the leader of the screen
 _WORTH = 0.2  # share of the leader's evidence that counts as close
@@ -89,10 +90,15 @@ def _one_round(
     refits: dict[str, Fit] = {}
     for suspect in _worth_a_refit(suspects, scores, refits):
         if progress is not None:
-            progress(f"round {number}: refitting with {suspect.start.title}")
+            progress(f"round {number}: refitting with {suspect.starts[0].title}")
         best = max((other.log_likelihood for other in refits.values()), default=-np.inf)
-        tried = refits[suspect.name] = refit(fit, suspect.start, worth=best - 30.0)
+        fits = [refit(fit, start, worth=best - 30.0) for start in suspect.starts]
+        tried = refits[suspect.name] = max(fits, key=lambda found: found.log_likelihood)
         scores[suspect.name] = scored(suspect, evidence_of(tried, fit), parameter_cost(tried, fit))
+    for name, simpler in _reduced_leaders(fit, refits, scores):
+        refits[name] = simpler
+        cost = parameter_cost(simpler, fit)
+        scores[name] = score(evidence_of(simpler, fit), cost=cost, searched=1, catalogue=len(asked))
     odds = probabilities({name: value for name, value in scores.items() if name in refits or not refits})
     for suspect in suspects:
         own = refits.get(suspect.name)
@@ -134,6 +140,24 @@ def _worth_a_refit(
         close = suspect.evidence >= _WORTH * leader and len(refits) < _REFITS
         if promise > _PROMISING and (close or promise > delivered):
             yield suspect
+
+
+def _reduced_leaders(
+    fit: Fit, refits: Mapping[str, Fit], scores: Mapping[str, float]
+) -> list[tuple[str, Fit]]:
+    """Special cases of the leading effect, fitted from its optimum, where that is better than their own refit was."""
+    leader = max(refits, key=lambda name: scores[name], default=None)
+    effect = refits[leader].model.effect(leader) if leader is not None else None
+    if leader is None or effect is None:
+        return []
+    better = []
+    for special in effect.reduced():
+        if _would_add(fit, type(special)):
+            model = fit.model.with_effect(special)
+            again = Problem.of(fit.log, model, fixed=_fixed(fit)).descend(refits[leader])
+            if special.name not in refits or again.log_likelihood > refits[special.name].log_likelihood:
+                better.append((special.name, again))
+    return better
 
 
 def _would_add(fit: Fit, kind: type[Effect]) -> bool:
@@ -211,17 +235,42 @@ def _unseen(fit: Fit, bandwidth: float) -> Array:
 def _without_superfluous(
     base: Fit, additions: list[Addition], progress: Callable[[str], None] | None
 ) -> list[Addition]:
-    """Try the model without each earlier addition; one that no longer pays is taken out."""
+    """Take out of each earlier addition what no longer pays beside the last one: all of it, or down to a special case."""
     for addition in additions[:-1]:
         fit = additions[-1].fit
-        if fit.model.effect(addition.effect) is None:
+        effect = fit.model.effect(addition.effect)
+        if effect is None:  # the last addition contains it
             additions = [a for a in additions if a is not addition]
             continue
         if progress is not None:
-            progress(f"is {addition.effect} still needed?")
-        model = fit.model.without_effect(addition.effect)
-        without = Problem.of(fit.log, model, fixed=[n for n in _fixed(fit) if n in model.names]).descend(fit)
-        if evidence_of(fit, without) < parameter_cost(fit, without):
-            last = replace(additions[-1], fit=without)
-            additions = [a for a in additions[:-1] if a is not addition] + [last]
+            progress(f"is {effect.title} still needed?")
+        simpler = _simplest_that_does(fit, effect)
+        if simpler is None:
+            continue
+        place, special, leaner = additions.index(addition), *simpler
+        additions = [*additions[:-1], replace(additions[-1], fit=leaner)]
+        if special is None:
+            del additions[place]
+        else:
+            additions[place] = replace(additions[place], effect=special.name, odds=_handed_over(addition, special))
     return additions
+
+
+def _simplest_that_does(fit: Fit, effect: Effect) -> tuple[Effect | None, Fit] | None:
+    """The model without an effect, or with a special case of it instead, if that costs less evidence than it saves."""
+    without = fit.model.without_effect(effect.name)
+    variants: list[tuple[Effect | None, ServoModel]] = [(None, without)]
+    variants += [(special, without.with_effect(special)) for special in effect.reduced()]
+    for special, model in variants:
+        fixed = [name for name in _fixed(fit) if name in model.names]
+        leaner = Problem.of(fit.log, model, fixed=fixed).descend(fit)
+        if evidence_of(fit, leaner) < parameter_cost(fit, leaner):
+            return special, leaner
+    return None
+
+
+def _handed_over(addition: Addition, special: Effect) -> dict[str, float]:
+    """The odds of an addition after a special case of it has taken its place."""
+    odds = {name: share for name, share in addition.odds.items() if name != addition.effect}
+    odds[special.name] = odds.get(special.name, 0.0) + addition.odds[addition.effect]
+    return dict(sorted(odds.items(), key=lambda item: -item[1]))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from plant.effects.coulomb_friction import CoulombFriction
 from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
 
 
@@ -36,6 +37,10 @@ class AsymmetricFriction(Effect):
     def load_torque(self, angle: Expression, velocity: Expression) -> Expression:
         """The part of the viscous friction that changes with direction."""
         return -self.viscous_difference * ca.fabs(velocity)
+
+    def reduced(self) -> tuple[Effect, ...]:
+        """With both directions alike it is Coulomb friction."""
+        return (CoulombFriction(torque=0.5 * (self.forward + self.backward)),)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

@@ -200,6 +200,10 @@ class Effect:
         """What the sensor shows when `angle` enters it [rad]."""
         return angle
 
+    def reduced(self) -> tuple[Effect, ...]:
+        """Its special cases, as they would be if its own parameters were right: where a refit of them may start."""
+        return ()
+
     # How its trace looks.
 
     @classmethod

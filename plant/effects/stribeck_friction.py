@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from plant.effects.coulomb_friction import CoulombFriction
 from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
 
 
@@ -34,6 +35,10 @@ class StribeckFriction(Effect):
         """The Stribeck curve, the same in both directions."""
         level = self.coulomb + self.excess * ca.exp(-((velocity / self.velocity) ** 2))
         return level, level
+
+    def reduced(self) -> tuple[Effect, ...]:
+        """With no excess it is Coulomb friction."""
+        return (CoulombFriction(torque=self.coulomb),)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
