@@ -83,7 +83,8 @@ def read_table(path: str | Path) -> Table:
 
 def columns_of(frame: pd.DataFrame) -> dict[str, NDArray[Any]]:
     """The columns of a DataFrame, and its index where that has a name: the time, more often than not."""
-    columns = {str(name): frame.index.get_level_values(name).to_numpy() for name in frame.index.names if name}
+    index = frame.index.to_frame(index=False)
+    columns = {str(name): index.iloc[:, k].to_numpy() for k, name in enumerate(frame.index.names) if name is not None}
     return columns | {str(name): frame[name].to_numpy() for name in dict.fromkeys(frame.columns)}
 
 

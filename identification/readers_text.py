@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from identification.errors import MalformedLog
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
+_NO_NUMBER = {"nan", "na", "null", "inf", "-inf"}
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?$")
 _COMMENT = ("#", "%", "//")
@@ -76,7 +77,7 @@ def _split(line: str, separator: str) -> list[str]:
 
 
 def _is_value(cell: str) -> bool:
-    return bool(_NUMBER.match(cell) or _DATE.match(cell))
+    return bool(_NUMBER.match(cell) or _DATE.match(cell)) or cell.lower() in _NO_NUMBER
 
 
 def _is_data(cells: list[str]) -> bool:
@@ -161,6 +162,10 @@ def _parse(lines: list[str], separator: str, decimal: str, width: int, start: in
             raise MalformedLog(
                 f"{name}, line {line}: {found[3]} cells where the names give {width}, repair or delete this line."
             ) from error
+        found = re.search(r"EOF inside string starting at row (\d+)", str(error))
+        if found:
+            line = int(found[1]) + start + 1
+            raise MalformedLog(f"{name}, line {line}: a quotation mark is opened and not closed, remove it.") from error
         raise MalformedLog(f"{name}: the table cannot be read ({type(error).__name__}), export it again.") from error
     if len(frame) != len(lines):
         raise MalformedLog(f"{name}: a quotation mark is opened and not closed, remove it.")
