@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identification.fit import Fit
+from identification.fit_result import Fit
 from plant.model_file import ModelFile
 
 

@@ -21,7 +21,7 @@ from hidden import CASES, evidence, logs_of, oracle  # noqa: E402
 from machine import Machine  # noqa: E402
 
 from diagnosis import diagnose  # noqa: E402
-from identification.fit import Fit  # noqa: E402
+from identification.fit_result import Fit  # noqa: E402
 from identification.log import Log  # noqa: E402
 from identification.simulation import free_simulation  # noqa: E402
 

@@ -13,8 +13,9 @@ from diagnosis.odds import NONE
 from diagnosis.result import Cause, Diagnosis, Verdict
 from diagnosis.screen import Screen
 from diagnosis.search import Addition, Outcome, estimates, search
-from identification.fit import Problem, base_model, fit
+from identification.fit import base_model, fit
 from identification.log import Log
+from identification.problem import Problem
 from plant.servo import ServoModel
 
 _MENTION = 1e-4  # probability from which a rival is listed

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.result import Gain, Replay, TorqueError, Unexplained
-from identification.fit import Fit
+from identification.fit_result import Fit
 from identification.inverse import torque_error
 from identification.log import Log
 from identification.simulation import free_simulation

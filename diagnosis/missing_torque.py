@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.fit import Fit
+from identification.fit_result import Fit
 from identification.inverse import filtered_motion, needed_torque
 from plant.effects.effect import Array
 

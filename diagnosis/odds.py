@@ -14,7 +14,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from identification.fit import Fit
+from identification.fit_result import Fit
 
 NONE = "none"
 CLEAR = 0.9  # probability above which a name stands alone

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.missing_torque import MissingTorque
-from identification.fit import Fit
+from identification.fit_result import Fit
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 

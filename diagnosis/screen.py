@@ -19,15 +19,15 @@ import casadi as ca
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from identification.fit import Fit, Problem
+from identification.fit_result import Fit
 from identification.log import Run
 from identification.noise import coloured_information
 from identification.predictor import Prediction, run_inputs, stack
+from identification.problem import Problem
 from plant.discrete import INPUTS, sample_step
 from plant.effects import Effect, Motion, TorqueOffset, Trace
 from plant.effects.effect import Array
 from plant.servo import ServoModel
-
 
 _LONG_SEARCH = 100  # shapes from which a search counts as long
 _NEAR = 0.5  # share of the best shape's evidence that makes another shape a start of its own

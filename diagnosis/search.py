@@ -10,7 +10,8 @@ import numpy as np
 from diagnosis.odds import CLEAR, MISSING, NONE, parameter_cost, probabilities, schwarz_cost, score
 from diagnosis.result import Candidate, Estimate
 from diagnosis.screen import Screen, Suspect
-from identification.fit import Fit, Problem
+from identification.fit_result import Fit
+from identification.problem import Problem
 from plant.effects import Effect, catalogue
 from plant.effects.effect import Array
 from plant.servo import ServoModel
@@ -215,7 +216,7 @@ def holds_up(before: Fit, after: Fit) -> bool:
     bandwidth = max(before.bandwidth, after.bandwidth)
     gained = _unseen(after, bandwidth) - _unseen(before, bandwidth)
     blocks = np.array([block.mean() for block in np.array_split(gained, _BLOCKS)])
-    return float(blocks.mean()) > -2.0 * float(blocks.std(ddof=1)) / np.sqrt(_BLOCKS)
+    return bool(blocks.mean() > -2.0 * blocks.std(ddof=1) / np.sqrt(_BLOCKS))
 
 
 def _unseen(fit: Fit, bandwidth: float) -> Array:
@@ -235,7 +236,7 @@ def _unseen(fit: Fit, bandwidth: float) -> Array:
 def _without_superfluous(
     base: Fit, additions: list[Addition], progress: Callable[[str], None] | None
 ) -> list[Addition]:
-    """Take out of each earlier addition what no longer pays beside the last one: all of it, or down to a special case."""
+    """Take out of each earlier addition what no longer pays beside the last: all of it, or down to a special case."""
     for addition in additions[:-1]:
         fit = additions[-1].fit
         effect = fit.model.effect(addition.effect)

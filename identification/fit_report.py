@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from identification.fit import Fit, FittedParameter
+    from identification.fit_result import Fit, FittedParameter
 
 
 def fit_report(fit: Fit, *, correlated: float = 0.5) -> str:

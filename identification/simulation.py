@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.fit import first_states, integration_steps
 from identification.least_squares import NormalEquations, minimise
 from identification.log import Log, Run
 from identification.predictor import Predictor, stack
+from identification.problem import first_states, integration_steps
 from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.servo import ServoModel

@@ -14,8 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from machine import Machine, excitation, record
 
-from identification.fit import Fit, Problem, fit
+from identification.fit import fit
+from identification.fit_result import Fit
 from identification.log import Log
+from identification.problem import Problem
 from plant import ServoModel, catalogue
 from plant.effects import CoulombFriction
 

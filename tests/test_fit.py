@@ -17,7 +17,8 @@ from machine import (
     wandering_reference,
 )
 
-from identification.fit import Fit, fit
+from identification.fit import fit
+from identification.fit_result import Fit
 from identification.log import Log
 from plant import BadParameter, ServoModel
 from plant.effects import CoulombFriction, DeadZone, TorqueOffset

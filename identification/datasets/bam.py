@@ -33,7 +33,7 @@ def read(files: list[Path]) -> Dataset:
     runs = [_recording(file, number) for number, file in enumerate(files)]
     logs = []
     for held in (False, True):
-        places = [place for place in range(len(files)) if (place % 4 == 3 or len(files) < 4 and place == 1) is held]
+        places = [place for place in range(len(files)) if (place % 4 == 3 or (len(files) < 4 and place == 1)) is held]
         sources = [source(files[place]) for place in places]
         logs.append(
             Log.from_recordings([runs[p] for p in places], axis="rotary", sources=sources, command_unit="V")

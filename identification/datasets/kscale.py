@@ -16,6 +16,7 @@ from identification.datasets.dataset import Dataset, arrays_of, source
 from identification.datasets.pendulum import VOLTS_UNKNOWN_SCALE, swing
 from identification.errors import MalformedLog
 from identification.log import Log
+from identification.recording import Recording
 from plant.servo import ServoModel
 
 _DUTY_PER_RAD = 0.16489  # for each unit of the firmware's gain
@@ -30,7 +31,9 @@ def read(files: list[Path], *, select: Mapping[str, float] | None = None) -> Dat
         select: "mass" [kg], "length" [m] and "kp" to take; by default the mass and length with the most runs
             (the lightest and shortest among equals), all gains.
     """
-    estimation, held_out, sources = [], [], []
+    estimation: list[Recording] = []
+    held_out: list[Recording] = []
+    sources = []
     wanted = dict(select or {})
     for file in files:
         data = arrays_of(file, (*_ARRAYS, "torque_enable"))

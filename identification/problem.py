@@ -1,0 +1,301 @@
+"""A least-squares problem on a log: how it is linearised, and the path along which it is solved.
+
+The noise ratio, as the bandwidth of the observer in `identification.predictor`, is fitted beside the physics. The path
+goes from a large bandwidth, where every start converges, to a small one, where the parameters are sharpest, and ends
+with a plain free simulation (bandwidth 0); the best likelihood wins. Dry friction is smoothed on the way down and exact
+at the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit_result import Fit, FittedParameter
+from identification.inverse import starting_values
+from identification.least_squares import Minimum, NormalEquations, minimise, uncertainty
+from identification.log import Log
+from identification.noise import log_likelihood
+from identification.predictor import Predictor, stack
+from plant.effects.effect import Array
+from plant.errors import BadParameter
+from plant.servo import ServoModel
+
+_HOPELESS = 2000.0  # loss of log-likelihood at a lower bandwidth that no refit makes good
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Trial:
+    """A minimum at one bandwidth and its score."""
+
+    minimum: Minimum
+    score: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """A fit before it is solved: a log, a model's structure and what may move."""
+
+    log: Log
+    model: ServoModel
+    predictor: Predictor
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def of(cls, log: Log, model: ServoModel, *, fixed: Collection[str] = ()) -> Problem:
+        """Prepare a fit; gravity is fixed on a linear axis."""
+        unknown = set(fixed) - set(model.names)
+        if unknown:
+            raise BadParameter(f"fixed: {min(unknown)!r} is not a parameter; they are {', '.join(model.names)}.")
+        if log.axis != model.axis:
+            raise BadParameter(f"The log is of a {log.axis} axis, the model of a {model.axis} one.")
+        kept = {*fixed, "gravity"} if model.axis == "linear" else set(fixed)
+        free = tuple(place for place, name in enumerate(model.names) if name not in kept)
+        specs = [model.parameters[place] for place in free]
+        unbounded = np.full(2 * len(log.runs), np.inf)
+        return cls(
+            log=log,
+            model=model,
+            predictor=Predictor(model=model, runs=log.runs, free=free, substeps=integration_steps(log)),
+            lower=np.concatenate(([spec.lower for spec in specs], -unbounded)),
+            upper=np.concatenate(([spec.upper for spec in specs], unbounded)),
+        )
+
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Places of the parameters that move."""
+        return self.predictor.free
+
+    @property
+    def samples(self) -> int:
+        """Number of samples that count."""
+        return int(sum(run.valid.sum() for run in self.log.runs))
+
+    def unpack(self, point: Array) -> tuple[Array, Array]:
+        """Parameters (P,) and initial states (R, 2) of a point (F + 2R,)."""
+        values = self.model.values
+        values[list(self.free)] = point[: len(self.free)]
+        return values, point[len(self.free) :].reshape(-1, 2)
+
+    def pack(self, values: Array, initial: Array) -> Array:
+        """The point (F + 2R,) of parameters (P,) and initial states (R, 2)."""
+        return np.concatenate((values[list(self.free)], initial.ravel()))
+
+    def linearise(self, point: Array, bandwidth: float, width: float) -> NormalEquations:
+        """The normal equations at a point."""
+        values, initial = self.unpack(point)
+        predictions = self.predictor.predict(values, initial, bandwidth=bandwidth, width=width)
+        return NormalEquations.of(*stack(predictions))
+
+    def cost(self, point: Array, bandwidth: float, width: float) -> float:
+        """Sum of squared innovations at a point, infinite where the prediction overflows."""
+        values, initial = self.unpack(point)
+        predictions = self.predictor.predict(values, initial, bandwidth=bandwidth, width=width, sensitivities=False)
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = float(sum(p.innovations @ p.innovations for p in predictions))
+        return total if np.isfinite(total) else np.inf
+
+    def minimise(self, start: Array, bandwidth: float, width: float, iterations: int = 30) -> Minimum:
+        """The best point at a bandwidth and a width."""
+        return minimise(
+            lambda point: self.linearise(point, bandwidth, width),
+            start,
+            self.lower,
+            self.upper,
+            samples=self.samples,
+            iterations=iterations,
+        )
+
+    def solve(
+        self, *, starts: Sequence[Array] | None = None, progress: Callable[[str], None] | None = None
+    ) -> Fit:
+        """Fit from scratch: starts from the data, bandwidth from large to zero, friction from smooth to exact.
+
+        Args:
+            starts: parameter vectors (P,) to begin from besides the model's own and those from the data.
+            progress: called with a line of text at each stage.
+        """
+        widest = 0.1 / self.log.runs[0].sample_time
+        width = self.widths()[0]
+        at_first = first_states(self.log)
+        candidates = [self.model.values, *(starts or ()), *self._starts_from_data()]
+        points = [np.clip(self.pack(values, at_first), self.lower, self.upper) for values in candidates]
+        point = min(points, key=lambda p: self.cost(p, widest, width))
+        visited: list[tuple[float, Minimum]] = []
+        bandwidths = [widest, widest / 10.0, widest / 100.0, widest / 1000.0, 0.0]
+        for bandwidth, width in zip(bandwidths, self.widths(), strict=True):
+            best = self.minimise(point, bandwidth, width, iterations=4 if bandwidth else 30)
+            if bandwidth and not self._plausible(best):
+                break
+            visited.append((bandwidth, best))
+            point = best.point
+            if progress is not None:
+                progress(f"observer at {bandwidth:.3g} rad/s: noise {np.sqrt(best.equations.cost / self.samples):.3g}")
+        more = 4 if self.model.dry_friction(0.0) is not None else 0
+        trials = {bandwidth: self._trial(minimum.point, bandwidth, iterations=more) for bandwidth, minimum in visited}
+        return self._result(*self._refined(trials), sum(m.evaluations for _, m in visited))
+
+    def _plausible(self, minimum: Minimum) -> bool:
+        return bool(np.isfinite(minimum.equations.cost))
+
+    def widths(self) -> list[float]:
+        """Smoothing of dry friction from wide to exact [rad/s], one for each stage of the bandwidth."""
+        speeds = [np.abs(np.diff(run.output[run.valid]) / np.diff(run.time[run.valid])) for run in self.log.runs]
+        typical = float(np.quantile(np.concatenate(speeds), 0.9)) or 1.0
+        return [0.1 * typical, 0.03 * typical, 0.01 * typical, 0.003 * typical, 0.0]
+
+    def _starts_from_data(self) -> list[Array]:
+        rate = 1.0 / self.log.runs[0].sample_time
+        found = (starting_values(self.log, self.model, share * rate) for share in (0.005, 0.02, 0.06))
+        return [values for values in found if values is not None]
+
+    def descend(self, start: Fit, *, worth: float = -np.inf) -> Fit:
+        """Fit from another fit of a simpler model that lies near: at its bandwidth first, then down as far as it pays.
+
+        Args:
+            start: parameters of the same name and initial states are taken over; new ones start at the model's values.
+            worth: log-likelihood from which the bandwidth is searched finely.
+        """
+        values = self.model.values
+        for place, name in enumerate(self.model.names):
+            if name in start.model.names and place in self.free:
+                values[place] = start.model.values[start.model.names.index(name)]
+        values = np.where(np.isin(self.model.names, start.model.names), values, self.model.values)
+        point, evaluations = self.pack(values, start.initial), 0
+        bandwidth = start.bandwidth
+        if self.model.dry_friction(0.0) is not None and start.model.dry_friction(0.0) is None:
+            for width in self.widths()[1:4:2]:
+                point = self.minimise(point, bandwidth, width, iterations=3).point
+        trials = {bandwidth: self._trial(point, bandwidth, iterations=6)}
+        slowest = 1.0 / max(run.duration for run in self.log.runs)
+        while bandwidth:
+            last = trials[bandwidth]
+            bandwidth = bandwidth / 4.0 if bandwidth > 4.0 * slowest else 0.0
+            if log_likelihood(self.cost(last.minimum.point, bandwidth, 0.0), self.samples) < last.score - _HOPELESS:
+                break
+            trials[bandwidth] = self._trial(last.minimum.point, bandwidth, iterations=5)
+            if trials[bandwidth].score < last.score - 10.0:
+                break
+        evaluations = sum(trial.minimum.evaluations for trial in trials.values())
+        if max(trial.score for trial in trials.values()) > worth:
+            return self._result(*self._refined(trials), evaluations)
+        top = max(trials, key=lambda bandwidth: trials[bandwidth].score)
+        return self._result(top, trials[top].minimum, evaluations)
+
+    def _trial(self, point: Array, bandwidth: float, iterations: int) -> _Trial:
+        """A minimum in the exact form and its score: the log-likelihood, less the charge for a bandwidth above 0."""
+        minimum = self.minimise(point, bandwidth, 0.0, iterations=iterations)
+        charge = 0.5 * np.log(self.samples) if bandwidth else 0.0
+        return _Trial(minimum=minimum, score=log_likelihood(minimum.equations.cost, self.samples) - charge)
+
+    def _refined(self, trials: dict[float, _Trial]) -> tuple[float, Minimum]:
+        """The best bandwidth among the trials and the neighbours of the best."""
+        fastest = 1.0 / self.log.runs[0].sample_time
+        top = max(trials, key=lambda bandwidth: trials[bandwidth].score)
+        for factor in (2.5, 1.6) if top else ():
+            for bandwidth in (top * factor, top / factor):
+                if bandwidth < fastest and not any(abs(np.log(bandwidth / other)) < 0.2 for other in trials if other):
+                    trials[bandwidth] = self._trial(trials[top].minimum.point, bandwidth, iterations=4)
+            top = max(trials, key=lambda bandwidth: trials[bandwidth].score)
+        best = trials[top].minimum
+        return top, best if best.converged else self.minimise(best.point, top, 0.0)
+
+    def _result(self, bandwidth: float, minimum: Minimum, evaluations: int) -> Fit:
+        values, initial = self.unpack(minimum.point)
+        variance = minimum.equations.cost / max(self.samples - minimum.point.size, 1)
+        innovations, jacobian = stack(
+            self.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0)
+        )
+        found = uncertainty(innovations, jacobian, variance)
+        count = len(self.free)
+        spread, lost = found.covariance[:count, :count], found.undetermined[:count]
+        lost = lost | self._without_weight(values, np.sqrt(np.diag(spread))) | self._nothing_moves(minimum)
+        gone = np.array(self.free, dtype=int)[lost]
+        values[gone] = self.model.values[gone]
+        fitted = self.model.with_values(values)
+        return Fit(
+            model=fitted,
+            parameters=self._lines(fitted, spread, lost),
+            free=self.free,
+            covariance=spread,
+            white_covariance=found.white[:count, :count],
+            initial=initial,
+            bandwidth=bandwidth,
+            noise_std=float(np.sqrt(variance)),
+            log_likelihood=log_likelihood(minimum.equations.cost, self.samples),
+            samples=self.samples,
+            innovations=innovations,
+            substeps=self.predictor.substeps,
+            converged=minimum.converged,
+            evaluations=evaluations + minimum.evaluations,
+            log=self.log,
+        )
+
+    def _nothing_moves(self, minimum: Minimum) -> bool:
+        """Whether an output that never changes explains the log as well as the fitted motion: nothing can be told."""
+        still = sum(float(np.sum((run.output - run.output[run.valid].mean())[run.valid] ** 2)) for run in self.log.runs)
+        return still < 1.1 * minimum.equations.cost
+
+    def _without_weight(self, values: Array, std: Array) -> NDArray[np.bool_]:
+        """(F,) parameters whose uncertainty is worth more than the torque in the log: the data cannot tell them.
+
+        What a standard error is worth is the torque that it makes over the log's motion; for the parameters of an
+        effect, whose torque is not known before it is named, the value itself is the scale.
+        """
+        torque = np.concatenate([run.command - run.servo_gain * run.output for run in self.log.runs])
+        level = float(np.sqrt(np.nanmean(torque**2)))
+        speeds = np.concatenate([np.gradient(run.output, run.time) for run in self.log.runs])
+        speed = float(np.sqrt(np.nanmean(speeds**2)))
+        slowest = 2.0 * np.pi / max(run.duration for run in self.log.runs)
+        worth = {"inertia": slowest * speed, "gravity": 1.0, "viscous_friction": speed}
+        lost = np.zeros(len(self.free), dtype=bool)
+        for row, place in enumerate(self.free):
+            name = self.model.names[place]
+            scale = max(abs(values[place]), level / worth[name] if worth.get(name) else 0.0)
+            lost[row] = std[row] > scale and not self._at_bound(row, values[place])
+        return lost
+
+    def _at_bound(self, row: int, value: float) -> bool:
+        return bool(value <= self.lower[row] or value >= self.upper[row])
+
+    def _lines(self, fitted: ServoModel, spread: Array, lost: NDArray[np.bool_]) -> tuple[FittedParameter, ...]:
+        lines = []
+        for place, (spec, value) in enumerate(zip(fitted.parameters, fitted.values, strict=True)):
+            line = FittedParameter(
+                name=spec.name,
+                value=float(value),
+                std=None,
+                unit=spec.unit,
+                start=float(self.model.values[place]),
+                fixed=place not in self.free,
+            )
+            if place in self.free:
+                row = self.free.index(place)
+                known = not lost[row]
+                line = replace(
+                    line,
+                    value=float(value) if known else None,
+                    std=float(np.sqrt(spread[row, row])) if known else None,
+                    at_bound=known and self._at_bound(row, float(value)),
+                )
+            lines.append(line)
+        return tuple(lines)
+
+
+def integration_steps(log: Log) -> int:
+    """Integration steps in one sample, of at most 5 ms each."""
+    return int(np.ceil(max(run.sample_time for run in log.runs) / 0.005 * (1.0 - 1e-6)))
+
+
+def first_states(log: Log) -> Array:
+    """(R, 2) angle and velocity at the first sample of each run, from a line through its first samples."""
+    states = np.zeros((len(log.runs), 2))
+    for row, run in enumerate(log.runs):
+        early = np.flatnonzero(run.valid)[:10]
+        slope, level = np.polyfit(run.time[early] - run.time[0], run.output[early], 1) if early.size > 1 else (0, 0)
+        states[row] = level, slope
+    return states
