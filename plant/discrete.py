@@ -272,6 +272,8 @@ def actuator_torque(model: ServoModel, command: Array, dt: Array) -> Array:
     """(T,) torque behind the actuator's effects, mean over each sample [N m], of a command (T,) held for steps (T,)."""
     now, before, switch = held_commands(command, dt, float(model.delay()))
     entering = before * np.minimum(switch / dt, 1.0) + now * (1.0 - np.minimum(switch / dt, 1.0))
+    if len(model.states) == 2:
+        return np.array(_actuator(model, None, ca.DM(entering), 0.0)[0]).ravel()
     state, torque, h = ca.SX.sym("state", len(model.states)), ca.SX.sym("torque"), ca.SX.sym("h")
     start, middle, (end, states) = (
         _actuator(model, state, torque, 0.0)[0],
@@ -280,8 +282,7 @@ def actuator_torque(model: ServoModel, command: Array, dt: Array) -> Array:
     )
     one = ca.Function("actuator", [state, torque, h], [ca.vertcat(state[:2], *states), (start + 4 * middle + end) / 6])
     begin = rest(model, torque=float(entering[0]))
-    stepped = one.mapaccum(command.size) if states else one.map(command.size)
-    return np.array(stepped(begin, entering[None, :], dt[None, :])[1]).ravel()
+    return np.array(one.mapaccum(command.size)(begin, entering[None, :], dt[None, :])[1]).ravel()
 
 
 def rest(model: ServoModel, angle: float = 0.0, torque: float = 0.0) -> Array:
