@@ -8,7 +8,8 @@ from types import MappingProxyType
 
 from identification.datasets import bam, emps, hsm150, kscale, ur10e
 from identification.datasets.dataset import Dataset, files_in
-from plant.errors import BadParameter
+from identification.errors import MalformedLog
+from plant.errors import AntidriveError, BadParameter
 
 _READERS: MappingProxyType[str, tuple[str, Callable[..., Dataset]]] = MappingProxyType(
     {
@@ -39,7 +40,14 @@ def load_dataset(name: str, data: Path | str | Sequence[Path | str], *, joint: i
         raise BadParameter(f"--joint goes with ur10e only; {name} has one axis.")
     pattern, read = _READERS[name]
     files = files_in(data, pattern)
-    return read(files, joint=joint) if name == "ur10e" else read(files)
+    try:
+        return read(files, joint=joint) if name == "ur10e" else read(files)
+    except AntidriveError:
+        raise
+    except (OSError, LookupError, TypeError, ValueError) as error:  # arrays of the right names but other shapes
+        raise MalformedLog(
+            f"{files[0].name}: the arrays are not what the description of {name} says ({error}), fetch the files again."
+        ) from error
 
 
 __all__ = ["Dataset", "load_dataset"]

@@ -67,8 +67,12 @@ def arrays_of(file: Path, names: Sequence[str]) -> dict[str, NDArray[Any]]:
         if missing:
             raise MalformedLog(f"{file.name} has no array '{missing[0]}', which this data set's files hold.")
         return {name: np.asarray(content[name]) for name in names}
-    except (OSError, ValueError, NotImplementedError, KeyError) as error:
-        raise MalformedLog(f"{file.name} cannot be read as a {file.suffix} file ({error}).") from None
+    except MalformedLog:
+        raise
+    except Exception as error:  # the two parsers raise whatever a broken file leads them to
+        raise MalformedLog(
+            f"{file.name} cannot be read as a {file.suffix} file ({type(error).__name__}), fetch it again."
+        ) from None
 
 
 def recording(
@@ -86,6 +90,9 @@ def recording(
 ) -> Recording:
     """One experiment in SI units, ready for the checks that every log passes."""
     clock = np.asarray(time, dtype=float)
+    shapes = {clock.shape, np.shape(command), np.shape(output), *(np.shape(values) for values in others.values())}
+    if len(shapes) > 1 or clock.ndim != 1:
+        raise MalformedLog(f"{label}: the arrays differ in shape ({', '.join(map(str, shapes))}), fetch it again.")
     return Recording(
         label=label,
         number=number,
