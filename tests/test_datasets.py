@@ -140,9 +140,12 @@ def test_ur10e_current_drives_the_joint(joint):
     assert last.time[0] > run.time[-1]
     assert last.duration / (run.duration + last.duration) == pytest.approx(0.3, abs=0.02)
     turned = [gravity, lambda r, v: np.sin(r.output)]
-    (inertia, viscous, friction, *_), share = regression(run, [coulomb, *turned], 21)
+    (inertia, viscous, friction, alpha, beside), share = regression(run, [coulomb, *turned], 21)
     assert min(inertia, viscous, friction) > 0
     assert share > 0.9
+    if joint > 1:  # the angle is counted from the horizon, as eq. (4) has it
+        assert alpha > 4
+        assert abs(beside) < 0.02 * alpha
 
 
 def test_hsm150_turns_with_its_torque():

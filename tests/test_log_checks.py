@@ -13,6 +13,7 @@ from sample_logs import motion
 
 from identification.errors import MalformedLog
 from identification.log import Log
+from plant.errors import AntidriveError
 
 ENCODERS = {"fine": 2**20, "usual": 2**14, "coarse": 2**12}
 
@@ -329,3 +330,23 @@ def test_many_findings_of_one_kind_are_told_once():
     columns["angle"][300::600] += 3.0
     (repair,) = read(columns).repairs
     assert repair.endswith("9 further runs")
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    values=st.lists(st.floats(), min_size=1, max_size=80),
+    column=st.sampled_from(["time", "torque", "angle", "velocity", "goal", "run"]),
+    start=st.integers(0, 520),
+)
+def test_any_numbers_in_a_channel_are_read_or_refused(values, column, start):
+    columns = motion() | {"goal": np.cos(np.arange(600)), "run": np.zeros(600)}
+    columns[column][start : start + len(values)] = values
+    try:
+        log = read(columns)
+    except AntidriveError as error:
+        refusal = str(error)
+    else:
+        assert all(np.isfinite(run.output).all() and np.isfinite(run.command).all() for run in log.runs)
+        return
+    assert refusal.endswith(".")
+    assert "\n" not in refusal

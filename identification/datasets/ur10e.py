@@ -10,6 +10,8 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from identification.datasets.dataset import Dataset, arrays_of, recording, source
 from identification.errors import MalformedLog
 from identification.log import Log
@@ -17,6 +19,9 @@ from plant.errors import BadParameter
 from plant.servo import ServoModel
 
 _SHARE = 0.7  # of the run that is fitted
+# What takes a joint's reading to the angle of the swinging part above the horizon, the other joints being where they
+# rest in these sweeps: eq. (4) has gravity alpha cos x. The first joint's axis is vertical, its zero does not matter.
+_ABOVE_HORIZON = {2: np.pi, 3: 0.5 * np.pi}
 
 
 def read(files: list[Path], *, joint: int | None = None) -> Dataset:
@@ -37,7 +42,7 @@ def read(files: list[Path], *, joint: int | None = None) -> Dataset:
         label=file.name,
         time=data["t"].ravel(),
         command=data["i"][:, chosen - 1].astype(float),
-        output=data["q"][:, chosen - 1].astype(float),
+        output=data["q"][:, chosen - 1].astype(float) + _ABOVE_HORIZON.get(chosen, 0.0),
     )
     log = Log.from_recordings([run], axis="rotary", sources=[source(file)], command_unit="A")
     whole = max(log.runs, key=len)
