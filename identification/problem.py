@@ -126,7 +126,7 @@ class Problem:
         points = [np.clip(self.pack(values, at_first), self.lower, self.upper) for values in candidates]
         point = min(points, key=lambda p: self.cost(p, widest, width))
         visited: list[tuple[float, Minimum]] = []
-        bandwidths = [widest, widest / 10.0, widest / 100.0, widest / 1000.0, 0.0]
+        bandwidths = [widest, widest / 15.0, widest / 200.0, 0.0]
         for bandwidth, width in zip(bandwidths, self.widths(), strict=True):
             best = self.minimise(point, bandwidth, width, iterations=4 if bandwidth else 30)
             if bandwidth and not self._plausible(best):
@@ -135,8 +135,11 @@ class Problem:
             point = best.point
             if progress is not None:
                 progress(f"observer at {bandwidth:.3g} rad/s: noise {np.sqrt(best.equations.cost / self.samples):.3g}")
-        more = 4 if self.model.dry_friction(0.0) is not None else 0
-        trials = {bandwidth: self._trial(minimum.point, bandwidth, iterations=more) for bandwidth, minimum in visited}
+        smoothed = self.model.dry_friction(0.0) is not None
+        trials = {
+            bandwidth: self._trial(minimum.point, bandwidth, 4) if smoothed else self._judged(minimum, bandwidth)
+            for bandwidth, minimum in visited
+        }
         return self._result(*self._refined(trials), sum(m.evaluations for _, m in visited))
 
     def _plausible(self, minimum: Minimum) -> bool:
@@ -146,7 +149,7 @@ class Problem:
         """Smoothing of dry friction from wide to exact [rad/s], one for each stage of the bandwidth."""
         speeds = [np.abs(np.diff(run.output[run.valid]) / np.diff(run.time[run.valid])) for run in self.log.runs]
         typical = float(np.quantile(np.concatenate(speeds), 0.9)) or 1.0
-        return [0.1 * typical, 0.03 * typical, 0.01 * typical, 0.003 * typical, 0.0]
+        return [0.1 * typical, 0.02 * typical, 0.004 * typical, 0.0]
 
     def _starts_from_data(self) -> list[Array]:
         rate = 1.0 / self.log.runs[0].sample_time
@@ -168,7 +171,7 @@ class Problem:
         point, evaluations = self.pack(values, start.initial), 0
         bandwidth = start.bandwidth
         if self.model.dry_friction(0.0) is not None and start.model.dry_friction(0.0) is None:
-            for width in self.widths()[1:4:2]:
+            for width in self.widths()[1:3]:
                 point = self.minimise(point, bandwidth, width, iterations=3).point
         trials = {bandwidth: self._trial(point, bandwidth, iterations=6)}
         slowest = 1.0 / max(run.duration for run in self.log.runs)
@@ -188,7 +191,9 @@ class Problem:
 
     def _trial(self, point: Array, bandwidth: float, iterations: int) -> _Trial:
         """A minimum in the exact form and its score: the log-likelihood, less the charge for a bandwidth above 0."""
-        minimum = self.minimise(point, bandwidth, 0.0, iterations=iterations)
+        return self._judged(self.minimise(point, bandwidth, 0.0, iterations=iterations), bandwidth)
+
+    def _judged(self, minimum: Minimum, bandwidth: float) -> _Trial:
         charge = 0.5 * np.log(self.samples) if bandwidth else 0.0
         return _Trial(minimum=minimum, score=log_likelihood(minimum.equations.cost, self.samples) - charge)
 
