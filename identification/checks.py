@@ -221,23 +221,30 @@ def mask_spikes(recording: Recording) -> Checked:
 
 
 def unwrap(recording: Recording) -> Checked:
-    """Counters that wrapped around are continued."""
+    """Counters that wrapped around are continued, which also bares the spikes beside a wrap."""
     turn = 2 * np.pi if recording.axis == "rotary" else None
     findings = []
     channels = {"output": recording.output, **{k: recording.others[k] for k in recording.others if "angle_" in k}}
     for name, values in channels.items():
-        offsets, period = find_wraps(values, turn, _step(recording) if name == "output" else quantum(values))
+        sound = recording.valid if name == "output" else np.ones(len(values), dtype=bool)
+        index = np.flatnonzero(sound)
+        offsets, period = find_wraps(values[index], index, turn, quantum(values[index]))
         if not period:
             continue
-        channels[name] = values + offsets
+        continued = values.copy()
+        continued[index] += offsets
+        channels[name] = _bridge(continued, sound)
         turns = np.flatnonzero(np.diff(offsets))
         text = (
-            f"{recording.where(int(turns[0]) + 1)}: '{recording.name(name)}' wraps around by {period:.6g} "
+            f"{recording.where(int(index[turns[0] + 1]))}: '{recording.name(name)}' wraps around by {period:.6g} "
             f"{_unit(recording)} {_count(len(turns), 'time')} and is continued"
         )
         findings.append(Finding(kind="counter wrap", repaired=True, text=text))
+    if not findings:
+        return recording, []
     output = channels.pop("output")
-    return replace(recording, output=output, others=recording.others | channels), findings
+    recording, found = mask_spikes(replace(recording, output=output, others=recording.others | channels))
+    return recording, findings + found
 
 
 def mask_clipped(recording: Recording) -> Checked:

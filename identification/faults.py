@@ -82,40 +82,34 @@ def _parabola(width: int) -> tuple[Array, Array, NDArray[np.int64]]:
     return predict, np.eye(len(flank)) - basis[flank] @ solve, flank.astype(np.int64)
 
 
-def find_wraps(values: Array, turn: float | None, step: float) -> tuple[Array, float]:
+def find_wraps(values: Array, index: NDArray[np.int64], turn: float | None, step: float) -> tuple[Array, float]:
     """Offsets (T,) that continue a counter which wrapped around, and its period (0 if it never did).
 
-    A wrap is a jump across nearly the whole range of the readings, after which the motion goes on as before, by a
-    period that counters have: `turn` times a power of two (1 and up), or 2^8 to 2^32 encoder steps.
+    A wrap is a jump across nearly the whole range of the readings, before and after which the motion is the same, by
+    a period that counters have: `turn` times a power of two (1 and up), or 2^8 to 2^32 encoder steps. `index` (T,)
+    counts the samples, as unsound ones may be left out of `values`.
     """
     none = np.zeros(len(values)), 0.0
-    span = float(np.ptp(values)) if len(values) > 8 else 0.0
-    steps = np.diff(values)
+    if len(values) <= 8:
+        return none
+    steps, spacing = np.diff(values), np.diff(index)
+    span = float(np.diff(np.quantile(values, (0.005, 0.995)))[0])  # of all but single spikes
     jumps = np.flatnonzero(np.abs(steps) > 0.8 * span)
-    if span == 0 or len(jumps) == 0 or len(jumps) > len(values) // 4:
+    if span == 0 or len(jumps) == 0 or len(jumps) > len(values) // 2:
         return none
-    motion = steps.copy()
-    motion[jumps] = np.nan
-    around = [motion[max(0, j - 5) : j + 6] for j in jumps]
-    if any(np.isnan(part).all() for part in around):
+    usual_jump = float(np.median(np.abs(steps[jumps])))
+    turns = np.empty(0) if turn is None else turn * 2.0 ** np.arange(0, 17)
+    known = turns[np.abs(turns / usual_jump - 1) < 0.1]
+    known = known if len(known) else step * 2.0 ** np.arange(8, 33)
+    period = float(known[np.argmin(np.abs(known - usual_jump))])
+    motion = (steps - period * np.round(steps / period)) / spacing
+    usual = np.array([np.median(np.abs(motion[max(0, j - 5) : j + 6])) for j in jumps]) * spacing[jumps]
+    noise = 1.4826 * float(np.median(np.abs(motion - np.median(motion))))
+    slack = 3 * usual + 2 * step + 6 * noise
+    alike = np.abs(motion * spacing)[jumps] <= slack
+    if np.mean(alike) < 0.9 or np.any(period < 8 * usual) or np.ptp(values) < 0.8 * period or span > 1.02 * period:
         return none
-    usual = np.array([np.nanmedian(part) for part in around])
-    noise = 1.4826 * float(np.nanmedian(np.abs(motion - np.nanmedian(motion))))
-    slack = 3 * np.abs(usual).max() + 2 * step + 6 * noise
-    if np.any(np.abs(steps[jumps]) < 8 * np.abs(usual)):
-        return none
-    period = float(np.median(np.abs(steps[jumps] - usual)))
-    if np.any(np.abs(np.abs(steps[jumps] - usual) - period) > slack):
-        return none
-    known = step * 2.0 ** np.arange(8, 33)
-    if turn is not None:
-        known = np.append(turn * 2.0 ** np.arange(0, 17), known)
-    nearest = float(known[np.argmin(np.abs(known - period))])
-    if abs(nearest - period) > min(slack, 0.02 * nearest):
-        return none
-    offsets = np.zeros(len(values))
-    offsets[1:][jumps] = -np.sign(steps[jumps]) * nearest
-    return np.cumsum(offsets), nearest
+    return np.append(0.0, -period * np.cumsum(np.round(steps / period))), period
 
 
 def find_flat_tops(values: Array, step: float) -> NDArray[np.bool_]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
+from identification.recording import Array
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
 _NO_NUMBER = {"nan", "na", "null", "inf", "-inf"}
@@ -190,5 +191,14 @@ def _merge_pairs(header: list[str], frame: list[NDArray[Any]], name: str) -> tup
         known = np.isfinite(stamps) & np.isfinite(values)
         if known.sum() < 2 or np.any(np.diff(stamps[known]) <= 0):
             raise MalformedLog(f"{name}: the time of channel '{channel}' does not increase, export it again.")
-        columns[channel] = np.interp(time, stamps[known], values[known], left=np.nan, right=np.nan)
+        columns[channel] = _at(time, stamps[known], values[known])
     return columns, f"{name}: each channel has its own time; all are interpolated on the time of '{header[1]}'"
+
+
+def _at(time: Array, stamps: Array, values: Array) -> Array:
+    """Values at other times: linear between samples, the nearer one beside a jump such as a counter's wrap."""
+    linear = np.interp(time, stamps, values, left=np.nan, right=np.nan)
+    before = np.clip(np.searchsorted(stamps, time, side="right") - 1, 0, len(stamps) - 2)
+    later = time - stamps[before] > stamps[before + 1] - time
+    jumps = np.abs(np.diff(values))[before] > 0.5 * np.ptp(values)
+    return np.where(jumps & np.isfinite(linear), values[before + later], linear)
