@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
+HUGE = 1e12  # no servo's reading in SI units; beyond it squares lose their digits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,3 +80,11 @@ class Recording:
             rows=self.rows[index],
             others={name: values[index] for name, values in self.others.items()},
         )
+
+
+Checked: TypeAlias = tuple[Recording, list[Finding]]
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun: "1 sample", "3 samples"."""
+    return f"{number} {noun}{'s' * (number != 1)}"
