@@ -116,14 +116,20 @@ def find_flat_tops(values: Array, step: float) -> NDArray[np.bool_]:
     """Mask (T,) of samples at the channel's very end of scale, run into and left at speed: a clipped signal.
 
     A held step also sits at its extreme, but the samples beside it do not point beyond it; a smooth peak slows down
-    before it turns; a load that friction stops slows down before it and leaves it slowly.
+    before it turns; a load that friction stops slows down before it and leaves it slowly. Where the sampling is so
+    slow that speeds come and go within a sample, in other places too, nothing can be told.
     """
     clipped = np.zeros(len(values), dtype=bool)
+    if len(values) < 7:
+        return clipped
+    ends = (values == values.max()) | (values == values.min())
+    bends = np.abs(np.diff(values, 2))[np.convolve(ends, np.ones(7), "same")[1:-1] == 0]
+    least = max(10 * step, 2 * float(np.quantile(bends, 0.99)) if len(bends) else 0.0)
     for extreme, sign in ((values.max(), 1.0), (values.min(), -1.0)):
         room = sign * (extreme - values)  # from each sample to the end of scale
         tops = [(start, stop) for start, stop in stretches(room == 0) if stop - start >= 3]
         cut = sum(
-            _steady(room[start - 3 : start][::-1], step) and _steady(room[stop : stop + 3], step)
+            _steady(room[start - 3 : start][::-1], least) and _steady(room[stop : stop + 3], least)
             for start, stop in tops
             if start >= 3 and stop + 3 <= len(values)
         )
@@ -133,15 +139,15 @@ def find_flat_tops(values: Array, step: float) -> NDArray[np.bool_]:
     return clipped
 
 
-def _steady(room: Array, step: float) -> bool:
-    """True if the room (3,), from the end of scale outwards, opens at once and at a speed of ten encoder steps or more.
+def _steady(room: Array, least: float) -> bool:
+    """True if the room (3,), from the end of scale outwards, opens at once, and by more than `least` a sample.
 
     From rest, at a constant acceleration, the second increment is 5/3 to 3 times the first; beside a peak that was
     cut off it is at most 1.4 times the first.
     """
     first, second = np.diff(room)
     slope = (first + second) / 2
-    return bool(slope > 10 * step and room[0] <= 1.2 * slope and second < 1.5 * first)
+    return bool(slope > least and room[0] <= 1.2 * slope and second < 1.5 * first)
 
 
 def find_frozen(values: Array, step: float) -> NDArray[np.bool_]:

@@ -56,11 +56,11 @@ def trim(recording: Recording) -> Checked:
     if len(both) == 0 or len(both) == len(recording) or (both[0] == 0 and both[-1] == len(recording) - 1):
         return recording, []
     first, last = int(both[0]), int(both[-1])
-    before, after = first, len(recording) - 1 - last
-    index = 0 if before else last + 1
+    before, after = counted(first, "sample"), len(recording) - 1 - last
+    index = 0 if first else last + 1
     name = recording.name("output" if command[index] else "command")
     text = (
-        f"{recording.where(index)}: {before} samples at the start and {after} at the end are left out, as there "
+        f"{recording.where(index)}: {before} at the start and {after} at the end are left out, as there "
         f"'{name}' is not a number"
     )
     return recording.take(slice(first, last + 1)), [Finding(kind="trimmed", repaired=True, text=text)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -141,3 +143,12 @@ def test_speed_of_a_large_log():
     """All checks are vector operations: a quarter of an hour at 200 Hz takes well under a few seconds."""
     columns = motion(samples=180_000, counts=4096, noise=1e-4)
     assert Log.from_arrays(**columns).repairs == ()
+
+
+def test_a_drive_sampled_so_slowly_that_it_stops_within_a_sample_is_not_clipped():
+    """Moves between set points at 10 Hz, each at one speed, held for a second or two."""
+    holds = np.cumsum(np.tile([0.6, 0.9, -1.4, 0.5, -0.6], 8))
+    angle = np.concatenate([np.r_[np.linspace(a, b, 8), np.full(15, b)] for a, b in pairwise(holds)])
+    time = 0.1 * np.arange(len(angle))
+    log = Log.from_arrays(time=time, torque=np.cos(time), angle=np.round(angle * 4096 / 6.28) * 6.28 / 4096)
+    assert log.repairs == ()
