@@ -24,7 +24,7 @@ __all__ = ["Voice", "allocate", "demo", "diagnose", "identify", "predict", "simu
 def identify(options: LogOptions, *, base: Path | None, out: Path, seed: int, voice: Voice) -> None:
     """Fit a model and write model.json, fit.json and report.html."""
     from identification.fit import fit
-    from identification.fit_report import fit_report, fit_to_dict
+    from identification.fit_result import fit_report, fit_to_dict
     from identification.simulation import free_simulation
 
     start = _base(base)

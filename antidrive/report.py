@@ -14,8 +14,7 @@ from antidrive import figures
 from antidrive.provenance import Provenance
 from antidrive.words import headline, percent, sentence_case, sentences, title_of
 from diagnosis.result import Cause, Diagnosis
-from identification.fit_report import correlations
-from identification.fit_result import Fit, FittedParameter
+from identification.fit_result import Fit, FittedParameter, correlations
 from plant.effects import catalogue
 from plant.effects.effect import Array
 

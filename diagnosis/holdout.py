@@ -15,6 +15,7 @@ from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 _SHARE = 0.3  # of a single run that is held out, at its end
+_BLOCKS = 20  # into which a log is cut to judge the scatter of a difference
 _WINDOW = 1.0  # seconds between restarts where nothing pulls the load back to where it was
 
 
@@ -37,30 +38,53 @@ def split(log: Log) -> tuple[Log, Log, str]:
     return replace(log, runs=(first,)), replace(log, runs=(last,)), sentence
 
 
-def scoring_window(model: ServoModel, log: Log) -> float | None:
+def scoring_window(base: Fit) -> float | None:
     """Seconds between restarts of the scoring simulation; None for whole runs.
 
     Without gravity or a position loop a servo integrates, and the error of a long simulation shows drift, not physics.
+    The same holds where the base model, simulated freely over the runs that it was fitted to, does worse than a
+    constant.
     """
+    log, model = base.log, base.model
     closed = any(np.any(run.servo_gain) for run in log.runs)
     torque = np.concatenate([run.command for run in log.runs])
     holds = model.axis == "rotary" and abs(model.gravity) > 0.02 * float(np.sqrt(np.mean(torque**2)))
-    return None if closed or holds else _WINDOW
+    if not (closed or holds):
+        return _WINDOW
+    spread = np.concatenate([(run.output - run.output[run.valid].mean())[run.valid] for run in log.runs])
+    squares, _ = squared_errors(log, model, None)
+    return None if float(np.mean(squares)) < float(np.mean(spread**2)) else _WINDOW
 
 
-def rms_error(log: Log, model: ServoModel, window: float | None) -> tuple[float, list[Array]]:
-    """Root mean square of measured less simulated over all valid samples, and the simulations."""
+def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[Array, list[Array]]:
+    """(T,) square of measured less simulated for all valid samples, and the simulations; what overflows is huge."""
     simulated = free_simulation(log, model, window=window)
     errors = np.concatenate([(r.output - s)[r.valid] for r, s in zip(log.runs, simulated, strict=True)])
-    with np.errstate(over="ignore"):
-        total = float(np.sqrt(np.mean(errors**2)))
-    return (total if np.isfinite(total) else float(np.finfo(float).max)), simulated
+    return np.nan_to_num(np.clip(errors, -1e100, 1e100), nan=1e100) ** 2, simulated
+
+
+def simulates_no_worse(before: Fit, after: Fit) -> bool:
+    """Whether an extended model, simulated freely over the estimation runs, is not significantly worse than before.
+
+    Judged over blocks of the log (Diebold and Mariano 1995). One-step predictions alone can prefer a term that bends
+    the model the wrong way over longer times.
+    """
+    window = scoring_window(before)
+    (worse, _), (better, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
+    return not significantly_lost(worse - better)
+
+
+def significantly_lost(gained: Array) -> bool:
+    """Whether a record (T,) of what was gained, sample by sample, is a loss by two standard errors over its blocks."""
+    blocks = np.array([block.mean() for block in np.array_split(gained, _BLOCKS)])
+    return bool(blocks.mean() < -2.0 * blocks.std(ddof=1) / np.sqrt(_BLOCKS))
 
 
 def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[float], tuple[Replay, ...]]:
     """Gain of the last fit of a path over the first, the error after each step of it, and the runs replayed."""
-    window = scoring_window(path[0].model, held_out)
-    scored = [rms_error(held_out, fit.model, window) for fit in path]
+    window = scoring_window(path[0])
+    squares = [squared_errors(held_out, fit.model, window) for fit in path]
+    scored = [(float(np.sqrt(np.mean(square))), simulated) for square, simulated in squares]
     errors = [error for error, _ in scored]
     gain = Gain(
         held_out_rms_before=errors[0],

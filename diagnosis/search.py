@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.holdout import significantly_lost, simulates_no_worse
 from diagnosis.odds import CLEAR, MISSING, NONE, parameter_cost, probabilities, schwarz_cost, score
 from diagnosis.result import Candidate, Estimate
 from diagnosis.screen import Screen, Suspect
@@ -20,7 +21,6 @@ _REFITS = 5  # effects refitted in one round because they are close to the leade
 _WORTH = 0.2  # share of the leader's evidence that counts as close
 _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
 _ROUNDS = 6
-_BLOCKS = 20  # into which that part is cut to judge its scatter
 _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
 
 
@@ -92,8 +92,7 @@ def _one_round(
     for suspect in _worth_a_refit(suspects, scores, refits):
         if progress is not None:
             progress(f"round {number}: refitting with {suspect.starts[0].title}")
-        best = max((other.log_likelihood for other in refits.values()), default=-np.inf)
-        fits = [refit(fit, start, worth=best - 30.0) for start in suspect.starts]
+        fits = [refit(fit, start) for start in suspect.starts]
         tried = refits[suspect.name] = max(fits, key=lambda found: found.log_likelihood)
         scores[suspect.name] = scored(suspect, evidence_of(tried, fit), parameter_cost(tried, fit))
     for name, simpler in _reduced_leaders(fit, refits, scores):
@@ -117,7 +116,7 @@ def _one_round(
     if not refits or odds[NONE] > 1.0 - MISSING:
         return None
     winner = max(refits, key=lambda name: odds[name])
-    if not holds_up(fit, refits[winner]):
+    if not (holds_up(fit, refits[winner]) and simulates_no_worse(fit, refits[winner])):
         return None
     return Addition(effect=winner, fit=refits[winner], odds=odds, evidence=evidence_of(refits[winner], fit))
 
@@ -125,7 +124,7 @@ def _one_round(
 def _better_null(fit: Fit, found: Addition) -> Fit | None:
     """The model without the addition, fitted from the addition's optimum, if it is clearly likelier than it was."""
     problem = Problem.of(fit.log, fit.model, fixed=_fixed(fit))
-    again = problem.descend(found.fit, worth=fit.log_likelihood)
+    again = problem.descend(found.fit)
     return again if evidence_of(again, fit) > 3.0 else None
 
 
@@ -188,11 +187,11 @@ def evidence_of(fit: Fit, than: Fit) -> float:
     return rise / max(widening, 1.0)
 
 
-def refit(fit: Fit, effect: Effect, *, worth: float = -np.inf) -> Fit:
-    """Fit the model with one effect more, from where the screen says it is; finely if its likelihood is `worth` it."""
+def refit(fit: Fit, effect: Effect) -> Fit:
+    """Fit the model with one effect more, from where the screen says it is."""
     model = fit.model.with_effect(effect)
     kept = [name for name in _fixed(fit) if name in model.names]
-    return Problem.of(fit.log, model, fixed=kept).descend(fit, worth=worth)
+    return Problem.of(fit.log, model, fixed=kept).descend(fit)
 
 
 def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
@@ -210,13 +209,10 @@ def holds_up(before: Fit, after: Fit) -> bool:
     """Whether an extended model predicts data that neither it nor its predecessor was fitted to, and not worse.
 
     Both are refitted to the first part of each run and predict the rest with the same observer. The odds have already
-    decided; this stops what only fits the record on which it was chosen: a loss of likelihood that is significant over
-    blocks of the unseen part (Diebold and Mariano 1995).
+    decided; this stops what only fits the record on which it was chosen.
     """
     bandwidth = max(before.bandwidth, after.bandwidth)
-    gained = _unseen(after, bandwidth) - _unseen(before, bandwidth)
-    blocks = np.array([block.mean() for block in np.array_split(gained, _BLOCKS)])
-    return bool(blocks.mean() > -2.0 * blocks.std(ddof=1) / np.sqrt(_BLOCKS))
+    return not significantly_lost(_unseen(after, bandwidth) - _unseen(before, bandwidth))
 
 
 def _unseen(fit: Fit, bandwidth: float) -> Array:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from identification.errors import MalformedLog, Unidentifiable
 from identification.fit import base_model, fit
-from identification.fit_report import fit_report, fit_to_dict
-from identification.fit_result import Fit, FittedParameter
+from identification.fit_result import Fit, FittedParameter, fit_report, fit_to_dict
 from identification.inverse import torque_error
 from identification.log import Log
 from identification.run import Run

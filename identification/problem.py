@@ -24,6 +24,7 @@ from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
+_BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
 _HOPELESS = 2000.0  # loss of log-likelihood at a lower bandwidth that no refit makes good
 
 
@@ -156,12 +157,11 @@ class Problem:
         found = (starting_values(self.log, self.model, share * rate) for share in (0.005, 0.02, 0.06))
         return [values for values in found if values is not None]
 
-    def descend(self, start: Fit, *, worth: float = -np.inf) -> Fit:
+    def descend(self, start: Fit) -> Fit:
         """Fit from another fit of a simpler model that lies near: at its bandwidth first, then down as far as it pays.
 
         Args:
             start: parameters of the same name and initial states are taken over; new ones start at the model's values.
-            worth: log-likelihood from which the bandwidth is searched finely.
         """
         values = self.model.values
         for place, name in enumerate(self.model.names):
@@ -184,10 +184,7 @@ class Problem:
             if trials[bandwidth].score < last.score - 10.0:
                 break
         evaluations = sum(trial.minimum.evaluations for trial in trials.values())
-        if max(trial.score for trial in trials.values()) > worth:
-            return self._result(*self._refined(trials), evaluations)
-        top = max(trials, key=lambda bandwidth: trials[bandwidth].score)
-        return self._result(top, trials[top].minimum, evaluations)
+        return self._result(*self._refined(trials), evaluations)
 
     def _trial(self, point: Array, bandwidth: float, iterations: int) -> _Trial:
         """A minimum in the exact form and its score: the log-likelihood, less the charge for a bandwidth above 0."""
@@ -198,16 +195,33 @@ class Problem:
         return _Trial(minimum=minimum, score=log_likelihood(minimum.equations.cost, self.samples) - charge)
 
     def _refined(self, trials: dict[float, _Trial]) -> tuple[float, Minimum]:
-        """The best bandwidth among the trials and the neighbours of the best."""
+        """The best bandwidth: bracket the best trial by its neighbours, then twice to the top of a parabola through them.
+
+        A bandwidth beside the best one costs likelihood, which a rival with a better one would be credited with.
+        """
+
+        def attempt(bandwidth: float) -> None:
+            if not any(abs(np.log(bandwidth / other)) < 0.03 for other in trials if other):
+                trials[bandwidth] = self._trial(trials[best()].minimum.point, bandwidth, iterations=4)
+
+        def best() -> float:
+            return max(trials, key=lambda bandwidth: trials[bandwidth].score)
+
         fastest = 1.0 / self.log.runs[0].sample_time
-        top = max(trials, key=lambda bandwidth: trials[bandwidth].score)
-        for factor in (2.5, 1.6) if top else ():
-            for bandwidth in (top * factor, top / factor):
-                if bandwidth < fastest and not any(abs(np.log(bandwidth / other)) < 0.2 for other in trials if other):
-                    trials[bandwidth] = self._trial(trials[top].minimum.point, bandwidth, iterations=4)
-            top = max(trials, key=lambda bandwidth: trials[bandwidth].score)
-        best = trials[top].minimum
-        return top, best if best.converged else self.minimise(best.point, top, 0.0)
+        for _ in range(_BRACKETS):
+            top = best()
+            missing = [b for b in _neighbours(top) if top and b <= fastest and not _between(trials, top, b)]
+            if not missing:
+                break
+            for bandwidth in missing:
+                attempt(bandwidth)
+        for _ in range(2):
+            vertex = _parabola_top({b: trial.score for b, trial in trials.items() if b}, best())
+            if vertex is not None:
+                attempt(min(vertex, fastest))
+        top = best()
+        found = trials[top].minimum
+        return top, found if found.converged else self.minimise(found.point, top, 0.0)
 
     def _result(self, bandwidth: float, minimum: Minimum, evaluations: int) -> Fit:
         values, initial = self.unpack(minimum.point)
@@ -274,7 +288,7 @@ class Problem:
                 name=spec.name,
                 value=float(value),
                 std=None,
-                unit=spec.unit,
+                unit=_in_command_units(spec.unit, self.log.command_unit),
                 start=float(self.model.values[place]),
                 fixed=place not in self.free,
             )
@@ -289,6 +303,33 @@ class Problem:
                 )
             lines.append(line)
         return tuple(lines)
+
+
+def _in_command_units(unit: str, command_unit: str) -> str:
+    """A parameter's unit where the log's command is not a torque but volts or amperes of unknown scale."""
+    if command_unit in ("N m", "N"):
+        return unit
+    return unit.replace("kg m^2", "N m s^2/rad").replace("kg", "N s^2/m").replace("N m", command_unit)
+
+
+def _neighbours(bandwidth: float) -> tuple[float, float]:
+    return 2.0 * bandwidth, 0.5 * bandwidth
+
+
+def _between(trials: dict[float, _Trial], top: float, limit: float) -> bool:
+    """Whether a trial lies between the top and a limit, the limit included."""
+    low, high = sorted((top, limit))
+    return any(low * 0.99 <= b <= high * 1.01 and abs(np.log(b / top)) > 0.03 for b in trials if b)
+
+
+def _parabola_top(scores: dict[float, float], top: float) -> float | None:
+    """Where a parabola in log(bandwidth) through the top and its nearest neighbours is highest, None without a peak."""
+    below, above = [b for b in scores if b < top], [b for b in scores if b > top]
+    if top not in scores or not below or not above:
+        return None
+    points = np.array([max(below), top, min(above)])
+    curvature, slope, _ = np.polyfit(np.log(points / top), [scores[b] - scores[top] for b in points], 2)
+    return float(top * np.exp(-slope / (2.0 * curvature))) if curvature < 0.0 else None
 
 
 def integration_steps(log: Log) -> int:
