@@ -195,7 +195,7 @@ class Problem:
         return _Trial(minimum=minimum, score=log_likelihood(minimum.equations.cost, self.samples) - charge)
 
     def _refined(self, trials: dict[float, _Trial]) -> tuple[float, Minimum]:
-        """The best bandwidth: bracket the best trial by its neighbours, then twice to the top of a parabola through them.
+        """The best bandwidth: bracket the best trial by its neighbours, then twice to the top of a parabola.
 
         A bandwidth beside the best one costs likelihood, which a rival with a better one would be credited with.
         """
