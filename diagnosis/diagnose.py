@@ -8,16 +8,19 @@ import numpy as np
 
 from diagnosis.curves import unnamed_dependence
 from diagnosis.holdout import inverse_errors, measure_gain, remaining, split
-from diagnosis.missing_torque import missing_torque
+from diagnosis.missing_torque import MissingTorque, missing_torque
 from diagnosis.odds import NONE
 from diagnosis.result import Cause, Diagnosis, Verdict
 from diagnosis.screen import Screen
 from diagnosis.search import Addition, Outcome, estimates, search
 from identification.fit import base_model, fit
+from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem
 from plant.servo import ServoModel
 
+_NOISE = 0.1  # share of the torque up to which a random load may pass for noise
+_TELLING = 0.2  # share of the missing torque's variance from which a variable is said to carry it
 _MENTION = 1e-4  # probability from which a rival is listed
 
 
@@ -62,23 +65,33 @@ def diagnose(
     gain, errors, replays = measure_gain(holdout, path)
     tell("drawing what is missing")
     final = outcome.fit
-    problem = Problem.of(log, final.model, fixed=fixed)
-    dependence = unnamed_dependence(Screen.of(final, problem, bandwidth=final.bandwidth))
+    missing = missing_torque(final)
+    depends_on = _depends_on(final, missing, fixed)
+    unnamed = bool(depends_on) or missing.excess > _NOISE
     return Diagnosis(
-        verdict=_verdict(outcome, bool(dependence)),
+        verdict=_verdict(outcome, unnamed),
         causes=_causes(outcome, errors),
         gain=gain,
         torque_error=inverse_errors(log, holdout, null.model, final.model),
-        unexplained=remaining(gain, tuple(name for name, _ in dependence)),
+        unexplained=remaining(gain, depends_on),
         warnings=tuple(warnings),
         base=null,
         extended=final,
         missing_before=missing_torque(null),
-        missing_after=missing_torque(final),
+        missing_after=missing,
         candidates=outcome.candidates,
         replays=replays,
         whiteness=predictable_share(final.innovations),
     )
+
+
+def _depends_on(final: Fit, missing: MissingTorque, fixed: Collection[str]) -> tuple[str, ...]:
+    """Variables on which what remains depends: by the test of curves or, where much is missing, by the picture."""
+    problem = Problem.of(final.log, final.model, fixed=fixed)
+    tested = unnamed_dependence(Screen.of(final, problem, bandwidth=final.bandwidth))
+    if tested or missing.excess <= _NOISE:
+        return tuple(name for name, _ in tested)
+    return tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
 
 
 def _verdict(outcome: Outcome, unnamed: bool) -> Verdict:

@@ -65,6 +65,13 @@ class MissingTorque:
     cutoff: float
 
     @property
+    def excess(self) -> float:
+        """Missing torque above what the encoder's noise makes of it, as a share of the rms torque command [-]."""
+        noise = float(np.mean((self.band / 1.96) ** 2))
+        level = float(np.mean(self.command**2))
+        return float(np.sqrt(max(self.rms**2 - noise, 0.0) / level)) if level > 0.0 else 0.0
+
+    @property
     def rms(self) -> float:
         """Root mean square of the missing torque [N m]."""
         return float(np.sqrt(np.mean(self.torque**2)))

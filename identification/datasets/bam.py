@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from identification.datasets.dataset import Dataset, source
-from identification.datasets.pendulum import VOLTS_UNKNOWN_SCALE, swing
+from identification.datasets.pendulum import ENDS_WHEN_OFF, VOLTS_UNKNOWN_SCALE, swing
 from identification.errors import MalformedLog
 from identification.log import Log
 from identification.recording import Recording
@@ -23,6 +23,7 @@ _DUTY_PER_RAD = 4096.0 / (2.0 * np.pi) / (256.0 * 885.0)  # for each unit of kp
 _NOTES = (
     "BAM (Duclusaud et al. 2025), Dynamixel XL330: every fourth file is held out, the others are fitted.",
     VOLTS_UNKNOWN_SCALE,
+    ENDS_WHEN_OFF,
 )
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.datasets.dataset import Dataset, arrays_of, source
-from identification.datasets.pendulum import VOLTS_UNKNOWN_SCALE, swing
+from identification.datasets.pendulum import ENDS_WHEN_OFF, VOLTS_UNKNOWN_SCALE, swing
 from identification.errors import MalformedLog
 from identification.log import Log
 from identification.recording import Recording
@@ -63,6 +63,7 @@ def read(files: list[Path], *, select: Mapping[str, float] | None = None) -> Dat
         f"K-Scale servo bench (K-Scale Labs 2025), {chosen}: repetition 0 is fitted, the others are held out.",
         "One servo model has one inertia, so runs with other masses and arms are left out.",
         VOLTS_UNKNOWN_SCALE,
+        ENDS_WHEN_OFF,
         "Published mean absolute errors on these data with friction models M1 to M6: 0.0309 to 0.0323 rad.",
     )
     logs = [

@@ -9,6 +9,10 @@ from identification.datasets.dataset import recording
 from identification.recording import Array, Recording
 
 HANGING = -0.5 * np.pi  # eq. (4) has gravity alpha cos x, so the pendulum hangs at -pi/2
+ENDS_WHEN_OFF = (
+    "A run ends where the drive switches off: an open motor brakes by no back-EMF, so the load swings with another "
+    "viscous friction than before, which no effect of the present catalogue can express."
+)
 VOLTS_UNKNOWN_SCALE = (
     "The torque's scale is unknown: torques are in volts at the motor, so J, alpha and K are per volt, and the "
     "viscous friction holds the back-EMF besides, which one supply voltage cannot tell apart."
@@ -28,13 +32,15 @@ def swing(
 ) -> Recording:
     """One run of a position servo: motor voltage = volts * clip(duty_per_rad * (goal - angle), -1, 1) while enabled.
 
-    Samples in which the bus dropped out (no supply voltage read, or far more than the run's) are masked.
+    Samples in which the bus dropped out (no supply voltage read, or far more than the run's) are masked. The run ends
+    where the drive is switched off: the motor's back-EMF then brakes no more, and one viscous friction cannot be both.
     """
     supply = float(np.median(volts[volts > 1.0])) if np.any(volts > 1.0) else 1.0
     gain = np.where(enabled, duty_per_rad * supply, 0.0)
     dropped = (volts < 0.5 * supply) | (volts > 1.5 * supply)
     first = int(np.argmax(~dropped))
-    used = slice(first, None)
+    off = np.flatnonzero(~enabled)
+    used = slice(first, int(off[0]) if off.size else None)
     return recording(
         label=label,
         number=number,
