@@ -63,21 +63,24 @@ def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[A
     return np.nan_to_num(np.clip(errors, -1e100, 1e100), nan=1e100) ** 2, simulated
 
 
-def simulates_no_worse(before: Fit, after: Fit) -> bool:
-    """Whether an extended model, simulated freely over the estimation runs, is not significantly worse than before.
+def simulation_gain(before: Fit, after: Fit) -> float:
+    """By how many standard errors an extended model simulates the estimation runs better than its predecessor.
 
-    Judged over blocks of the log (Diebold and Mariano 1995). One-step predictions alone can prefer a term that bends
-    the model the wrong way over longer times.
+    One-step predictions alone can prefer a term that bends the model the wrong way over longer times.
     """
     window = scoring_window(before)
-    (worse, _), (better, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
-    return not significantly_lost(worse - better)
+    (old, _), (new, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
+    return standard_errors(old - new)
 
 
-def significantly_lost(gained: Array) -> bool:
-    """Whether a record (T,) of what was gained, sample by sample, is a loss by two standard errors over its blocks."""
+def standard_errors(gained: Array) -> float:
+    """Mean of a record (T,) of what was gained, sample by sample, in standard errors over blocks of it.
+
+    The test of Diebold and Mariano (1995) for which of two predictors is better.
+    """
     blocks = np.array([block.mean() for block in np.array_split(gained, _BLOCKS)])
-    return bool(blocks.mean() < -2.0 * blocks.std(ddof=1) / np.sqrt(_BLOCKS))
+    scatter = float(blocks.std(ddof=1)) / np.sqrt(_BLOCKS)
+    return float(blocks.mean() / scatter) if scatter > 0.0 else 0.0
 
 
 def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[float], tuple[Replay, ...]]:

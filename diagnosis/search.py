@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.holdout import significantly_lost, simulates_no_worse
+from diagnosis.holdout import simulation_gain, standard_errors
 from diagnosis.odds import CLEAR, MISSING, NONE, parameter_cost, probabilities, schwarz_cost, score
 from diagnosis.result import Candidate, Estimate
 from diagnosis.screen import Screen, Suspect
@@ -21,6 +21,7 @@ _REFITS = 5  # effects refitted in one round because they are close to the leade
 _WORTH = 0.2  # share of the leader's evidence that counts as close
 _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
 _ROUNDS = 6
+_SIGNIFICANT = 2.0  # standard errors
 _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
 
 
@@ -99,6 +100,9 @@ def _one_round(
         refits[name] = simpler
         cost = parameter_cost(simpler, fit)
         scores[name] = score(evidence_of(simpler, fit), cost=cost, searched=1, catalogue=len(asked))
+    for name, tried in refits.items():
+        if _has_simpler_form(tried, name):
+            scores[name] = -np.inf
     odds = probabilities({name: value for name, value in scores.items() if name in refits or not refits})
     for suspect in suspects:
         own = refits.get(suspect.name)
@@ -116,7 +120,7 @@ def _one_round(
     if not refits or odds[NONE] > 1.0 - MISSING:
         return None
     winner = max(refits, key=lambda name: odds[name])
-    if not (holds_up(fit, refits[winner]) and simulates_no_worse(fit, refits[winner])):
+    if not holds_up(fit, refits[winner]):
         return None
     return Addition(effect=winner, fit=refits[winner], odds=odds, evidence=evidence_of(refits[winner], fit))
 
@@ -140,6 +144,13 @@ def _worth_a_refit(
         close = suspect.evidence >= _WORTH * leader and len(refits) < _REFITS
         if promise > _PROMISING and (close or promise > delivered):
             yield suspect
+
+
+def _has_simpler_form(fit: Fit, name: str) -> bool:
+    """Whether a refitted effect leaves parameters open that a special case of it does without."""
+    effect = fit.model.effect(name)
+    unsaid = any(estimate.std is None for estimate in estimates(fit, name).values())
+    return unsaid and effect is not None and bool(effect.reduced())
 
 
 def _reduced_leaders(
@@ -206,13 +217,18 @@ def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
 
 
 def holds_up(before: Fit, after: Fit) -> bool:
-    """Whether an extended model predicts data that neither it nor its predecessor was fitted to, and not worse.
+    """Whether an extended model stands beside its predecessor on what neither was chosen by.
 
-    Both are refitted to the first part of each run and predict the rest with the same observer. The odds have already
-    decided; this stops what only fits the record on which it was chosen.
+    The odds have decided on one-step predictions of the whole record. The free simulation must not get significantly
+    worse; and predictions of the last part of each run, after a fit to the first part, neither, unless the simulation
+    gets significantly better.
     """
+    simulation = simulation_gain(before, after)
+    if simulation < -_SIGNIFICANT:
+        return False
     bandwidth = max(before.bandwidth, after.bandwidth)
-    return not significantly_lost(_unseen(after, bandwidth) - _unseen(before, bandwidth))
+    unseen = standard_errors(_unseen(after, bandwidth) - _unseen(before, bandwidth))
+    return unseen > -_SIGNIFICANT or simulation > _SIGNIFICANT
 
 
 def _unseen(fit: Fit, bandwidth: float) -> Array:

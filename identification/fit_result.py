@@ -32,7 +32,7 @@ class Fit:
     """A fitted model with its uncertainty.
 
     Attributes:
-        model: with the estimates; a parameter that the data cannot tell keeps its start.
+        model: with the estimates; a parameter about which the data say nothing keeps its start.
         parameters: one line each.
         free: (F,) places of the fitted parameters.
         covariance: (F, F) of the fitted parameters, for innovations of the colour that they have.

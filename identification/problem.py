@@ -232,9 +232,10 @@ class Problem:
         found = uncertainty(innovations, jacobian, variance)
         count = len(self.free)
         spread, lost = found.covariance[:count, :count], found.undetermined[:count]
-        lost = lost | self._without_weight(values, np.sqrt(np.diag(spread))) | self._nothing_moves(minimum)
+        lost = lost | self._nothing_moves(minimum)
         gone = np.array(self.free, dtype=int)[lost]
         values[gone] = self.model.values[gone]
+        lost = lost | self._without_weight(values, np.sqrt(np.diag(spread)))
         fitted = self.model.with_values(values)
         return Fit(
             model=fitted,

@@ -14,6 +14,7 @@ from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
+_FEWEST = 5  # samples of a piece that is started anew
 SETTLE = 0.2  # seconds of the measured output that a simulation may see, to find its initial state
 
 
@@ -46,11 +47,14 @@ def _simulate_run(log: Log, run: Run, model: ServoModel, window: float | None, s
     elapsed = run.time - run.time[0]
     piece = np.floor(elapsed / length + 1e-9).astype(int)
     starts = np.flatnonzero(np.diff(piece, prepend=-1))
+    # A piece of a few samples has no start to be found in it: it belongs to the piece before.
+    starts = starts[np.diff(starts, append=len(run)) >= _FEWEST] if len(run) >= _FEWEST else starts[:1]
+    starts[:1] = 0
     parts, end = [], None
     for first, last in zip(starts, [*starts[1:], len(run)], strict=True):
         part = run.slice(int(first), int(last))
         seen = int(np.searchsorted(part.time, part.time[0] + settle, side="right"))
-        if last - first < 2 or not part.valid[:seen].any():
+        if not part.valid[:seen].any():
             # Nothing to restart from: go on from where the last piece ended.
             state = end if end is not None else np.zeros(2)
         else:
