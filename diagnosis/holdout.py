@@ -10,6 +10,7 @@ from diagnosis.result import Gain, Replay, TorqueError, Unexplained
 from identification.fit_result import Fit
 from identification.inverse import torque_error
 from identification.log import Log
+from identification.predictor import Predictor
 from identification.simulation import free_simulation
 from plant.effects.effect import Array
 from plant.servo import ServoModel
@@ -69,8 +70,18 @@ def simulation_gain(before: Fit, after: Fit) -> float:
     One-step predictions alone can prefer a term that bends the model the wrong way over longer times.
     """
     window = scoring_window(before)
+    if window is None:
+        return standard_errors(_squared_from_fit(before) - _squared_from_fit(after))
     (old, _), (new, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
     return standard_errors(old - new)
+
+
+def _squared_from_fit(fit: Fit) -> Array:
+    """(T,) squared error of a free simulation of the runs that were fitted, from their estimated initial states."""
+    predictor = Predictor(model=fit.model, runs=fit.log.runs, free=(), substeps=fit.substeps)
+    runs = predictor.predict(fit.model.values, fit.initial, bandwidth=0.0, width=0.0, sensitivities=False)
+    errors = np.concatenate([p.innovations for p in runs])
+    return np.asarray(np.nan_to_num(np.clip(errors, -1e100, 1e100), nan=1e100) ** 2)
 
 
 def standard_errors(gained: Array) -> float:

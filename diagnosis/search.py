@@ -82,8 +82,7 @@ def _one_round(
 ) -> Addition | None:
     """Ask every effect that the model does not hold; the winner if something is missing and it holds up unseen."""
     asked = {name: kind for name, kind in catalogue.items() if _would_add(fit, kind)}
-    problem = Problem.of(fit.log, fit.model, fixed=_fixed(fit))
-    suspects = Screen.of(fit, problem, bandwidth=fit.bandwidth).ask(asked)
+    suspects = _screened(fit, asked)
 
     def scored(suspect: Suspect, evidence: float, cost: float) -> float:
         return score(evidence, cost=cost, searched=suspect.searched, catalogue=len(asked))
@@ -130,6 +129,27 @@ def _better_null(fit: Fit, found: Addition) -> Fit | None:
     problem = Problem.of(fit.log, fit.model, fixed=_fixed(fit))
     again = problem.descend(found.fit)
     return again if evidence_of(again, fit) > 3.0 else None
+
+
+def _screened(fit: Fit, asked: Mapping[str, type[Effect]]) -> list[Suspect]:
+    """What the screen says at the fit's bandwidth and, where that is above zero, of the free simulation as well.
+
+    An observer takes over part of what a small effect does; the free simulation shows all of it. Its evidence counts
+    from the likelihood of the fit at hand.
+    """
+    problem = Problem.of(fit.log, fit.model, fixed=_fixed(fit))
+    suspects = Screen.of(fit, problem, bandwidth=fit.bandwidth).ask(asked)
+    if fit.bandwidth == 0.0:
+        return suspects
+    free = problem.output_error(fit)
+    if free is None:
+        return suspects
+    lead = {suspect.name: suspect for suspect in suspects}
+    loss = fit.log_likelihood - free.log_likelihood
+    for suspect in Screen.of(free, problem, bandwidth=0.0).ask(asked):
+        if suspect.evidence - loss > lead[suspect.name].evidence:
+            lead[suspect.name] = replace(suspect, evidence=suspect.evidence - loss)
+    return sorted(lead.values(), key=lambda suspect: -suspect.score)
 
 
 def _worth_a_refit(

@@ -25,7 +25,7 @@ from plant.errors import BadParameter
 from plant.servo import ServoModel
 
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
-_HOPELESS = 2000.0  # loss of log-likelihood at a lower bandwidth that no refit makes good
+_HOPELESS = 4.0  # loss of log-likelihood per sample at a lower bandwidth that no refit makes good
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -178,13 +178,35 @@ class Problem:
         while bandwidth:
             last = trials[bandwidth]
             bandwidth = bandwidth / 4.0 if bandwidth > 4.0 * slowest else 0.0
-            if log_likelihood(self.cost(last.minimum.point, bandwidth, 0.0), self.samples) < last.score - _HOPELESS:
+            if self.is_hopeless(last.minimum, bandwidth):
                 break
             trials[bandwidth] = self._trial(last.minimum.point, bandwidth, iterations=5)
             if trials[bandwidth].score < last.score - 10.0:
                 break
+        if 0.0 not in trials:
+            best = max(trials.values(), key=lambda trial: trial.score).minimum
+            if not self.is_hopeless(best, 0.0):
+                trials[0.0] = self._trial(best.point, 0.0, iterations=10)
         evaluations = sum(trial.minimum.evaluations for trial in trials.values())
         return self._result(*self._refined(trials), evaluations)
+
+    def output_error(self, start: Fit) -> Fit | None:
+        """The fit of a free simulation near another fit of the same model, None where there is no hope for one."""
+        point = self.pack(start.model.values, start.initial)
+        here = Minimum(
+            point=point,
+            equations=self.linearise(point, start.bandwidth, 0.0),
+            converged=start.converged,
+            evaluations=1,
+        )
+        if self.is_hopeless(here, 0.0):
+            return None
+        return self._result(0.0, self.minimise(point, 0.0, 0.0, iterations=10), 0)
+
+    def is_hopeless(self, minimum: Minimum, bandwidth: float) -> bool:
+        """Whether the point of a minimum is so bad at another bandwidth that a fit there is not worth the time."""
+        loss = 0.5 * np.log(self.cost(minimum.point, bandwidth, 0.0) / max(minimum.equations.cost, 1e-300))
+        return bool(loss > _HOPELESS)
 
     def _trial(self, point: Array, bandwidth: float, iterations: int) -> _Trial:
         """A minimum in the exact form and its score: the log-likelihood, less the charge for a bandwidth above 0."""

@@ -85,10 +85,20 @@ def _build(structure: _Structure, substeps: int, method: Method) -> Any:
     stretches = [(previous, late), (command, dt - late)] if has_delay else [(command, dt)]
     end = state
     for torque, length in stretches:
-        for _ in range(substeps):
-            end = advance(model, end, _Drive(torque, gain, limit), length / substeps, width)
+        for h in _steps(model, length, substeps):
+            end = advance(model, end, _Drive(torque, gain, limit), h, width)
     names = (["state", "inputs", "parameters"], ["next_state"])
     return ca.Function("sample_step", [state, inputs, parameters], [end], *names, {"cse": True})
+
+
+def _steps(model: ServoModel, length: Expression, substeps: int) -> list[Expression]:
+    """Integration steps over a stretch of constant command: finer while a fast actuator settles behind its change."""
+    settling = [effect.settling_time() for effect in model.effects if effect.has_state]
+    if not settling:
+        return [length / substeps] * substeps
+    early = ca.fmin(sum(settling), length)
+    count = max(3, substeps)
+    return [early / count] * count + [(length - early) / substeps] * substeps
 
 
 @dataclass(frozen=True)

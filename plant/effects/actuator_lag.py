@@ -29,6 +29,10 @@ class ActuatorLag(Effect):
         """Exact solution over `h` for a constant command, so that short lags need no short steps."""
         return torque + (state - torque) * ca.exp(-h / self.time_constant)
 
+    def settling_time(self) -> Expression:
+        """Four time constants."""
+        return 4 * self.time_constant
+
     def mean(self, state: Expression, torque: Expression, h: Expression) -> Expression:
         """Exact mean of the lagged torque over `h`."""
         settled = self.time_constant / ca.fmax(h, 1e-12) * (1 - ca.exp(-h / self.time_constant))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from scipy.ndimage import median_filter
 
 from plant.effects.effect import Array, Effect, Expression, Motion, Stage, Trace, parameter, within
 
@@ -47,6 +48,9 @@ class Cogging(Effect):
             )
 
 
+_NEIGHBOURHOOD = 101  # orders, a quarter of a resolvable line each, whose median is the background of a peak
+
+
 def strongest_orders(motion: Motion, count: int = 6) -> tuple[list[float], int]:
     """Peaks of the periodogram of the missing torque over angle, and the number of orders looked at.
 
@@ -63,6 +67,8 @@ def strongest_orders(motion: Motion, count: int = 6) -> tuple[list[float], int]:
         return [], 1
     orders = np.arange(lowest, highest, 2.0 * np.pi / travel / 4.0)
     power = _periodogram(motion.angle, motion.missing_torque, orders)
+    # The background rises and falls with the order, as the encoder's noise does with frequency: peaks count against it.
+    power /= np.maximum(median_filter(power, size=_NEIGHBOURHOOD, mode="nearest"), 1e-300)
     chosen: list[float] = []
     for index in np.argsort(power)[::-1]:
         if all(abs(orders[index] - other) > 2.0 * np.pi / travel for other in chosen):

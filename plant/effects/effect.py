@@ -180,6 +180,10 @@ class Effect:
         """The effect's own state after `h` under a constant incoming torque."""
         return state
 
+    def settling_time(self) -> Expression:
+        """How long the effect's own state takes to follow a change [s]."""
+        return 0.0
+
     def mean(self, state: Expression, torque: Expression, h: Expression) -> Expression:
         """Mean of the effect's own state over `h` under a constant incoming torque."""
         return state
