@@ -54,13 +54,17 @@ def parameter_cost(fit: Fit, than: Fit) -> float:
     return min(schwarz, max(laplace, 0.0))
 
 
+def typical_speed(fit: Fit) -> float:
+    """Speed that the log exceeds a tenth of the time [rad/s]."""
+    speed = np.concatenate([np.diff(run.output) / np.diff(run.time) for run in fit.log.runs])
+    return float(np.quantile(np.abs(speed), 0.9))
+
+
 def plausible_range(unit: str, fit: Fit) -> float | None:
     """How far a parameter of that unit may plausibly reach on this log; None where the search itself is the range."""
-    runs = fit.log.runs
-    torque = np.concatenate([run.command - run.servo_gain * run.output for run in runs])
-    speed = np.concatenate([np.diff(run.output) / np.diff(run.time) for run in runs])
+    torque = np.concatenate([run.command - run.servo_gain * run.output for run in fit.log.runs])
     level = float(np.sqrt(np.mean(torque**2)))
-    fast = float(np.quantile(np.abs(speed), 0.9))
+    fast = typical_speed(fit)
     return {
         "N m": level,
         "N": level,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.holdout import simulation_gain, standard_errors
-from diagnosis.odds import CLEAR, MISSING, NONE, parameter_cost, probabilities, schwarz_cost, score
+from diagnosis.odds import CLEAR, MISSING, NONE, parameter_cost, probabilities, schwarz_cost, score, typical_speed
 from diagnosis.result import Candidate, Estimate
 from diagnosis.screen import Screen, Suspect
 from identification.fit_result import Fit
@@ -167,10 +167,12 @@ def _worth_a_refit(
 
 
 def _has_simpler_form(fit: Fit, name: str) -> bool:
-    """Whether a refitted effect leaves parameters open that a special case of it does without."""
+    """Whether a refitted effect says no more than a special case of it: parameters stay open, or its shape vanishes."""
     effect = fit.model.effect(name)
+    if effect is None or not effect.reduced():
+        return False
     unsaid = any(estimate.std is None for estimate in estimates(fit, name).values())
-    return unsaid and effect is not None and bool(effect.reduced())
+    return unsaid or effect.vanishes(typical_speed(fit))
 
 
 def _reduced_leaders(
@@ -297,7 +299,8 @@ def _simplest_that_does(fit: Fit, effect: Effect) -> tuple[Effect | None, Fit] |
     for special, model in variants:
         fixed = [name for name in _fixed(fit) if name in model.names]
         leaner = Problem.of(fit.log, model, fixed=fixed).descend(fit)
-        if evidence_of(fit, leaner) < parameter_cost(fit, leaner):
+        says_no_less = special is not None and _has_simpler_form(fit, effect.name)
+        if says_no_less or evidence_of(fit, leaner) < parameter_cost(fit, leaner):
             return special, leaner
     return None
 

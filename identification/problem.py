@@ -294,10 +294,15 @@ class Problem:
         speed = float(np.sqrt(np.nanmean(speeds**2)))
         slowest = 2.0 * np.pi / max(run.duration for run in self.log.runs)
         worth = {"inertia": slowest * speed, "gravity": 1.0, "viscous_friction": speed}
+        natural = {"rad": 1.0, "N m": level, "N": level}  # of an effect's parameter that may well be zero
         lost = np.zeros(len(self.free), dtype=bool)
         for row, place in enumerate(self.free):
             name = self.model.names[place]
-            scale = max(abs(values[place]), level / worth[name] if worth.get(name) else 0.0)
+            scale = max(
+                abs(values[place]),
+                level / worth[name] if worth.get(name) else 0.0,
+                natural.get(self.model.parameters[place].unit, 0.0),
+            )
             lost[row] = std[row] > scale and not self._at_bound(row, values[place])
         return lost
 

@@ -67,14 +67,18 @@ def strongest_orders(motion: Motion, count: int = 6) -> tuple[list[float], int]:
         return [], 1
     orders = np.arange(lowest, highest, 2.0 * np.pi / travel / 4.0)
     power = _periodogram(motion.angle, motion.missing_torque, orders)
-    # The background rises and falls with the order, as the encoder's noise does with frequency: peaks count against it.
-    power /= np.maximum(median_filter(power, size=_NEIGHBOURHOOD, mode="nearest"), 1e-300)
+    # The background rises and falls with the order, as the encoder's noise does with frequency: a line may stand out of
+    # it without being among the highest.
+    background = np.maximum(median_filter(power, size=_NEIGHBOURHOOD, mode="nearest"), 1e-300)
     chosen: list[float] = []
-    for index in np.argsort(power)[::-1]:
-        if all(abs(orders[index] - other) > 2.0 * np.pi / travel for other in chosen):
-            chosen.append(float(orders[index]))
-        if len(chosen) == count:
-            break
+    for height in (power, power / background):
+        found = 0
+        for index in np.argsort(height)[::-1]:
+            if all(abs(orders[index] - other) > 2.0 * np.pi / travel for other in chosen):
+                chosen.append(float(orders[index]))
+                found += 1
+            if found == count:
+                break
     return chosen, orders.size
 
 

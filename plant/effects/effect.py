@@ -208,6 +208,10 @@ class Effect:
         """Its special cases, as they would be if its own parameters were right: where a refit of them may start."""
         return ()
 
+    def vanishes(self, speed: float) -> bool:
+        """Whether, in a log of that typical speed [rad/s], nothing shows that its special cases would not show too."""
+        return False
+
     # How its trace looks.
 
     @classmethod

@@ -40,6 +40,10 @@ class StribeckFriction(Effect):
         """With no excess it is Coulomb friction."""
         return (CoulombFriction(torque=self.coulomb),)
 
+    def vanishes(self, speed: float) -> bool:
+        """A hump far narrower than the motion is fast is passed within a sample; it is a fault of stiction's model."""
+        return bool(self.velocity < 2e-3 * speed)
+
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """The direction, and the direction weighted by the Stribeck curve, for velocities over the range of the log."""
