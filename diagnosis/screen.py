@@ -68,7 +68,7 @@ class Screen:
     filters: tuple[tuple[Array, Array, Array], ...]
 
     @classmethod
-    def of(cls, fit: Fit, problem: Problem, *, bandwidth: float, missing: Array | None = None) -> Screen:
+    def of(cls, fit: Fit, problem: Problem, *, bandwidth: float) -> Screen:
         """Linearise at the fit's parameters and an observer bandwidth [rad/s]."""
         values = fit.model.values
         predictions = problem.predictor.predict(values, fit.initial, bandwidth=bandwidth, width=0.0)
@@ -79,12 +79,13 @@ class Screen:
         ]
         basis, triangle = np.linalg.qr(nuisance)
         kept = np.abs(np.diag(triangle)) > 1e-10 * np.abs(np.diag(triangle)).max()
-        motion = _motion(fit, problem, predictions, bandwidth, linear)
+        basis = basis[:, kept]
+        score = _score(linear, innovations - basis @ (basis.T @ innovations))
         return cls(
             fit=fit,
-            motion=motion,
+            motion=_motion(fit, problem, predictions, bandwidth, score),
             innovations=innovations,
-            nuisance=basis[:, kept],
+            nuisance=basis,
             filters=tuple(linear),
         )
 
@@ -183,29 +184,34 @@ def _linearised(
     return closed, np.array(by_torque).T, run.valid.astype(float)
 
 
-def _motion(
-    fit: Fit,
-    problem: Problem,
-    predictions: list[Prediction],
-    bandwidth: float,
-    linear: list[tuple[Array, Array, Array]],
-) -> Motion:
+def _score(filters: list[tuple[Array, Array, Array]], innovations: Array) -> Array:
+    """(T,) how much a load torque at each sample alone would lower half the squared innovations, per N m (adjoint)."""
+    score, end = np.empty_like(innovations), innovations.size
+    for closed_loop, by_torque, weight in reversed(filters):
+        start = end - weight.size
+        push = weight * innovations[start:end]
+        later = np.zeros(closed_loop.shape[1])
+        for k in range(weight.size - 1, -1, -1):
+            score[start + k] = by_torque[k] @ later
+            later = later @ closed_loop[k]
+            later[0] += push[k]
+        end = start
+    return score
+
+
+def _motion(fit: Fit, problem: Problem, predictions: list[Prediction], bandwidth: float, score: Array) -> Motion:
     """The model's motion, for the effects to draw their traces along."""
     runs = problem.log.runs
-    angle = np.concatenate([p.states[0] for p in predictions])
     velocity = np.concatenate([p.states[1] for p in predictions])
     drives = [np.clip(r.command - r.servo_gain * r.output, -r.command_limit, r.command_limit) for r in runs]
-    innovations = np.concatenate([p.innovations for p in predictions])
     dt = runs[0].sample_time
-    # The observer's own correction of the velocity, as a torque: rough, but it follows whatever is missing.
-    gain = np.concatenate([run_inputs(r, fit.model, fit.model.values, max(bandwidth, 5.0), 0.0)[0][-1] for r in runs])
     typical = float(np.quantile(np.abs(velocity), 0.9))
     return Motion(
         time=np.concatenate([run.time for run in runs]),
-        angle=angle,
+        angle=np.concatenate([p.states[0] for p in predictions]),
         velocity=velocity,
         torque=np.concatenate(drives),
-        missing_torque=fit.model.inertia * gain * innovations / dt,
+        score=score,
         run=np.repeat(np.arange(len(runs)), [len(run) for run in runs]),
         velocity_resolution=max(1e-3 * typical, fit.noise_std * bandwidth * np.sqrt(bandwidth * dt), 1e-12),
     )

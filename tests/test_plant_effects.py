@@ -56,7 +56,7 @@ def seen(name: str) -> Motion:
         angle=motion.angle[:, 0],
         velocity=motion.velocity[:, 0],
         torque=motion.command[:, 0],
-        missing_torque=missing(name, motion),
+        score=missing(name, motion),  # of a torque seen at once
         run=np.zeros(motion.time.size, dtype=np.intp),
         velocity_resolution=1e-3,
     )
@@ -66,9 +66,9 @@ def best_start(name: str) -> tuple[Effect, float]:
     """The start that regression on the effect's own traces suggests, and the share of the torque left over."""
     motion, found = seen(name), []
     for trace in catalogue[name].traces(motion):
-        coefficients, *_ = np.linalg.lstsq(trace.columns, motion.missing_torque)
-        left = motion.missing_torque - trace.columns @ coefficients
-        found.append((float(left @ left / (motion.missing_torque @ motion.missing_torque)), trace.start(coefficients)))
+        coefficients, *_ = np.linalg.lstsq(trace.columns, motion.score)
+        left = motion.score - trace.columns @ coefficients
+        found.append((float(left @ left / (motion.score @ motion.score)), trace.start(coefficients)))
     left, effect = min(found, key=lambda entry: entry[0])
     return effect, left
 
@@ -104,7 +104,7 @@ def test_a_load_that_stands_still_breaks_no_trace(name: str) -> None:
         angle=np.zeros(count),
         velocity=np.zeros(count),
         torque=np.zeros(count),
-        missing_torque=np.zeros(count),
+        score=np.zeros(count),
         run=np.zeros(count, dtype=np.intp),
         velocity_resolution=1e-3,
     )

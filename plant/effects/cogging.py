@@ -33,7 +33,7 @@ class Cogging(Effect):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """Sine and cosine at the strongest orders of the missing torque over the angle."""
+        """Sine and cosine at the orders that would improve the fit most."""
         orders, searched = strongest_orders(motion)
         for order in orders:
             ripple = np.column_stack((np.sin(order * motion.angle), np.cos(order * motion.angle)))
@@ -52,7 +52,7 @@ _NEIGHBOURHOOD = 101  # orders, a quarter of a resolvable line each, whose media
 
 
 def strongest_orders(motion: Motion, count: int = 6) -> tuple[list[float], int]:
-    """Peaks of the periodogram of the missing torque over angle, and the number of orders looked at.
+    """Peaks of the periodogram of the score over angle, and the number of orders looked at.
 
     An order must complete two periods within the travel, or it cannot be told from a trend; and a period must
     take more than four samples at typical speed, or it is not resolved.
@@ -66,9 +66,9 @@ def strongest_orders(motion: Motion, count: int = 6) -> tuple[list[float], int]:
     if highest <= lowest:
         return [], 1
     orders = np.arange(lowest, highest, 2.0 * np.pi / travel / 4.0)
-    power = _periodogram(motion.angle, motion.missing_torque, orders)
-    # The background rises and falls with the order, as the encoder's noise does with frequency: a line may stand out of
-    # it without being among the highest.
+    power = _periodogram(motion.angle, motion.score, orders)
+    # A low order moves the load further than a high one, so the background falls with the order: a line may stand out
+    # of it without being among the highest.
     background = np.maximum(median_filter(power, size=_NEIGHBOURHOOD, mode="nearest"), 1e-300)
     chosen: list[float] = []
     for height in (power, power / background):
@@ -82,12 +82,11 @@ def strongest_orders(motion: Motion, count: int = 6) -> tuple[list[float], int]:
     return chosen, orders.size
 
 
-def _periodogram(angle: Array, torque: Array, orders: Array) -> Array:
-    """Power of `torque` at each order over `angle`, by binning the angle finely and transforming the bins."""
+def _periodogram(angle: Array, values: Array, orders: Array) -> Array:
+    """Power of `values` at each order over `angle`, by binning the angle finely and transforming the bins."""
     step = 2.0 * np.pi / orders[-1] / 6.0
     bins = np.floor((angle - angle.min()) / step).astype(int)
-    centred = torque - torque.mean()
-    sums = np.bincount(bins, weights=centred)
+    sums = np.bincount(bins, weights=values)
     length = int(2 ** np.ceil(np.log2(8 * sums.size)))
     spectrum = np.abs(np.fft.rfft(sums, length)) ** 2
     return np.asarray(np.interp(orders, 2.0 * np.pi * np.fft.rfftfreq(length, step), spectrum), dtype=float)

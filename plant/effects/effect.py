@@ -92,7 +92,8 @@ class Motion:
         angle: (T,) filtered load angle [rad].
         velocity: (T,) filtered load velocity [rad/s].
         torque: (T,) torque command after the drive's law [N m].
-        missing_torque: (T,) smoothed torque that the model lacks [N m].
+        score: (T,) how much a load torque at each sample would improve the fit: half the squared innovations that it
+            would take away, per N m [rad^2/(N m)].
         run: (T,) index of the run of each sample.
         velocity_resolution: velocity below which its sign is not known [rad/s].
     """
@@ -101,7 +102,7 @@ class Motion:
     angle: Array
     velocity: Array
     torque: Array
-    missing_torque: Array
+    score: Array
     run: NDArray[np.intp]
     velocity_resolution: float
 
