@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from identification.log import Run
 from plant.discrete import INPUTS, held_commands, sample_step
 from plant.effects.effect import Array
+from plant.machine_code import MachineCode
 from plant.servo import ServoModel
 
 CHUNK = 250  # samples that one compiled call covers; a run is a few such calls
@@ -103,7 +104,8 @@ class Predictor:
         spread = np.zeros((columns, states))
         if sensitivities:
             spread[-2, 0] = spread[-1, 1] = 1.0
-        chunk = _Chunk(_compiled(_Key(model, self.free, self.substeps, sensitivities)), states, columns, values)
+        code = _code(_Key(model, self.free, self.substeps, sensitivities))
+        chunk = _Chunk(code.function, states, columns, values)
         errors, slopes, path = np.empty(size), np.empty((size, columns)), np.empty((states, size))
         for first in range(0, size, CHUNK):
             rows = slice(first, min(first + CHUNK, size))
@@ -169,7 +171,7 @@ class _Chunk:
 
 
 @lru_cache(maxsize=512)
-def _compiled(key: _Key) -> Any:
+def _code(key: _Key) -> MachineCode:
     """Function (state, spread, data, parameters) -> states, spreads, innovations, slopes, predicted states."""
     free, substeps, sensitivities = key.rest
     step = sample_step(key.model, substeps=substeps)
@@ -184,7 +186,7 @@ def _compiled(key: _Key) -> Any:
     if not sensitivities:
         outputs = [ca.densify(step(corrected, inputs, parameters)), spread, error, ca.SX(1, 0), state]
         one = ca.Function("predict", [state, spread, data, parameters], outputs, {"cse": True})
-        return one.mapaccum("chunk", CHUNK, [0, 1], [0, 1])
+        return MachineCode(one.mapaccum("chunk", CHUNK, [0, 1], [0, 1]))
 
     at, moved = ca.SX.sym("at", n), ca.SX.sym("moved", count)
     following = step(at, inputs, moved)
@@ -200,7 +202,7 @@ def _compiled(key: _Key) -> Any:
     following_spread += ca.horzcat(by_parameter, ca.SX(n, 2))
     outputs = [ca.densify(next_state), ca.densify(following_spread), error, error_slope, state]
     one = ca.Function("predict", [state, spread, data, parameters], outputs, {"cse": True})
-    return one.mapaccum("chunk", CHUNK, [0, 1], [0, 1])
+    return MachineCode(one.mapaccum("chunk", CHUNK, [0, 1], [0, 1]))
 
 
 def stack(predictions: Sequence[Prediction]) -> tuple[Array, NDArray[np.float64]]:

@@ -1,0 +1,132 @@
+"""Machine code for the functions that run over whole logs: CasADi's C code, if the machine has a compiler.
+
+CasADi's virtual machine is about ten times slower. The compiler works beside the program, which goes on with the
+virtual machine until it is done; both give the same numbers to the last bit, since nothing may be contracted or
+reordered. What has been compiled is kept in the user's cache folder and found again by the hash of its source.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shlex
+import shutil
+import subprocess
+import tempfile
+import weakref
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+from platformdirs import user_cache_path
+
+_FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
+
+
+class MachineCode:
+    """A CasADi function with its machine code, once there is some.
+
+    Nothing of this can fail: without a compiler, a writable cache or patience it is the function itself.
+    """
+
+    def __init__(self, function: Any) -> None:
+        """Look for the machine code of a function, and start the compiler if there is none yet."""
+        self._function, self._build = function, None
+        command = compiler()
+        if command is None:
+            return
+        name = function.name()
+        source = _c_source(function)
+        mark = hashlib.sha256("\n".join((ca.CasadiMeta.version(), *command, *_FLAGS, source)).encode()).hexdigest()
+        self._library = _cache() / f"{name}-{mark[:24]}.so"
+        if not self._adopt():
+            self._build = _Build.start(command, name, source)
+
+    @property
+    def function(self) -> Any:
+        """The fastest form there is at this moment."""
+        if self._build is not None and self._build.finished:
+            build, self._build = self._build, None
+            if build.deliver(self._library):
+                self._adopt()
+        return self._function
+
+    def wait(self) -> bool:
+        """Wait for the compiler; whether there is machine code."""
+        if self._build is not None:
+            self._build.process.wait()
+        return bool(self.function.is_a("External"))
+
+    def _adopt(self) -> bool:
+        try:
+            self._function = ca.external(self._function.name(), str(self._library))
+        except RuntimeError:  # not there, or of another machine
+            return False
+        return True
+
+
+class _Build:
+    """A compiler at work in a folder of its own, both of which end with this object."""
+
+    def __init__(self, process: subprocess.Popen[bytes], folder: Path) -> None:
+        self.process, self.folder = process, folder
+        self._end = weakref.finalize(self, _abandon, process, folder)
+
+    @classmethod
+    def start(cls, command: tuple[str, ...], name: str, source: str) -> _Build | None:
+        folder = None
+        try:
+            folder = Path(tempfile.mkdtemp(prefix="antidrive-"))
+            (folder / f"{name}.c").write_text(source)
+            line = [*command, *_FLAGS, f"{name}.c", "-o", "code.so", "-lm"]
+            quiet = subprocess.DEVNULL
+            return cls(subprocess.Popen(line, cwd=folder, stdin=quiet, stdout=quiet, stderr=quiet), folder)
+        except OSError:
+            if folder is not None:
+                shutil.rmtree(folder, ignore_errors=True)
+            return None
+
+    @property
+    def finished(self) -> bool:
+        return self.process.poll() is not None
+
+    def deliver(self, library: Path) -> bool:
+        """Move the result to where it is kept, in one step, so that no other process sees half of it."""
+        try:
+            if self.process.returncode != 0:
+                return False
+            library.parent.mkdir(parents=True, exist_ok=True)
+            beside = library.with_suffix(f".{os.getpid()}")
+            shutil.copyfile(self.folder / "code.so", beside)
+            os.replace(beside, library)
+        except OSError:
+            return False
+        finally:
+            self._end()
+        return True
+
+
+def _abandon(process: subprocess.Popen[bytes], folder: Path) -> None:
+    if process.poll() is None:
+        process.kill()
+        process.wait()
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+@lru_cache(maxsize=1)
+def compiler() -> tuple[str, ...] | None:
+    """The C compiler: what the environment variable CC says (nothing when it is empty), else cc; None without one."""
+    command = shlex.split(os.environ.get("CC", "cc"))
+    found = shutil.which(command[0]) if command else None
+    return (found, *command[1:]) if found else None
+
+
+def _cache() -> Path:
+    return user_cache_path("antidrive")
+
+
+def _c_source(function: Any) -> str:
+    generator = ca.CodeGenerator(f"{function.name()}.c")
+    generator.add(function)
+    return str(generator.dump())
