@@ -79,7 +79,8 @@ def test_the_active_set_agrees_with_another_solver(n: int, seed: int, hardness: 
     lower, upper = -rng.uniform(0, 1, n), rng.uniform(0, 1, n)
     ours = solve_box_qp(H, g, lower, upper, rng.normal(size=n))
     factor = cholesky(H)  # H = R'R, so the programme is the least squares problem |R x + R^-T g|
-    theirs = lsq_linear(factor, -solve_triangular(factor, g, trans="T"), (lower, upper), method="bvls", tol=1e-14)
+    target = -solve_triangular(factor, g, trans="T")
+    theirs = lsq_linear(factor, target, (lower, upper), method="bvls", tol=1e-14, max_iter=1000)
     assert ours.is_optimal
     assert np.all((ours.x >= lower) & (ours.x <= upper))
     assert theirs.success
