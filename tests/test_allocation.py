@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import allocation.allocator
+import allocation.qp
 from allocation import Allocator, Bounds, InfeasibleTorque, admissible, enumerate_admissible, least_effort
 from plant.errors import AntidriveError, BadParameter
 from plant.gears import GearTrain
@@ -126,6 +127,17 @@ def test_flank_torque_counts_the_rotor() -> None:
     # accelerating backward frees the flank of drive 2, but its motor still may not change sides
     assert -backward.torques[1] == pytest.approx(0.02, abs=1e-7)
     assert forward.margin == pytest.approx(0.0, abs=1e-7)
+    # and a motor at its least torque has no margin, however hard the rotor presses its flank
+    assert backward.margin == pytest.approx(0.0, abs=1e-7)
+
+
+def test_an_accelerating_rotor_narrows_the_reach_of_its_own_drive() -> None:
+    rotor, unequal = 1e-5, GearTrain(pinion_teeth=(20, 31), follower_teeth=161, stages=PAPER.stages)
+    bounds = Bounds(gears=unequal, min_torque=0.02, max_torque=0.3, rotor_inertia=rotor)
+    n1, n2 = 161 / 20, 161 / 31
+    taken_1, taken_2 = (rotor * PAPER.pre_reduction**2 * n * 3.0 for n in (n1, n2))
+    assert bounds.reachable(3.0) == pytest.approx([n2 * (0.02 + taken_2) - n1 * 0.3, n2 * 0.3 - n1 * 0.02])
+    assert bounds.reachable(-3.0) == pytest.approx([n2 * 0.02 - n1 * 0.3, n2 * 0.3 - n1 * (0.02 + taken_1)])
 
 
 def test_says_when_the_flank_cannot_be_held() -> None:
@@ -134,6 +146,8 @@ def test_says_when_the_flank_cannot_be_held() -> None:
     assert "acceleration" in result.status
     assert result.margin < 0.0
     assert box_violation(allocator, result.torques) <= 0.0
+    # the drive whose flank opens gives all that it has, and the other one does not pull the teeth further apart
+    assert allocator.allocate(-1.0, 1e3).torques == pytest.approx([0.3, -0.3], abs=1e-8)
 
 
 def test_no_torques_at_all_are_refused() -> None:
@@ -185,6 +199,26 @@ def test_a_solver_that_fails_cannot_pass(monkeypatch: pytest.MonkeyPatch, failur
     assert result.torques == pytest.approx(least_effort(allocator.bounds, 1.0))
 
 
+def test_a_solver_that_raises_cannot_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> qpsolvers.Solution:
+        raise ZeroDivisionError
+
+    allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3)
+    monkeypatch.setattr(allocation.qp.qpsolvers, "solve_problem", broken)
+    result = allocator.allocate(1.0)
+    assert "not certified" in result.status
+    assert result.torques == pytest.approx(least_effort(allocator.bounds, 1.0))
+
+
+def test_a_point_that_is_not_complementary_is_not_optimal() -> None:
+    # x = 5 is feasible, and the multiplier of a bound that is far away balances its gradient
+    solution = qpsolvers.Solution(qpsolvers.Problem(np.eye(1), -np.ones(1), lb=np.zeros(1), ub=np.full(1, 10.0)))
+    solution.found, solution.x = True, np.full(1, 5.0)
+    solution.y, solution.z, solution.z_box = np.zeros(0), np.zeros(0), np.full(1, -4.0)
+    assert max(solution.primal_residual(), solution.dual_residual()) == 0.0
+    assert allocation.qp.largest_residual(solution) == pytest.approx(20.0)
+
+
 # Admissible structures.
 
 
@@ -222,6 +256,7 @@ def test_the_papers_mechanism_is_admissible_and_its_twins_are_not() -> None:
 )
 def test_structures_that_are_not_admissible(A: list[list[float]], why: str) -> None:
     assert not admissible(A).admissible, why
+    assert admissible(A).score == 0.0
 
 
 def test_enumeration_of_one_joint() -> None:
