@@ -178,6 +178,18 @@ def test_one_wild_reading_is_ignored_and_a_lasting_one_is_believed() -> None:
     assert filter_.state[0] == pytest.approx(1.1, abs=1e-3)
 
 
+def test_a_fresh_start_forgets_the_disturbance_and_settles_the_actuator() -> None:
+    filter_ = estimator(ServoModel(gravity=0.0).with_effect(ActuatorLag(time_constant=0.02)))
+    filter_.disturbance = 0.7
+    filter_.start(0.1, 1.5)
+    assert filter_.disturbance == 0.0
+    assert filter_.state == pytest.approx([0.1, 0.0, 1.5])
+    filter_.state = np.array([0.1, np.inf, 0.0])
+    with np.errstate(all="ignore"):
+        assert filter_.advance(0.2, 0.5, 0.5) == "the estimate diverged and began anew"
+    assert filter_.state == pytest.approx([0.2, 0.0, 0.5])
+
+
 def test_it_needs_a_sensor_with_some_error() -> None:
     with pytest.raises(BadParameter):
         Estimator(predictor=predictor(), resolution=0.0, noise=0.0, torque_noise=0.1, disturbance_rate=1.0)
