@@ -130,5 +130,3 @@ def predictable_share(innovations: np.ndarray, lags: int = 10) -> float:
     coefficients = np.linalg.lstsq(past, now, rcond=None)[0]
     explained = 1.0 - float(np.mean((now - past @ coefficients) ** 2) / max(float(np.mean(now**2)), 1e-300))
     return float(np.clip(explained - lags / n, 0.0, 1.0))
-
-

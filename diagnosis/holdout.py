@@ -109,9 +109,7 @@ def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[float], tup
         runs=tuple(run.label for run in held_out.runs),
     )
     replays = tuple(
-        Replay(
-            label=run.label, time=run.time, measured=run.output, before=before, after=after, valid=run.valid
-        )
+        Replay(label=run.label, time=run.time, measured=run.output, before=before, after=after, valid=run.valid)
         for run, before, after in zip(held_out.runs, scored[0][1], scored[-1][1], strict=True)
     )
     return gain, errors, replays
@@ -135,5 +133,3 @@ def remaining(gain: Gain, depends_on: tuple[str, ...]) -> Unexplained:
     before, after = gain.held_out_rms_before**2 - floor, gain.held_out_rms_after**2 - floor
     share = float(np.clip(after / before, 0.0, 1.0)) if before > 0.0 else 0.0
     return Unexplained(share=share, depends_on=depends_on)
-
-

@@ -1,13 +1,9 @@
 """Screen: which effects would explain what a fitted model misses, without refitting any (score test).
 
-Every effect says by which torque it would show along the model's motion (its traces). A torque on the load passes
-through the linearised predictor into the innovations,
-
-    s[k+1] = A[k] (s[k] - gain[k] s_angle[k]) + B[k] d[k],      de[k] = -s_angle[k],
-
-which is the same filter for all, so one pass over the log serves all traces. What the parameters of the model and the
-initial states can absorb is projected out, and the rest is regressed on the innovations (Rao 1948; the Lagrange
-multiplier test).
+Every effect says by which torque, or error of the reading, it would show along the model's motion (its traces). All of
+them pass through the same linearised predictor into the innovations. What the parameters of the model and the initial
+states can absorb is projected out, and the rest is regressed on the innovations (Rao 1948; the Lagrange multiplier
+test).
 """
 
 from __future__ import annotations
@@ -15,19 +11,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from diagnosis.linear import Linear, linearised, response, score
 from identification.fit_result import Fit
 from identification.log import Run
 from identification.noise import coloured_information
-from identification.predictor import Prediction, run_inputs, stack
+from identification.predictor import Prediction, observer_gain, stack
 from identification.problem import Problem
-from plant.discrete import INPUTS, sample_step
-from plant.effects import Effect, Motion, TorqueOffset, Trace
+from plant.effects import Effect, Motion, Trace
 from plant.effects.effect import Array
-from plant.servo import ServoModel
 
 _LONG_SEARCH = 100  # shapes from which a search counts as long
 _NEAR = 0.5  # share of the best shape's evidence that makes another shape a start of its own
@@ -65,7 +59,7 @@ class Screen:
     motion: Motion
     innovations: Array
     nuisance: Array
-    filters: tuple[tuple[Array, Array, Array], ...]
+    filters: tuple[Linear, ...]
 
     @classmethod
     def of(cls, fit: Fit, problem: Problem, *, bandwidth: float) -> Screen:
@@ -73,20 +67,20 @@ class Screen:
         values = fit.model.values
         predictions = problem.predictor.predict(values, fit.initial, bandwidth=bandwidth, width=0.0)
         innovations, nuisance = stack(predictions)
-        linear = [
-            _linearised(fit.model, problem, run, p, bandwidth)
+        linear = tuple(
+            linearised(fit.model, run, p, bandwidth, substeps=problem.predictor.substeps)
             for run, p in zip(problem.log.runs, predictions, strict=True)
-        ]
+        )
         basis, triangle = np.linalg.qr(nuisance)
         kept = np.abs(np.diag(triangle)) > 1e-10 * np.abs(np.diag(triangle)).max()
         basis = basis[:, kept]
-        score = _score(linear, innovations - basis @ (basis.T @ innovations))
+        scores = score(linear, innovations - basis @ (basis.T @ innovations))
         return cls(
             fit=fit,
-            motion=_motion(fit, problem, predictions, bandwidth, score),
+            motion=_motion(fit, problem, predictions, bandwidth, scores),
             innovations=innovations,
             nuisance=basis,
-            filters=tuple(linear),
+            filters=linear,
         )
 
     def ask(self, effects: Mapping[str, type[Effect]]) -> list[Suspect]:
@@ -117,7 +111,8 @@ class Screen:
         asked = list(traces)
         if not asked:
             return
-        responses = self._through_filter(np.hstack([trace.columns for trace in asked]))
+        on_reading = np.concatenate([np.full(t.columns.shape[1], t.acts_on == "reading") for t in asked])
+        responses = response(self.filters, np.hstack([trace.columns for trace in asked]), on_reading)
         e = self.innovations - self.nuisance @ (self.nuisance.T @ self.innovations)
         responses = responses - self.nuisance @ (self.nuisance.T @ responses)
         n, first = self.fit.samples, 0
@@ -137,17 +132,6 @@ class Screen:
         coloured = float(np.trace(coloured_information(regressors, self.innovations)))
         return max(coloured / max(white, 1e-300), 1.0)
 
-    def _through_filter(self, traces: Array) -> Array:
-        """Innovations' response (T, M) to load torques (T, M)."""
-        response, row = np.empty_like(traces), 0
-        for closed_loop, by_torque, weight in self.filters:
-            state = np.zeros((closed_loop.shape[1], traces.shape[1]))
-            for k in range(closed_loop.shape[0]):
-                response[row + k] = -weight[k] * state[0]
-                state = closed_loop[k] @ state + np.multiply.outer(by_torque[k], traces[row + k])
-            row += closed_loop.shape[0]
-        return response
-
 
 def _coefficients(regressors: Array, e: Array, positive: tuple[bool, ...]) -> Array:
     """(m,) least-squares coefficients, some of which cannot be negative."""
@@ -158,48 +142,9 @@ def _coefficients(regressors: Array, e: Array, positive: tuple[bool, ...]) -> Ar
     return np.asarray(lsq_linear(triangle, orthogonal.T @ e, bounds=(least, np.inf)).x)
 
 
-def _linearised(
-    model: ServoModel, problem: Problem, run: Run, prediction: Prediction, bandwidth: float
-) -> tuple[Array, Array, Array]:
-    """Closed-loop transition (T, n, n), response to a load torque (T, n) and weight (T,) of each sample of a run."""
-    probe = model if model.effect("torque_offset") else model.with_effect(TorqueOffset(torque=0.0))
-    place = probe.names.index("torque_offset.torque")
-    n, count = len(probe.states), len(probe.names)
-    state, inputs, parameters = ca.SX.sym("z", n), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", count)
-    following = sample_step(probe, substeps=problem.predictor.substeps)(state, inputs, parameters)
-    slopes = ca.Function(
-        "slopes",
-        [state, inputs, parameters],
-        [ca.densify(ca.jacobian(following, state)), ca.densify(ca.jacobian(following, parameters[place]))],
-        {"cse": True},
-    )
-    data, values = run_inputs(run, probe, probe.values, bandwidth, 0.0)
-    gain = np.zeros((n, data.shape[1]))
-    gain[:2] = data[-2:]
-    corrected = prediction.states + gain * prediction.innovations
-    by_state, by_torque = slopes.map(data.shape[1])(corrected, data[: len(INPUTS)], values)
-    transition = np.array(by_state).reshape(n, -1, n).transpose(1, 0, 2)
-    closed = transition.copy()
-    closed[:, :, 0] -= np.einsum("kij,jk->ki", transition, gain)
-    return closed, np.array(by_torque).T, run.valid.astype(float)
-
-
-def _score(filters: list[tuple[Array, Array, Array]], innovations: Array) -> Array:
-    """(T,) how much a load torque at each sample alone would lower half the squared innovations, per N m (adjoint)."""
-    score, end = np.empty_like(innovations), innovations.size
-    for closed_loop, by_torque, weight in reversed(filters):
-        start = end - weight.size
-        push = weight * innovations[start:end]
-        later = np.zeros(closed_loop.shape[1])
-        for k in range(weight.size - 1, -1, -1):
-            score[start + k] = by_torque[k] @ later
-            later = later @ closed_loop[k]
-            later[0] += push[k]
-        end = start
-    return score
-
-
-def _motion(fit: Fit, problem: Problem, predictions: list[Prediction], bandwidth: float, score: Array) -> Motion:
+def _motion(
+    fit: Fit, problem: Problem, predictions: list[Prediction], bandwidth: float, scores: tuple[Array, Array]
+) -> Motion:
     """The model's motion, for the effects to draw their traces along."""
     runs = problem.log.runs
     velocity = np.concatenate([p.states[1] for p in predictions])
@@ -210,8 +155,19 @@ def _motion(fit: Fit, problem: Problem, predictions: list[Prediction], bandwidth
         time=np.concatenate([run.time for run in runs]),
         angle=np.concatenate([p.states[0] for p in predictions]),
         velocity=velocity,
+        acceleration=np.concatenate([_acceleration(r, p, bandwidth) for r, p in zip(runs, predictions, strict=True)]),
+        command=np.concatenate([run.command for run in runs]),
         torque=np.concatenate(drives),
-        score=score,
+        score=scores[0],
+        reading_score=scores[1],
         run=np.repeat(np.arange(len(runs)), [len(run) for run in runs]),
         velocity_resolution=max(1e-3 * typical, fit.noise_std * bandwidth * np.sqrt(bandwidth * dt), 1e-12),
     )
+
+
+def _acceleration(run: Run, prediction: Prediction, bandwidth: float) -> Array:
+    """(T,) acceleration of the model over each sample [rad/s^2], without the jumps of the observer's corrections."""
+    dt = np.diff(run.time)
+    corrected = prediction.states[1] + observer_gain(bandwidth, np.append(dt, dt[-1]))[1] * prediction.innovations
+    steps = (prediction.states[1, 1:] - corrected[:-1]) / dt
+    return np.append(steps, steps[-1])

@@ -175,9 +175,7 @@ def _has_simpler_form(fit: Fit, name: str) -> bool:
     return unsaid or effect.vanishes(typical_speed(fit))
 
 
-def _reduced_leaders(
-    fit: Fit, refits: Mapping[str, Fit], scores: Mapping[str, float]
-) -> list[tuple[str, Fit]]:
+def _reduced_leaders(fit: Fit, refits: Mapping[str, Fit], scores: Mapping[str, float]) -> list[tuple[str, Fit]]:
     """Special cases of the leading effect, fitted from its optimum, where that is better than their own refit was."""
     leader = max(refits, key=lambda name: scores[name], default=None)
     effect = refits[leader].model.effect(leader) if leader is not None else None

@@ -14,10 +14,10 @@ import numpy as np
 from scipy import optimize, signal
 
 from identification.log import Log, Run
-from plant.discrete import actuator_torque
-from plant.effects import DeadZone
+from plant.effects import DeadZone, Moment, State
 from plant.effects.effect import Array
 from plant.servo import ServoModel
+from plant.simulation import actuator_torque
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,19 +45,19 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
     dt = float(time[1] - time[0])
     output = np.interp(time, run.time[good], run.output[good])
     drive = np.clip(run.command - run.servo_gain * run.output, -run.command_limit, run.command_limit)
-    if model is not None:
-        drive = actuator_torque(model, drive, np.append(np.diff(run.time), dt))
-    # A command is held for the sample that follows; at a sampling instant half of the old and half of the new one act.
-    impulse = np.concatenate(([0.0], np.cumsum(drive[:-1] * np.diff(run.time))))
-    edges = np.clip(np.stack((time - dt / 2, time + dt / 2)), run.time[0], run.time[-1])
-    torque = np.diff(np.interp(edges, run.time, impulse), axis=0)[0] / np.diff(edges, axis=0)[0]
     low_pass = signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
 
     def smooth(values: Array) -> Array:
         return np.asarray(signal.sosfiltfilt(low_pass, values), dtype=float)
 
-    angle = smooth(output)
+    angle = smooth(output if model is None else _true_angle(model, output))
     velocity = np.gradient(angle, dt)
+    if model is not None:
+        drive = actuator_torque(model, drive, np.append(np.diff(run.time), dt), velocity)
+    # A command is held for the sample that follows; at a sampling instant half of the old and half of the new one act.
+    impulse = np.concatenate(([0.0], np.cumsum(drive[:-1] * np.diff(run.time))))
+    edges = np.clip(np.stack((time - dt / 2, time + dt / 2)), run.time[0], run.time[-1])
+    torque = np.diff(np.interp(edges, run.time, impulse), axis=0)[0] / np.diff(edges, axis=0)[0]
     return FilteredMotion(
         time=time,
         angle=angle,
@@ -124,11 +124,35 @@ def torque_error(log: Log, model: ServoModel, *, cutoff: float) -> float:
 
 
 def needed_torque(model: ServoModel, motion: FilteredMotion) -> Array:
-    """(T,) torque behind the actuator that the motion needs [N m]: eq. (4) solved for it."""
-    x, v = ca.SX.sym("x"), ca.SX.sym("v")
-    free = -model.inertia * model.smooth_acceleration(x, v, 0.0)
-    levels = model.dry_friction(v)
+    """(T,) torque behind the actuator that the motion needs [N m]: eq. (4) solved for it, the drivetrain rigid."""
+    x, v, t, torque, travel = (ca.SX.sym(name) for name in ("x", "v", "t", "torque", "travel"))
+    dt = float(motion.time[1] - motion.time[0])
+    state = ca.SX.sym("state", len(model.states))
+    own = model.own_states(state)
+    at = Moment(angle=x, velocity=v, torque=torque, time=t, travel=travel, step=dt)
+    still = Moment(angle=x, velocity=v, torque=0.0, time=t, travel=travel, step=dt)
+    free = -model.load_inertia(still) * model.smooth_acceleration(still, own)
+    levels = model.dry_friction(at)
     if levels is not None:
         free += ca.if_else(v > 0, levels[0], -levels[1]) * ca.fabs(ca.sign(v))
-    passive = ca.Function("passive", [x, v], [free])
-    return model.inertia * motion.acceleration + np.array(passive(motion.angle, motion.velocity)).ravel()
+    inertia = model.inertia + sum((effect.added_inertia(still) for effect in model.effects), start=0.0)
+    slid = [
+        effect.slide(own[effect.name][i], travel) if kind is State.RELAXED else own[effect.name][i]
+        for effect in model.effects
+        for i, kind in enumerate(effect.states)
+    ]
+    passive = ca.Function("passive", [state, x, v, t, torque, travel], [ca.vertcat(x, v, *slid), free, inertia])
+    travels = np.diff(motion.angle, prepend=motion.angle[0])
+    rows = (motion.angle, motion.velocity, motion.time, motion.torque, travels)
+    begin = np.zeros(len(model.states))
+    _, torques, inertias = passive.mapaccum(motion.time.size)(begin, *(row[None, :] for row in rows))
+    return np.array(inertias).ravel() * motion.acceleration + np.array(torques).ravel()
+
+
+def _true_angle(model: ServoModel, reading: Array) -> Array:
+    """(T,) angle that a sensor of small error shows as a reading (T,), the sensor's lag aside."""
+    shown = reading
+    for effect in model.effects:
+        if not effect.states:
+            shown = np.array(effect.reading(ca.DM(shown), 0.0)).ravel()
+    return np.asarray(reading - (shown - reading))

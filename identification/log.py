@@ -71,6 +71,11 @@ class Log:
         duration = sum(run.duration for run in self.runs)
         return f"Log({runs}, {samples} samples, {rate:.4g} Hz, {duration:.2f} s, {self.axis})"
 
+    @property
+    def sample_time(self) -> float:
+        """Sample time of the slowest run [s]."""
+        return max(run.sample_time for run in self.runs)
+
     @classmethod
     def read(
         cls,

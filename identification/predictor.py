@@ -2,7 +2,7 @@
 
 The predictor is an observer around the plant's own step,
 
-    e[k] = y[k] - angle[k],      state[k] <- state[k] + gain * e[k],      state[k+1] = step(state[k]),
+    e[k] = y[k] - reading(state[k]),      state[k] <- state[k] + gain * e[k],      state[k+1] = step(state[k]),
 
 with the gain of the stationary Kalman filter for a load torque that fluctuates at random. That gain has a closed form
 (Kalata 1984, alpha-beta filter) in one number, here the observer's bandwidth w in rad/s: the square root of the ratio
@@ -22,10 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.log import Run
-from plant.discrete import INPUTS, held_commands, sample_step
+from plant.discrete import INPUTS, sample_reading, sample_step
+from plant.effects import State
 from plant.effects.effect import Array
 from plant.machine_code import MachineCode
 from plant.servo import ServoModel
+from plant.simulation import beginning, held_commands
 
 CHUNK = 250  # samples that one compiled call covers; a run is a few such calls
 
@@ -52,11 +54,13 @@ class Prediction:
         innovations: (T,) measured less predicted output; zero where the sample is masked.
         jacobian: (T, F + 2) their derivative with respect to the free parameters and the initial angle and velocity.
         states: (n, T) predicted states, before the measurement is used.
+        output: (T,) predicted output.
     """
 
     innovations: Array
     jacobian: Array
     states: Array
+    output: Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,11 +103,16 @@ class Predictor:
         data, values = run_inputs(run, model, values, bandwidth, width)
         states = len(model.states)
         columns = len(self.free) + 2 if sensitivities else 0
-        settled = data[0, 0] - data[2, 0] * start[0]
-        begin = np.concatenate((start, np.full(states - 2, settled)))
+        begin = beginning(
+            model,
+            angle=start[0],
+            velocity=start[1],
+            torque=data[0, 0] - data[2, 0] * start[0],
+            command=data[0, 0],
+        )
         spread = np.zeros((columns, states))
         if sensitivities:
-            spread[-2, 0] = spread[-1, 1] = 1.0
+            spread[-2:] = moves_with(model).T
         code = _code(_Key(model, self.free, self.substeps, sensitivities))
         chunk = _Chunk(code.function, states, columns, values)
         errors, slopes, path = np.empty(size), np.empty((size, columns)), np.empty((states, size))
@@ -114,11 +123,16 @@ class Predictor:
             errors[rows], path[:, rows] = chunk.errors[:kept], chunk.before[:kept].T
             slopes[rows] = chunk.slopes[:kept]
         weight = run.valid.astype(float)
-        return Prediction(innovations=errors * weight, jacobian=slopes * weight[:, None], states=path)
+        return Prediction(
+            innovations=errors * weight,
+            jacobian=slopes * weight[:, None],
+            states=path,
+            output=data[len(INPUTS)] - errors,
+        )
 
 
 def run_inputs(run: Run, model: ServoModel, values: Array, bandwidth: float, width: float) -> tuple[Array, Array]:
-    """(9, T) inputs of each step with measurement and gain, and the parameters with the delay inside a sample."""
+    """(10, T) inputs of each step with measurement and gain, and the parameters with the delay inside a sample."""
     dt = np.diff(run.time)
     dt = np.append(dt, dt[-1])
     place = model.names.index("input_delay.time") if "input_delay.time" in model.names else None
@@ -129,7 +143,13 @@ def run_inputs(run: Run, model: ServoModel, values: Array, bandwidth: float, wid
     gain = observer_gain(bandwidth, dt) * run.valid
     limit = np.full(dt.size, run.command_limit)
     output = np.where(run.valid, run.output, 0.0)
-    return np.vstack((now, before, run.servo_gain, limit, dt, np.full(dt.size, width), output, gain)), values
+    inputs = (now, before, run.servo_gain, limit, run.time, dt, np.full(dt.size, width))
+    return np.vstack((*inputs, output, gain)), values
+
+
+def moves_with(model: ServoModel) -> Array:
+    """(n, 2) which states an observer moves with its correction of the angle, and of the velocity."""
+    return np.array([[kind is State.ANGLE, kind is State.VELOCITY] for kind in model.kinds], dtype=float)
 
 
 class _Key:
@@ -162,7 +182,7 @@ class _Chunk:
             self.buffer.set_res(place, memoryview(array.ravel()))  # type: ignore[arg-type]
 
     def advance(self, begin: Array, spread: Array, data: Array) -> tuple[Array, Array]:
-        """Predict up to `CHUNK` samples, data (9, k); returns state and spread behind the last one."""
+        """Predict up to `CHUNK` samples, data (10, k); returns state and spread behind the last one."""
         kept = data.shape[1]
         self.begin[:], self.spread[:] = begin, spread
         self.data[:kept], self.data[kept:] = data.T, 0.0
@@ -180,8 +200,9 @@ def _code(key: _Key) -> MachineCode:
     data, parameters = ca.SX.sym("data", len(INPUTS) + 3), ca.SX.sym("parameters", count)
     inputs, measured, gain = data[: len(INPUTS)], data[len(INPUTS)], data[len(INPUTS) + 1 :]
 
-    error = measured - state[0]
-    correction = ca.vertcat(gain, ca.SX(n - 2, 1))
+    reading = sample_reading(key.model)
+    error = measured - reading(state, parameters)
+    correction = ca.mtimes(ca.DM(moves_with(key.model)), gain)
     corrected = state + correction * error
     if not sensitivities:
         outputs = [ca.densify(step(corrected, inputs, parameters)), spread, error, ca.SX(1, 0), state]
@@ -196,7 +217,10 @@ def _code(key: _Key) -> MachineCode:
         [following, ca.jacobian(following, at), ca.jacobian(following, moved[list(free)] if free else ca.SX(0, 1))],
         {"cse": True},
     )
-    error_slope = -spread[0, :]
+    moving = parameters[list(free)] if free else ca.SX(0, 1)
+    shown = reading(state, parameters)
+    error_slope = -ca.mtimes(ca.jacobian(shown, state), spread)
+    error_slope -= ca.horzcat(ca.jacobian(shown, moving), ca.SX(1, 2))
     next_state, by_state, by_parameter = slopes(corrected, inputs, parameters)
     following_spread = ca.mtimes(by_state, spread + ca.mtimes(correction, error_slope))
     following_spread += ca.horzcat(by_parameter, ca.SX(n, 2))

@@ -20,6 +20,7 @@ from identification.least_squares import Minimum, NormalEquations, minimise, unc
 from identification.log import Log
 from identification.noise import log_likelihood
 from identification.predictor import Predictor, stack
+from plant.discrete import integration_steps
 from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.servo import ServoModel
@@ -57,11 +58,12 @@ class Problem:
         kept = {*fixed, "gravity"} if model.axis == "linear" else set(fixed)
         free = tuple(place for place, name in enumerate(model.names) if name not in kept)
         specs = [model.parameters[place] for place in free]
+        substeps = integration_steps(model, log.sample_time)
         unbounded = np.full(2 * len(log.runs), np.inf)
         return cls(
             log=log,
             model=model,
-            predictor=Predictor(model=model, runs=log.runs, free=free, substeps=integration_steps(log)),
+            predictor=Predictor(model=model, runs=log.runs, free=free, substeps=substeps),
             lower=np.concatenate(([spec.lower for spec in specs], -unbounded)),
             upper=np.concatenate(([spec.upper for spec in specs], unbounded)),
         )
@@ -111,9 +113,7 @@ class Problem:
             iterations=iterations,
         )
 
-    def solve(
-        self, *, starts: Sequence[Array] | None = None, progress: Callable[[str], None] | None = None
-    ) -> Fit:
+    def solve(self, *, starts: Sequence[Array] | None = None, progress: Callable[[str], None] | None = None) -> Fit:
         """Fit from scratch: starts from the data, bandwidth from large to zero, friction from smooth to exact.
 
         Args:
@@ -136,7 +136,7 @@ class Problem:
             point = best.point
             if progress is not None:
                 progress(f"observer at {bandwidth:.3g} rad/s: noise {np.sqrt(best.equations.cost / self.samples):.3g}")
-        smoothed = self.model.dry_friction(0.0) is not None
+        smoothed = self.model.slides
         trials = {
             bandwidth: self._trial(minimum.point, bandwidth, 4) if smoothed else self._judged(minimum, bandwidth)
             for bandwidth, minimum in visited
@@ -170,7 +170,7 @@ class Problem:
         values = np.where(np.isin(self.model.names, start.model.names), values, self.model.values)
         point, evaluations = self.pack(values, start.initial), 0
         bandwidth = start.bandwidth
-        if self.model.dry_friction(0.0) is not None and start.model.dry_friction(0.0) is None:
+        if self.model.slides and not start.model.slides:
             for width in self.widths()[1:3]:
                 point = self.minimise(point, bandwidth, width, iterations=3).point
         trials = {bandwidth: self._trial(point, bandwidth, iterations=6)}
@@ -248,9 +248,7 @@ class Problem:
     def _result(self, bandwidth: float, minimum: Minimum, evaluations: int) -> Fit:
         values, initial = self.unpack(minimum.point)
         variance = minimum.equations.cost / max(self.samples - minimum.point.size, 1)
-        innovations, jacobian = stack(
-            self.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0)
-        )
+        innovations, jacobian = stack(self.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0))
         found = uncertainty(innovations, jacobian, variance)
         count = len(self.free)
         spread, lost = found.covariance[:count, :count], found.undetermined[:count]
@@ -358,11 +356,6 @@ def _parabola_top(scores: dict[float, float], top: float) -> float | None:
     points = np.array([max(below), top, min(above)])
     curvature, slope, _ = np.polyfit(np.log(points / top), [scores[b] - scores[top] for b in points], 2)
     return float(top * np.exp(-slope / (2.0 * curvature))) if curvature < 0.0 else None
-
-
-def integration_steps(log: Log) -> int:
-    """Integration steps in one sample, of at most 5 ms each."""
-    return int(np.ceil(max(run.sample_time for run in log.runs) / 0.005 * (1.0 - 1e-6)))
 
 
 def first_states(log: Log) -> Array:

@@ -9,7 +9,8 @@ import numpy as np
 from identification.least_squares import NormalEquations, minimise
 from identification.log import Log, Run
 from identification.predictor import Predictor, stack
-from identification.problem import first_states, integration_steps
+from identification.problem import first_states
+from plant.discrete import integration_steps
 from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.servo import ServoModel
@@ -66,14 +67,14 @@ def _simulate_run(log: Log, run: Run, model: ServoModel, window: float | None, s
 
 def _from(log: Log, run: Run, model: ServoModel, state: Array) -> tuple[Array, Array]:
     """Output (T,) from a state, and the last state (2,)."""
-    predictor = Predictor(model=model, runs=(run,), free=(), substeps=integration_steps(log))
-    path = predictor.predict(model.values, state[None, :], bandwidth=0.0, width=0.0, sensitivities=False)[0].states
-    return path[0], path[:2, -1]
+    predictor = Predictor(model=model, runs=(run,), free=(), substeps=integration_steps(model, log.sample_time))
+    free = predictor.predict(model.values, state[None, :], bandwidth=0.0, width=0.0, sensitivities=False)[0]
+    return free.output, free.states[:2, -1]
 
 
 def _initial_state(log: Log, start: Run, model: ServoModel) -> Array:
     """(2,) angle and velocity at the first sample, from the model's own trajectory through a short stretch."""
-    predictor = Predictor(model=model, runs=(start,), free=(), substeps=integration_steps(log))
+    predictor = Predictor(model=model, runs=(start,), free=(), substeps=integration_steps(model, log.sample_time))
 
     def linearise(state: Array) -> NormalEquations:
         predictions = predictor.predict(model.values, state[None, :], bandwidth=0.0, width=0.0)

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.prediction import Predictor
+from plant.effects import State
 from plant.errors import BadParameter
+from plant.simulation import beginning
 
 Array = NDArray[np.float64]
 
@@ -63,11 +65,11 @@ class Estimator:
 
     def start(self, reading: float, torque: float) -> None:
         """Begin anew at rest at a reading [rad], with actuators settled at a torque [N m] and no disturbance."""
-        n = len(self.predictor.model.states)
-        self.state = np.concatenate(((reading, 0.0), np.full(n - 2, torque)))
+        self.state = beginning(self.predictor.model, angle=reading, torque=torque)
         self.disturbance = 0.0
         level = self.torque_noise + self.disturbance_rate
-        spread = np.concatenate(((np.sqrt(self._sensor_variance), 1.0), np.full(n - 1, level)))
+        known = {State.ANGLE: np.sqrt(self._sensor_variance), State.VELOCITY: 1.0}
+        spread = np.array([*(known.get(kind, level) for kind in self.predictor.model.kinds), level])
         self._covariance = np.diag(spread**2)
         self._doubts = 0
 
@@ -111,9 +113,7 @@ class Estimator:
         added = np.zeros(n + 1)
         added[0], added[1], added[n] = (kick * dt / 2) ** 2, kick**2, self.disturbance_rate**2 * dt
         self._covariance = F @ self._covariance @ F.T + np.diag(added)
-        shown, slope = step.readings[0]
-        row = np.zeros(n + 1)
-        row[0] = slope
+        shown, row = step.readings[0, 0], np.append(step.readings[0, 1:], 0.0)
         variance = float(row @ self._covariance @ row) + self._sensor_variance
         return step.states[1], float(reading - shown), variance, row
 

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.discrete import sample_step
+from plant.discrete import integration_steps, sample_reading, sample_step
 from plant.servo import ServoModel
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ class Trajectory:
         states: (M + 1, n) states, the first one given [rad, rad/s, effect states].
         state_jacobians: (M, n, n) of each next state by its state.
         torque_jacobians: (M, n, 2) of each next state by the torque during the sample and the one before it.
-        readings: (M, 2) what the sensor shows at each next state [rad], and its derivative by the angle.
+        readings: (M, 1 + n) what the sensor shows at each next state [rad], and its derivative by the state.
     """
 
     states: Array
@@ -65,15 +65,12 @@ class Predictor:
     def _stage(self) -> Any:
         n = len(self.model.states)
         z, torques, p = ca.SX.sym("z", n), ca.SX.sym("torques", 2), ca.SX.sym("p", self.parameters.size)
-        inputs = ca.vertcat(torques, 0.0, np.inf, self.sample_time, self.width)
-        z_next = sample_step(self.model)(z, inputs, p)
-        angle = ca.SX.sym("angle")
-        reading = angle
-        for effect in self.model.bound(p).effects:
-            reading = effect.reading(reading)
-        sensor = ca.Function("sensor", [angle, p], [ca.vertcat(reading, ca.jacobian(reading, angle))])
+        inputs = ca.vertcat(torques, 0.0, np.inf, 0.0, self.sample_time, self.width)
+        z_next = sample_step(self.model, substeps=integration_steps(self.model, self.sample_time))(z, inputs, p)
+        shown = sample_reading(self.model)(z, p)
+        sensor = ca.Function("sensor", [z, p], [ca.vertcat(shown, ca.jacobian(shown, z).T)])
         derivatives = [ca.jacobian(z_next, z), ca.jacobian(z_next, torques)]
-        return ca.Function("stage", [z, torques, p], [z_next, *derivatives, sensor(z_next[0], p)], {"cse": True})
+        return ca.Function("stage", [z, torques, p], [z_next, *derivatives, sensor(z_next, p)], {"cse": True})
 
     @cached_property
     def _horizons(self) -> dict[int, Any]:

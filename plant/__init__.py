@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from plant.discrete import sample_step, simulate
+from plant.discrete import sample_step
 from plant.effects import Effect, catalogue
 from plant.errors import AntidriveError, BadModelFile, BadParameter
 from plant.gears import GearTrain
 from plant.model_file import ModelFile, read_model
 from plant.rig import Rig
 from plant.servo import ServoModel
+from plant.simulation import simulate
 
 __all__ = [
     "AntidriveError",

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self, get_args
 
 import numpy as np
 
 from plant.effects import DeadZone, Effect
-from plant.effects.effect import Array, Axis, Expression, Parameter, parameter, parameters_of
+from plant.effects.effect import (
+    Array,
+    Axis,
+    Expression,
+    Moment,
+    Parameter,
+    State,
+    parameter,
+    parameters_of,
+)
 from plant.errors import BadParameter
 
 
@@ -47,6 +56,8 @@ class ServoModel:
             spec.check("ServoModel", getattr(self, spec.name))
         if self.axis == "linear" and self.gravity != 0.0:
             raise BadParameter("ServoModel: a linear axis has no gravity cos x; set gravity to 0.")
+        if sum(effect.flexible for effect in self.effects) > 1:
+            raise BadParameter("ServoModel: only one effect can put a motor before the load.")
         names = [effect.name for effect in self.effects]
         if len(set(names)) != len(names):
             raise BadParameter(f"ServoModel: an effect appears twice among {', '.join(names)}.")
@@ -115,9 +126,10 @@ class ServoModel:
         return next((effect for effect in self.effects if effect.name == name), None)
 
     def with_effect(self, effect: Effect) -> Self:
-        """The model with one effect more; it replaces an effect of its own kind and those it contains."""
+        """The model with one effect more; it replaces its own kind, those it contains and another drivetrain."""
         gone = {effect.name, *effect.contains}
-        return replace(self, effects=(*(e for e in self.effects if e.name not in gone), effect))
+        kept = (e for e in self.effects if e.name not in gone and not (e.flexible and effect.flexible))
+        return replace(self, effects=(*kept, effect))
 
     def without_effect(self, name: str) -> Self:
         """The model without the effect of that name."""
@@ -128,21 +140,73 @@ class ServoModel:
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the states: angle, velocity, then those that effects bring."""
-        return ("angle", "velocity", *(e.name for e in self.effects if e.has_state))
+        names = ["angle", "velocity"]
+        for effect in self.effects:
+            several = len(effect.states) > 1
+            names += [f"{effect.name}.{kind}" if several else effect.name for kind in effect.states]
+        return tuple(names)
 
-    def smooth_acceleration(self, angle: Expression, velocity: Expression, torque: Expression) -> Expression:
-        """Acceleration without dry friction [rad/s^2] (eq. 4) under a torque that has passed the actuator."""
+    @property
+    def kinds(self) -> tuple[State, ...]:
+        """What each of the states is."""
+        return (State.ANGLE, State.VELOCITY, *(kind for effect in self.effects for kind in effect.states))
+
+    def own_states(self, state: Any) -> dict[str, tuple[Any, ...]]:
+        """The states (n,) of each effect by its name."""
+        own, place = {}, 2
+        for effect in self.effects:
+            own[effect.name] = tuple(state[place + i] for i in range(len(effect.states)))
+            place += len(effect.states)
+        return own
+
+    @property
+    def drivetrain(self) -> Effect | None:
+        """The effect that puts a motor of its own motion before the load, or None."""
+        return next((effect for effect in self.effects if effect.flexible), None)
+
+    def load_inertia(self, at: Moment) -> Expression:
+        """Inertia that moves with the load [N m s^2/rad]."""
+        motor = self.drivetrain
+        own = self.inertia if motor is None else (1.0 - motor.share()) * self.inertia
+        return own + sum((effect.added_inertia(at) for effect in self.effects), start=0.0)
+
+    def smooth_acceleration(self, at: Moment, own: Mapping[str, tuple[Any, ...]] | None = None) -> Expression:
+        """Acceleration of the load without dry friction [rad/s^2] (eq. 4).
+
+        Args:
+            at: the load's motion and the torque that arrives at it.
+            own: states of the effects, where they have any.
+        """
         import casadi as ca
 
-        added = sum((effect.load_torque(angle, velocity) for effect in self.effects), start=0.0)
-        return (torque + added - self.gravity * ca.cos(angle) - self.viscous_friction * velocity) / self.inertia
+        held = own or {}
+        added = sum((e.load_torque(at, *(held.get(e.name) or (0.0,))[:1]) for e in self.effects), start=0.0)
+        passive = self.gravity * ca.cos(at.angle) + self.viscous_friction * at.velocity
+        return (at.torque + added - passive) / self.load_inertia(at)
 
-    def dry_friction(self, velocity: Expression) -> tuple[Expression, Expression] | None:
+    def dry_friction(self, at: Moment) -> tuple[Expression, Expression] | None:
         """Sum of the dry friction of all effects against forward and backward motion [N m], None if there is none."""
-        levels = [level for effect in self.effects if (level := effect.dry_friction(velocity)) is not None]
+        levels = [level for effect in self.effects if (level := effect.dry_friction(at)) is not None]
         if not levels:
             return None
         return sum(f for f, _ in levels), sum(b for _, b in levels)
+
+    @property
+    def slides(self) -> bool:
+        """Whether there is dry friction."""
+        return self.dry_friction(Moment()) is not None
+
+    def reading(self, state: Any) -> Expression:
+        """What the sensor shows in a state (n,) [rad]."""
+        own, shown = self.own_states(state), state[0]
+        for effect in self.effects:
+            shown = effect.reading(shown, *(own[effect.name] or (0.0,))[:1])
+        return shown
+
+    @property
+    def longest_step(self) -> float:
+        """Longest integration step that follows every effect [s]."""
+        return min((effect.longest_step for effect in self.effects), default=Effect.longest_step)
 
     def delay(self) -> Expression:
         """Dead time of the command [s]."""
@@ -158,4 +222,3 @@ class ServoModel:
     def structure(self) -> tuple[Any, ...]:
         """What the equations depend on besides numbers: equal structures share compiled functions."""
         return (type(self), self.axis, tuple(type(effect) for effect in self.effects))
-

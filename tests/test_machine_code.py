@@ -38,6 +38,7 @@ def test_both_forms_agree_to_the_last_bit() -> None:
         command,
         0 * time,
         np.inf * constant,
+        time,
         0.005 * constant,
         0 * time,
         measured,

@@ -103,7 +103,7 @@ def follow(model: ServoModel, plant: ServoModel) -> float:
         errors.append(state[0] - wanted[k])
         control = controller.step(round(state[0] / COUNT) * COUNT, wanted[k : k + 31])
         commands.append(float(PAPER.follower_torque(control.torques)))
-        inputs = np.array([commands[1], commands[0], 0.0, np.inf, 0.005, 0.0])
+        inputs = np.array([commands[1], commands[0], 0.0, np.inf, 0.0, 0.005, 0.0])
         state = np.asarray(step(state, inputs, values))[:, 0]
     return float(np.sqrt(np.mean(np.square(errors[400:]))))
 

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from machine import Machine, excitation, record
 
 from plant import BadParameter, ServoModel, catalogue, sample_step, simulate
-from plant.discrete import INPUTS, held_commands
+from plant.discrete import INPUTS
 from plant.effects import CoulombFriction, InputDelay, StribeckFriction
+from plant.simulation import beginning, held_commands
 
 SAMPLE = 0.005
 HIDDEN = {
@@ -37,7 +38,7 @@ def test_every_effect_moves_the_load_as_the_independent_machine_says(name: str) 
     machine = Machine(effects={name: HIDDEN[name]})
     truth = record(machine, command, noise=0.0, bits=None, angle=0.3, velocity=-0.4)
     model = model_of(name)
-    begin = np.array([0.3, -0.4] + [command[0]] * (len(model.states) - 2))
+    begin = beginning(model, angle=0.3, velocity=-0.4, torque=command[0])
     found = simulate(model, command=command, dt=SAMPLE, state=begin)[:-1]
     bare = simulate(ServoModel(), command=command, dt=SAMPLE, state=begin[:2])[:-1]
     assert np.abs(found[:, 0] - truth.angle[:, 0]).max() < 2e-5
@@ -79,7 +80,7 @@ def test_derivatives_of_the_step_are_those_of_finite_differences(name: str, widt
     for _ in range(10):
         state = np.concatenate((rng.uniform(-3, 3, 1), rng.choice([-1, 1], 1) * rng.uniform(0.3, 3, 1)))
         state = np.append(state, rng.uniform(1, 5, sizes[0] - 2))
-        inputs = np.array([rng.uniform(2, 6), rng.uniform(2, 6), 0.0, np.inf, 0.02, width])
+        inputs = np.array([rng.uniform(2, 6), rng.uniform(2, 6), 0.0, np.inf, 1.0, 0.02, width])
         values = model.values
         if name == "input_delay":
             values[-1] = 0.004
@@ -102,7 +103,7 @@ def test_a_dead_zone_can_open_from_nothing() -> None:
     model = ServoModel(effects=(catalogue["dead_zone"](half_width=0.0),))
     step, z = sample_step(model), ca.SX.sym("z", 4)
     for torque in (3.0, -3.0):
-        inputs = np.array([torque, torque, 0.0, np.inf, 0.02, 0.0])
+        inputs = np.array([torque, torque, 0.0, np.inf, 1.0, 0.02, 0.0])
         slope = ca.Function("slope", [z], [ca.jacobian(step(np.zeros(2), inputs, z), z[3])])(model.values)
         assert float(slope[1]) == pytest.approx(-np.sign(torque) * 0.02 / model.inertia, rel=0.01)
 

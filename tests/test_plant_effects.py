@@ -57,6 +57,9 @@ def seen(name: str) -> Motion:
         velocity=motion.velocity[:, 0],
         torque=motion.command[:, 0],
         score=missing(name, motion),  # of a torque seen at once
+        reading_score=np.zeros(motion.time.size),
+        acceleration=np.gradient(motion.velocity[:, 0], motion.time),
+        command=motion.command[:, 0],
         run=np.zeros(motion.time.size, dtype=np.intp),
         velocity_resolution=1e-3,
     )
@@ -105,6 +108,9 @@ def test_a_load_that_stands_still_breaks_no_trace(name: str) -> None:
         velocity=np.zeros(count),
         torque=np.zeros(count),
         score=np.zeros(count),
+        reading_score=np.zeros(count),
+        acceleration=np.zeros(count),
+        command=np.zeros(count),
         run=np.zeros(count, dtype=np.intp),
         velocity_resolution=1e-3,
     )

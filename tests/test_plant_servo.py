@@ -17,6 +17,7 @@ from plant.effects import (
     CoulombFriction,
     DeadZone,
     InputDelay,
+    Moment,
     StribeckFriction,
     TorqueOffset,
 )
@@ -135,13 +136,15 @@ def test_the_catalogue_names_what_it_holds() -> None:
 
 def test_dry_friction_adds_up() -> None:
     model = ServoModel(effects=(STRIBECK, AsymmetricFriction(forward=0.1, backward=0.3)))
-    forward, backward = model.dry_friction(0.0)  # type: ignore[misc]
+    forward, backward = model.dry_friction(Moment())  # type: ignore[misc]
     assert (float(forward), float(backward)) == pytest.approx((0.4, 0.6))
-    assert ServoModel.paper().dry_friction(0.0) is None
+    assert ServoModel.paper().dry_friction(Moment()) is None
+    assert not ServoModel.paper().slides
 
 
 def test_equation_4_with_numbers() -> None:
     model = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
     angle, velocity, torque = 0.7, -1.3, 3.0
     expected = (-0.5 * np.cos(angle) - 0.8 * velocity + torque) / 2.0
-    assert float(model.smooth_acceleration(angle, velocity, torque)) == pytest.approx(expected, rel=1e-14)
+    at = Moment(angle=angle, velocity=velocity, torque=torque)
+    assert float(model.smooth_acceleration(at)) == pytest.approx(expected, rel=1e-14)

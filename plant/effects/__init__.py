@@ -9,7 +9,7 @@ from plant.effects.asymmetric_friction import AsymmetricFriction
 from plant.effects.cogging import Cogging
 from plant.effects.coulomb_friction import CoulombFriction
 from plant.effects.dead_zone import DeadZone
-from plant.effects.effect import Axis, Effect, Expression, Motion, Parameter, Stage, Trace
+from plant.effects.effect import Axis, Effect, Expression, Moment, Motion, Parameter, Stage, State, Trace
 from plant.effects.gravity_offset import GravityOffset
 from plant.effects.input_delay import InputDelay
 from plant.effects.quadratic_drag import QuadraticDrag
@@ -43,10 +43,12 @@ __all__ = [
     "Expression",
     "GravityOffset",
     "InputDelay",
+    "Moment",
     "Motion",
     "Parameter",
     "QuadraticDrag",
     "Stage",
+    "State",
     "StribeckFriction",
     "TorqueOffset",
     "Trace",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Array, Effect, Expression, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Array, Effect, Expression, Motion, Stage, State, Trace, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +21,7 @@ class ActuatorLag(Effect):
     equation = r"T_a \dot\tau_a = \tau - \tau_a"
     trace = "phase and amplitude fall at high frequency"
     confused_with = ("input_delay", "compliance", "sensor_lag")
-    has_state = True
+    states = (State.TORQUE,)
 
     time_constant: float = parameter("s", "time constant", lower=1e-5, upper=2.0)
 
@@ -38,7 +38,7 @@ class ActuatorLag(Effect):
         settled = self.time_constant / ca.fmax(h, 1e-12) * (1 - ca.exp(-h / self.time_constant))
         return torque + (state - torque) * settled
 
-    def command(self, torque: Expression, state: Expression) -> Expression:
+    def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
         """The lagged torque."""
         return state
 

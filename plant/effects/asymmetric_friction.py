@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.coulomb_friction import CoulombFriction
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,13 +30,13 @@ class AsymmetricFriction(Effect):
         "{torque} s/{angle}", "viscous friction: forward more, backward less, by this", default=0.0
     )
 
-    def dry_friction(self, velocity: Expression) -> tuple[Expression, Expression]:
+    def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
         """One size for each direction."""
         return self.forward, self.backward
 
-    def load_torque(self, angle: Expression, velocity: Expression) -> Expression:
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
         """The part of the viscous friction that changes with direction."""
-        return -self.viscous_difference * ca.fabs(velocity)
+        return -self.viscous_difference * ca.fabs(at.velocity)
 
     def reduced(self) -> tuple[Effect, ...]:
         """With both directions alike it is Coulomb friction."""

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from scipy.ndimage import median_filter
 
-from plant.effects.effect import Array, Effect, Expression, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,9 +27,9 @@ class Cogging(Effect):
     order: float = parameter("rad/{angle}", "periods per turn n", lower=0.0)
     phase: float = parameter("rad", "phase at angle zero")
 
-    def load_torque(self, angle: Expression, velocity: Expression) -> Expression:
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
         """The ripple."""
-        return self.amplitude * ca.sin(self.order * angle + self.phase)
+        return self.amplitude * ca.sin(self.order * at.angle + self.phase)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +21,7 @@ class CoulombFriction(Effect):
 
     torque: float = parameter("{torque}", "friction torque F_c", lower=0.0)
 
-    def dry_friction(self, velocity: Expression) -> tuple[Expression, Expression]:
+    def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
         """The same in both directions."""
         return self.torque, self.torque
 

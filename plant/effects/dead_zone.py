@@ -24,7 +24,7 @@ class DeadZone(Effect):
 
     half_width: float = parameter("{torque}", "half width gamma", lower=0.0)
 
-    def command(self, torque: Expression, state: Expression) -> Expression:
+    def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
         """Eq. (6) for both signs of the torque. It needs no smooth form, and a fit can open it from nothing."""
         return ca.fmax(torque - self.half_width, 0) + ca.fmin(torque + self.half_width, 0)
 

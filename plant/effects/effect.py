@@ -17,22 +17,21 @@ and the report then know it.
 from __future__ import annotations
 
 import copy
-import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, ClassVar, Literal, Self, TypeAlias
+from typing import Any, ClassVar, Self, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
-from plant.errors import BadParameter
+from plant.effects.parameter import Axis as Axis
+from plant.effects.parameter import Parameter as Parameter
+from plant.effects.parameter import parameter as parameter
+from plant.effects.parameter import parameters_of as parameters_of
+from plant.effects.parameter import within as within
+from plant.effects.trace import Array as Array
+from plant.effects.trace import Motion as Motion
+from plant.effects.trace import Trace as Trace
 
 Expression: TypeAlias = Any  # a float, an array, or a CasADi SX while equations are built
-Axis: TypeAlias = Literal["rotary", "linear"]
-Array: TypeAlias = NDArray[np.float64]
-
-_UNITS = {"rotary": {"torque": "N m", "angle": "rad"}, "linear": {"torque": "N", "angle": "m"}}
 
 
 class Stage(StrEnum):
@@ -44,94 +43,34 @@ class Stage(StrEnum):
     SENSOR = "sensor"
 
 
+class State(StrEnum):
+    """What a state of an effect is: it says where the state begins, and what an observer does with it."""
+
+    COMMAND = "command"
+    TORQUE = "torque"
+    ANGLE = "angle"
+    VELOCITY = "velocity"
+    RELAXED = "relaxed"  # begins at zero
+
+
 @dataclass(frozen=True, kw_only=True)
-class Parameter:
-    """One physical parameter: what it means, its unit and the values that make sense.
-
-    `unit` is written in terms of {torque} and {angle}, so that it reads N and m on a linear axis.
-    """
-
-    name: str
-    unit: str
-    meaning: str
-    lower: float = -math.inf
-    upper: float = math.inf
-
-    def unit_on(self, axis: Axis) -> str:
-        """The unit on a rotary or linear axis."""
-        unit = self.unit.format(**_UNITS[axis])
-        return {"N m s^2/rad": "kg m^2", "N s^2/m": "kg"}.get(unit, unit)
-
-    def check(self, owner: str, value: float) -> None:
-        """Raise `BadParameter` unless `value` is finite and within the bounds."""
-        if not (isinstance(value, (int, float)) and math.isfinite(value)):
-            raise BadParameter(f"{owner}: {self.name} must be a finite number, not {value!r}.")
-        if not self.lower <= value <= self.upper:
-            raise BadParameter(f"{owner}: {self.name} = {value:g} is outside {self.lower:g} .. {self.upper:g}.")
-
-
-def parameter(
-    unit: str, meaning: str, *, lower: float = -math.inf, upper: float = math.inf, default: Any = MISSING
-) -> Any:
-    """A dataclass field that carries its `Parameter`; the field's name becomes the parameter's."""
-    metadata = {"unit": unit, "meaning": meaning, "lower": lower, "upper": upper}
-    return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
-
-
-def parameters_of(owner: Any) -> tuple[Parameter, ...]:
-    """The parameters among the fields of a dataclass or an instance of it, in order."""
-    return tuple(Parameter(name=f.name, **f.metadata) for f in fields(owner) if "unit" in f.metadata)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
-    """What a fitted model did over one log, for an effect to say how its trace would look.
+class Moment:
+    """What an effect on the load can see at one instant of an integration step, in numbers or symbols.
 
     Attributes:
-        time: (T,) [s].
-        angle: (T,) filtered load angle [rad].
-        velocity: (T,) filtered load velocity [rad/s].
-        torque: (T,) torque command after the drive's law [N m].
-        score: (T,) how much a load torque at each sample would improve the fit: half the squared innovations that it
-            would take away, per N m [rad^2/(N m)].
-        run: (T,) index of the run of each sample.
-        velocity_resolution: velocity below which its sign is not known [rad/s].
+        angle, velocity: of the load [rad, rad/s].
+        torque: what arrives at the load behind actuator and drivetrain [N m].
+        time: on the log's clock [s].
+        travel: of the load since the step began [rad].
+        step: length of the step [s].
     """
 
-    time: Array
-    angle: Array
-    velocity: Array
-    torque: Array
-    score: Array
-    run: NDArray[np.intp]
-    velocity_resolution: float
-
-    @property
-    def sample_time(self) -> float:
-        """Median time step [s]."""
-        return float(np.median(np.diff(self.time)))
-
-    @property
-    def sign(self) -> Array:
-        """(T,) direction of motion, soft where the velocity is below its resolution."""
-        return np.tanh(self.velocity / self.velocity_resolution)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Trace:
-    """The torque by which a small effect would show, at one choice of its shape.
-
-    Attributes:
-        columns: (T, m) torque on the load per unit of each coefficient [N m].
-        start: the effect that coefficients (m,) found by regression suggest.
-        positive: (m,) which coefficients cannot be negative; none by default.
-        searched: how many shapes were compared to find this one (the search is charged for).
-    """
-
-    columns: Array
-    start: Callable[[Array], Effect]
-    positive: tuple[bool, ...] = ()
-    searched: int = 1
+    angle: Expression = 0.0
+    velocity: Expression = 0.0
+    torque: Expression = 0.0
+    time: Expression = 0.0
+    travel: Expression = 0.0
+    step: Expression = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,7 +85,12 @@ class Effect:
     confused_with: ClassVar[tuple[str, ...]] = ()
     contains: ClassVar[tuple[str, ...]] = ()
     """Effects that are special cases of this one; it takes their place."""
-    has_state: ClassVar[bool] = False
+    states: ClassVar[tuple[State, ...]] = ()
+    """States that it brings."""
+    flexible: ClassVar[bool] = False
+    """Whether it puts a motor of its own motion before the load; it then has the states ANGLE, VELOCITY of it."""
+    longest_step: ClassVar[float] = 0.005
+    """Longest integration step that follows it [s]."""
     axes: ClassVar[tuple[Axis, ...]] = ("rotary", "linear")
 
     def __post_init__(self) -> None:
@@ -171,11 +115,17 @@ class Effect:
             object.__setattr__(other, spec.name, value)
         return other
 
-    # What an effect can do; `h` is a time step [s] over which the command is constant.
+    # What an effect can do to the command; `h` is a time over which the command is constant.
 
     def delay(self) -> Expression:
         """Dead time of the command [s]."""
         return 0.0
+
+    def follow(self, state: Expression, command: Expression, h: Expression) -> Expression:
+        """The command that is played, `h` after its own state was and a command arrived; before the drive's law."""
+        return command
+
+    # ... in the actuator ...
 
     def advance(self, state: Expression, torque: Expression, h: Expression) -> Expression:
         """The effect's own state after `h` under a constant incoming torque."""
@@ -189,21 +139,49 @@ class Effect:
         """Mean of the effect's own state over `h` under a constant incoming torque."""
         return state
 
-    def command(self, torque: Expression, state: Expression) -> Expression:
-        """The torque that leaves the effect when `torque` enters it [N m]."""
+    def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
+        """The torque that leaves the effect when `torque` enters it [N m], at a velocity of the motor."""
         return torque
 
-    def load_torque(self, angle: Expression, velocity: Expression) -> Expression:
+    # ... in the drivetrain, if it is flexible ...
+
+    def share(self) -> Expression:
+        """Share of the inertia J that sits on the motor's side [-]."""
+        return 0.0
+
+    def coupling(self, twist: Expression, rate: Expression, inertia: Expression) -> Expression:
+        """Torque from motor to load at a twist (motor less load) and its rate; `inertia` is J [N m]."""
+        return 0.0
+
+    # ... on the load ...
+
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
         """Smooth torque that the effect adds on the load [N m]."""
         return 0.0
 
-    def dry_friction(self, velocity: Expression) -> tuple[Expression, Expression] | None:
+    def dry_friction(self, at: Moment) -> tuple[Expression, Expression] | None:
         """Friction torque against forward and against backward motion [N m], both >= 0; at rest it holds up to them."""
         return None
 
-    def reading(self, angle: Expression) -> Expression:
+    def added_inertia(self, at: Moment) -> Expression:
+        """Inertia that the effect adds to the load [N m s^2/rad]."""
+        return 0.0
+
+    def slide(self, state: Expression, travel: Expression) -> Expression:
+        """A state of type RELAXED after the load has travelled."""
+        return state
+
+    # ... and to what the sensor shows.
+
+    def reading(self, angle: Expression, state: Expression) -> Expression:
         """What the sensor shows when `angle` enters it [rad]."""
         return angle
+
+    def sense(self, state: Expression, before: Expression, after: Expression, h: Expression) -> Expression:
+        """A sensor's state after `h`, in which what enters it went from `before` to `after`."""
+        return state
+
+    # What it becomes.
 
     def reduced(self) -> tuple[Effect, ...]:
         """Its special cases, as they would be if its own parameters were right: where a refit of them may start."""
@@ -219,9 +197,3 @@ class Effect:
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """Traces of the effect over a motion, one for each shape worth trying."""
         raise NotImplementedError(f"{cls.__name__} does not say how its trace looks.")
-
-
-def within(value: float, spec_owner: type[Effect], name: str, *, floor: float = 0.0) -> float:
-    """`value` moved inside the bounds of a parameter, at least `floor` when the bound is below: a usable start."""
-    spec = next(s for s in spec_owner.parameters() if s.name == name)
-    return float(min(max(value, spec.lower, floor), spec.upper))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,9 +25,9 @@ class GravityOffset(Effect):
 
     beta: float = parameter("{torque}", "gravity torque in quadrature")
 
-    def load_torque(self, angle: Expression, velocity: Expression) -> Expression:
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
         """Against the rotation, like gravity in eq. (4)."""
-        return -self.beta * ca.sin(angle)
+        return -self.beta * ca.sin(at.angle)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

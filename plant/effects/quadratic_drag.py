@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,9 +24,9 @@ class QuadraticDrag(Effect):
 
     drag: float = parameter("{torque} s^2/{angle}^2", "drag coefficient c", lower=0.0)
 
-    def load_torque(self, angle: Expression, velocity: Expression) -> Expression:
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
         """Against the motion."""
-        return -self.drag * velocity * ca.fabs(velocity)
+        return -self.drag * at.velocity * ca.fabs(at.velocity)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.coulomb_friction import CoulombFriction
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,9 +31,9 @@ class StribeckFriction(Effect):
     excess: float = parameter("{torque}", "breakaway level above sliding, F_s - F_c", lower=0.0)
     velocity: float = parameter("{angle}/s", "Stribeck velocity v_s", lower=1e-6, upper=1e3)
 
-    def dry_friction(self, velocity: Expression) -> tuple[Expression, Expression]:
+    def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
         """The Stribeck curve, the same in both directions."""
-        level = self.coulomb + self.excess * ca.exp(-((velocity / self.velocity) ** 2))
+        level = self.coulomb + self.excess * ca.exp(-((at.velocity / self.velocity) ** 2))
         return level, level
 
     def reduced(self) -> tuple[Effect, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class TorqueOffset(Effect):
 
     torque: float = parameter("{torque}", "constant bias")
 
-    def load_torque(self, angle: Expression, velocity: Expression) -> Expression:
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
         """The bias, on the load: behind the dead zone it is not swallowed."""
         return self.torque
 

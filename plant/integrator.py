@@ -1,0 +1,186 @@
+"""One integration step of the servo: actuator, drivetrain, load and sensor under a held command.
+
+The motion is integrated by the classical Runge-Kutta method. What has a closed form is not: states of the actuator,
+forces that depend on the travel, the sensor, and dry friction at a reversal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import casadi as ca
+
+from plant.effects import Effect, Expression, Moment, State
+from plant.servo import ServoModel
+
+Own: TypeAlias = Mapping[str, tuple[Any, ...]]  # states of the effects by name
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """What acts during an integration step.
+
+    Attributes:
+        command: held torque command; of a position servo servo gain times goal [N m].
+        gain, limit: the drive's law, see `plant.discrete.INPUTS`.
+        time, length: where the step begins and how long it is [s].
+        width: smoothing of dry friction [rad/s].
+    """
+
+    command: Expression
+    gain: Expression
+    limit: Expression
+    time: Expression
+    length: Expression
+    width: Expression
+
+    def drive_torque(self, model: ServoModel, own: Own, angle: Expression, elapsed: Expression) -> Expression:
+        """Torque that the drive's law asks for [N m]."""
+        command = played(model, own, self.command, elapsed)
+        return ca.fmax(ca.fmin(command - self.gain * angle, self.limit), -self.limit)
+
+
+def played(model: ServoModel, own: Own, command: Expression, elapsed: Expression) -> Expression:
+    """The command behind the effects that shape it."""
+    for effect in model.effects:
+        if State.COMMAND in effect.states:
+            command = effect.follow(own[effect.name][0], command, elapsed)
+    return command
+
+
+def actuator(
+    model: ServoModel, own: Own, torque: Expression, h: Expression, velocity: Expression, *, middle: bool = False
+) -> tuple[Expression, dict[str, tuple[Any, ...]]]:
+    """Torque behind the actuator and the states of its effects, `h` after the drive's torque was set.
+
+    In the middle of a step of length `h` an effect with a state gives the value by which Simpson's rule, and so the
+    Runge-Kutta method, gets its mean over the step right also when it settles much faster than the step.
+    """
+    states: dict[str, tuple[Any, ...]] = {}
+    for effect in model.effects:
+        held = 0.0
+        if State.TORQUE in effect.states:
+            before = own[effect.name][0]
+            held = effect.advance(before, torque, h)
+            states[effect.name] = (held,)
+            if middle:
+                held = (6 * effect.mean(before, torque, h) - before - held) / 4
+        torque = effect.command(torque, held, velocity)
+    return torque, states
+
+
+def advance(model: ServoModel, state: Any, step: Step) -> Any:
+    """The state (n,) after an integration step."""
+    own, h = model.own_states(state), step.length
+    motor = model.drivetrain
+    start = [state[0], state[1], *(own[motor.name] if motor else ())]
+    x, v = start[:2]
+
+    def moment(motion: list[Any], torque: Any, elapsed: Any) -> Moment:
+        return Moment(
+            angle=motion[0],
+            velocity=motion[1],
+            torque=torque,
+            time=step.time + elapsed,
+            travel=motion[0] - x,
+            step=h,
+        )
+
+    def arriving(motion: list[Any], elapsed: Any, middle: bool) -> tuple[Any, Any]:
+        """Torque behind the actuator and behind the drivetrain."""
+        drive = step.drive_torque(model, own, motion[0], h / 2 if middle else elapsed)
+        torque = actuator(model, own, drive, elapsed, motion[-1], middle=middle)[0]
+        if motor is None:
+            return torque, torque
+        return torque, motor.coupling(motion[2] - motion[0], motion[3] - motion[1], model.inertia)
+
+    def rates(motion: list[Any], elapsed: Any, middle: bool = False) -> list[Any]:
+        torque, behind = arriving(motion, elapsed, middle)
+        at = moment(motion, behind, h / 2 if middle else elapsed)
+        load = [motion[1], model.smooth_acceleration(at, own) - _slowing(model, at, v)]
+        if motor is None:
+            return load
+        return [*load, motion[3], (torque - behind) / (motor.share() * model.inertia)]
+
+    def moved(by: Any, slopes: list[Any]) -> list[Any]:
+        return [value + by * slope for value, slope in zip(start, slopes, strict=True)]
+
+    k1 = rates(start, 0.0)
+    k2 = rates(moved(h / 2, k1), h, middle=True)
+    k3 = rates(moved(h / 2, k2), h, middle=True)
+    k4 = rates(moved(h, k3), h)
+    end = [s + h / 6 * (a + 2 * b + 2 * c + d) for s, a, b, c, d in zip(start, k1, k2, k3, k4, strict=True)]
+    half = moved(h / 2, k1)
+    if model.slides:
+        at = moment([x, (v + end[1]) / 2, *half[2:]], arriving(half, h, middle=True)[1], h / 2)
+        end[:2] = _stop_and_go(model, x, v, end[0], end[1], at, step)
+    return ca.vertcat(end[0], end[1], *_own_after(model, own, step, (x, half[0], end[0]), end))
+
+
+def _own_after(model: ServoModel, own: Own, step: Step, angles: tuple[Any, Any, Any], end: list[Any]) -> list[Any]:
+    """The states of the effects after a step, given the angle at its start, middle and end."""
+    h = step.length
+    drive = step.drive_torque(model, own, angles[1], h / 2)
+    by_actuator = actuator(model, own, drive, h, end[-1])[1]
+    before, after = angles[0], angles[2]  # what enters the sensor
+    states: list[Any] = []
+    for effect in model.effects:
+        mine: tuple[Any, ...] = own[effect.name]
+        if effect.flexible:
+            mine = tuple(end[2:])
+        elif State.COMMAND in effect.states:
+            mine = (effect.follow(mine[0], step.command, h),)
+        elif State.RELAXED in effect.states:
+            mine = (effect.slide(mine[0], angles[2] - angles[0]),)
+        elif _is_sensor(effect):
+            shown = effect.sense(mine[0], before, after, h)
+            before, after, mine = mine[0], shown, (shown,)
+        else:
+            mine = by_actuator.get(effect.name, ())
+            before, after = effect.reading(before, 0.0), effect.reading(after, 0.0)
+        states += mine
+    return states
+
+
+def _is_sensor(effect: Effect) -> bool:
+    return not effect.flexible and State.ANGLE in effect.states
+
+
+def _slowing(model: ServoModel, at: Moment, direction: Any) -> Any:
+    """Deceleration by dry friction for motion in a direction, zero at rest [rad/s^2]."""
+    levels = model.dry_friction(at)
+    if levels is None:
+        return 0.0
+    inertia = model.load_inertia(at)
+    return ca.if_else(direction > 0, levels[0] / inertia, 0) - ca.if_else(direction < 0, levels[1] / inertia, 0)
+
+
+def _stop_and_go(model: ServoModel, x: Any, v: Any, angle: Any, velocity: Any, at: Moment, step: Step) -> list[Any]:
+    """Correct a step from (x, v) to (angle, velocity), taken with the friction of its start, for a stop inside it.
+
+    Exact form (width 0): the load slides until it stops; from there on it holds, or slides on if the torque is above
+    breakaway. Nothing chatters at any step length, stiction holds to rounding, and the instant of the reversal is
+    found inside the step.
+
+    Smooth form: friction rises linearly with velocity up to `width`, as an implicit step in closed form (Moreau 1988
+    for width 0), so that a fit sees a slope also where the load sticks.
+    """
+    h, width, inertia = step.length, step.width, model.load_inertia(at)
+    forward, backward = (level / inertia for level in model.dry_friction(at) or (0.0, 0.0))
+    slowing = _slowing(model, at, v)
+    pull = (velocity - v) / ca.fmax(h, 1e-15) + slowing  # mean acceleration without dry friction
+
+    free = v + pull * h
+    most = h * ca.if_else(free > 0, forward, backward)
+    reach = width + most + 1e-15  # so that no friction at all has a derivative too
+    taken = most * ca.fmax(ca.fmin(free / reach, 1), -1)
+    smooth = (angle + slowing * h**2 / 2 - h / 2 * taken, free - taken)
+
+    same_way = v * velocity > 0
+    to_rest = ca.fmin(h * v / ca.if_else(same_way, ca.sign(v) * 1e15, v - velocity + 1e-300), h)
+    again = ca.fmax(pull - forward, 0) + ca.fmin(pull + backward, 0)
+    stopped = (x + v * to_rest / 2 + again * (h - to_rest) ** 2 / 2, again * (h - to_rest))
+    exact = [ca.if_else(same_way, a, b) for a, b in zip((angle, velocity), stopped, strict=True)]
+    return [ca.if_else(width > 0, a, b) for a, b in zip(smooth, exact, strict=True)]

@@ -1,0 +1,137 @@
+"""The servo model over a whole sequence of commands."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from plant.discrete import Method, integration_steps, sample_step
+from plant.effects import State
+from plant.effects.effect import Array
+from plant.integrator import actuator, played
+from plant.servo import ServoModel
+
+
+def held_commands(command: Array, dt: Array, delay: float) -> tuple[Array, Array, float]:
+    """The two commands that act within each sample under a delay, and the part of the delay inside a sample.
+
+    Args:
+        command: (T,) torque command, each held until the next [N m].
+        dt: (T,) time step that follows each sample [s].
+        delay: dead time [s].
+
+    Returns:
+        (T,) the command from the switch on, (T,) the command until the switch, and when the switch comes [s].
+    """
+    step = float(np.median(dt))
+    whole = int(np.floor(delay / step + 1e-9))
+    index = np.arange(command.size)
+    return command[np.maximum(index - whole, 0)], command[np.maximum(index - whole - 1, 0)], delay - whole * step
+
+
+def simulate(
+    model: ServoModel,
+    *,
+    command: Array,
+    dt: Array | float,
+    state: Array | None = None,
+    servo_gain: Array | float = 0.0,
+    command_limit: float = np.inf,
+    substeps: int | None = None,
+    width: float = 0.0,
+    method: Method = "rk4",
+) -> Array:
+    """Free simulation over a sequence of commands.
+
+    Args:
+        model: the servo.
+        command: (T,) torque command, each held for its time step [N m].
+        dt: time steps [s], one or (T,).
+        state: (n,) state at the first sample; at rest at angle zero by default.
+        servo_gain: see `INPUTS`, one or (T,).
+        command_limit: see `INPUTS`.
+        substeps: integration steps in one sample; by default as many as the effects need, or the one of eq. (5).
+        width: smoothing of dry friction [rad/s]; 0 is exact.
+        method: see `sample_step`.
+
+    Returns:
+        (T + 1, n) states, the first one being `state`.
+    """
+    command = np.asarray(command, dtype=float)
+    steps = np.broadcast_to(np.asarray(dt, dtype=float), command.shape)
+    begin = beginning(model) if state is None else np.asarray(state, dtype=float)
+    now, before, switch = held_commands(command, steps, float(model.delay()))
+    values = at_switch(model, switch)
+    gain = np.broadcast_to(np.asarray(servo_gain, dtype=float), command.shape)
+    constant = np.ones_like(steps)
+    time = np.concatenate(([0.0], np.cumsum(steps[:-1])))
+    inputs = np.stack((now, before, gain, command_limit * constant, time, steps, width * constant))
+    needed = 1 if method == "backward_difference" else integration_steps(model, float(steps.max()))
+    count = needed if substeps is None else substeps
+    step = sample_step(model, substeps=count, method=method)
+    states = np.array(step.mapaccum(command.size)(begin, inputs, values))
+    return np.vstack((begin[None, :], states.T))
+
+
+def actuator_torque(model: ServoModel, command: Array, dt: Array, velocity: Array | None = None) -> Array:
+    """Torque behind the actuator's effects, as its mean over each sample.
+
+    Args:
+        model: the servo.
+        command: (T,) torque command behind the drive's law [N m].
+        dt: (T,) time that each is held [s].
+        velocity: (T,) of the motor, for what depends on it; at rest by default.
+    """
+    now, before, switch = held_commands(command, dt, float(model.delay()))
+    entering = before * np.minimum(switch / dt, 1.0) + now * (1.0 - np.minimum(switch / dt, 1.0))
+    speed = np.zeros_like(command) if velocity is None else velocity
+    state, torque, h, v = ca.SX.sym("state", len(model.states)), ca.SX.sym("torque"), ca.SX.sym("h"), ca.SX.sym("v")
+    own = model.own_states(state)
+    late = played(model, own, torque, h)
+    start = actuator(model, own, played(model, own, torque, 0.0), 0.0, v)[0]
+    middle = actuator(model, own, played(model, own, torque, h / 2), h, v, middle=True)[0]
+    end, after = actuator(model, own, late, h, v)
+    following = dict(own) | after
+    for effect in model.effects:
+        if State.COMMAND in effect.states:
+            following[effect.name] = (late,)
+    kept = [value for effect in model.effects for value in following[effect.name]]
+    one = ca.Function("actuator", [state, torque, h, v], [ca.vertcat(state[:2], *kept), (start + 4 * middle + end) / 6])
+    begin = beginning(model, torque=float(entering[0]))
+    outputs = one.mapaccum(command.size)(begin, entering[None, :], dt[None, :], speed[None, :])
+    return np.array(outputs[1]).ravel()
+
+
+def beginning(
+    model: ServoModel,
+    *,
+    angle: float = 0.0,
+    velocity: float = 0.0,
+    torque: float = 0.0,
+    command: float | None = None,
+) -> Array:
+    """(n,) state at an angle and a velocity, with everything else settled.
+
+    Args:
+        model: the servo.
+        angle: of load and motor [rad].
+        velocity: of load and motor [rad/s].
+        torque: behind the drive's law [N m].
+        command: before it; the torque by default.
+    """
+    values = {
+        State.ANGLE: angle,
+        State.VELOCITY: velocity,
+        State.TORQUE: torque,
+        State.COMMAND: torque if command is None else command,
+        State.RELAXED: 0.0,
+    }
+    return np.array([values[kind] for kind in model.kinds], dtype=float)
+
+
+def at_switch(model: ServoModel, switch: float) -> Array:
+    """(P,) parameter values with the delay reduced to its part inside a sample."""
+    values = model.values
+    if "input_delay.time" in model.names:
+        values[model.names.index("input_delay.time")] = switch
+    return values

@@ -1,0 +1,63 @@
+"""The linearised predictor against the recursion written out, the predictor itself, and its own adjoint."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, load_fluctuation, record
+
+from diagnosis.linear import Linear, linearised, recursion
+from identification.fit import fit
+from identification.problem import Problem
+from plant import ServoModel
+from plant.effects import TorqueOffset
+
+
+def random_linear(samples: int, n: int) -> Linear:
+    rng = np.random.default_rng(samples)
+    return Linear(
+        closed_loop=0.4 * rng.normal(size=(samples, n, n)),
+        by_torque=rng.normal(size=(samples, n)),
+        by_reading=rng.normal(size=(samples, n)),
+        seen=rng.normal(size=(samples, n)),
+        weight=(rng.random(samples) > 0.1).astype(float),
+    )
+
+
+@pytest.mark.parametrize("samples", [1, 2, 50, 997])
+def test_blocks_follow_the_recursion(samples: int) -> None:
+    rng = np.random.default_rng(1)
+    A, b = 0.4 * rng.normal(size=(samples, 3, 3)), rng.normal(size=(samples, 3, 2))
+    state, path = np.zeros((3, 2)), []
+    for k in range(samples):
+        path.append(state)
+        state = A[k] @ state + b[k]
+    assert recursion(A, b) == pytest.approx(np.array(path), rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("on_reading", [False, True])
+def test_the_score_is_the_adjoint_of_the_response(on_reading: bool) -> None:
+    linear, rng = random_linear(400, 3), np.random.default_rng(2)
+    innovations, column = rng.normal(size=400), rng.normal(size=(400, 1))
+    along = -innovations @ linear.response(column, np.array([on_reading]))[:, 0]
+    assert linear.score(innovations)[int(on_reading)] @ column[:, 0] == pytest.approx(along, rel=1e-12)
+
+
+def test_the_response_to_a_constant_torque_is_what_the_predictor_does_with_an_offset() -> None:
+    command = excitation(3, duration=10.0)
+    log = record(Machine(), command, load_torque=load_fluctuation(1, 0.05, (command.size, 1))).log()
+    found = fit(log, ServoModel.paper())
+    assert found.bandwidth > 0.0  # so that the observer's corrections are in it
+    size = 1e-6
+
+    def innovations(offset: float) -> np.ndarray:
+        model = found.model.with_effect(TorqueOffset(torque=offset))
+        predictor = Problem.of(log, model).predictor
+        return predictor.predict(model.values, found.initial, bandwidth=found.bandwidth, width=0.0)[0].innovations
+
+    problem = Problem.of(log, found.model)
+    path = problem.predictor.predict(found.model.values, found.initial, bandwidth=found.bandwidth, width=0.0)[0]
+    linear = linearised(found.model, log.runs[0], path, found.bandwidth, substeps=problem.predictor.substeps)
+    told = linear.response(np.ones((command.size, 1)), np.array([False]))[:, 0]
+    seen = (innovations(size) - innovations(-size)) / (2 * size)
+    assert told == pytest.approx(seen, abs=1e-4 * np.abs(seen).max())
