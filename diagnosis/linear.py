@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from identification.log import Run
 from identification.predictor import Prediction, moves_with, run_inputs
 from plant.discrete import INPUTS, sample_reading, sample_step
-from plant.effects import TorqueOffset
-from plant.effects.effect import Array
+from plant.effects.effect import Array, Effect, Expression, Moment, parameter
 from plant.servo import ServoModel
 
 _AT_ONCE = 32  # columns that are followed together, to bound the memory
@@ -108,10 +107,21 @@ def score(runs: tuple[Linear, ...], innovations: Array) -> tuple[Array, Array]:
     return np.concatenate([torque for torque, _ in scores]), np.concatenate([reading for _, reading in scores])
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Push(Effect):
+    """A torque on the load, to differentiate by."""
+
+    name = "push"
+    torque: float = parameter("{torque}", "torque on the load")
+
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
+        return self.torque
+
+
 def linearised(model: ServoModel, run: Run, prediction: Prediction, bandwidth: float, *, substeps: int) -> Linear:
     """A run's predictor linearised along its path, with a torque on the load as its input."""
-    probe = model if model.effect("torque_offset") else model.with_effect(TorqueOffset(torque=0.0))
-    place = probe.names.index("torque_offset.torque")
+    probe = model.with_effect(_Push(torque=0.0))
+    place = probe.names.index("push.torque")
     n, count = len(probe.states), len(probe.names)
     state, inputs, parameters = ca.SX.sym("z", n), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", count)
     following = sample_step(probe, substeps=substeps)(state, inputs, parameters)

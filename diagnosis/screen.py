@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
+import casadi as ca
 import numpy as np
 from scipy.optimize import lsq_linear
 
@@ -22,6 +24,7 @@ from identification.predictor import Prediction, observer_gain, stack
 from identification.problem import Problem
 from plant.effects import Effect, Motion, Trace
 from plant.effects.effect import Array
+from plant.servo import ServoModel
 
 _LONG_SEARCH = 100  # shapes from which a search counts as long
 _NEAR = 0.5  # share of the best shape's evidence that makes another shape a start of its own
@@ -160,9 +163,19 @@ def _motion(
         torque=np.concatenate(drives),
         score=scores[0],
         reading_score=scores[1],
+        inertia=float(fit.model.inertia),
+        arriving=lambda torque: _arriving(fit.model, torque, velocity),
         run=np.repeat(np.arange(len(runs)), [len(run) for run in runs]),
         velocity_resolution=max(1e-3 * typical, fit.noise_std * bandwidth * np.sqrt(bandwidth * dt), 1e-12),
     )
+
+
+def _arriving(model: ServoModel, torque: Array, velocity: Array) -> Array:
+    """(T,) what of a torque (T,) arrives at the load when every lag has settled [N m]."""
+    settled: Any = ca.DM(torque)
+    for effect in model.effects:
+        settled = effect.command(settled, settled, ca.DM(velocity))
+    return np.array(settled).ravel()
 
 
 def _acceleration(run: Run, prediction: Prediction, bandwidth: float) -> Array:

@@ -36,18 +36,27 @@ class Step:
     length: Expression
     width: Expression
 
-    def drive_torque(self, model: ServoModel, own: Own, angle: Expression, elapsed: Expression) -> Expression:
-        """Torque that the drive's law asks for [N m]."""
-        command = played(model, own, self.command, elapsed)
+    def drive_torque(
+        self, model: ServoModel, own: Own, angle: Expression, elapsed: Expression, *, middle: bool = False
+    ) -> Expression:
+        """Torque that the drive's law asks for [N m]; for `middle` see `actuator`."""
+        command = played(model, own, self.command, elapsed, middle=middle)
         return ca.fmax(ca.fmin(command - self.gain * angle, self.limit), -self.limit)
 
 
-def played(model: ServoModel, own: Own, command: Expression, elapsed: Expression) -> Expression:
-    """The command behind the effects that shape it."""
+def played(
+    model: ServoModel, own: Own, command: Expression, elapsed: Expression, *, middle: bool = False
+) -> Expression:
+    """The command behind the effects that shape it; for `middle` see `actuator`."""
     for effect in model.effects:
         if State.COMMAND in effect.states:
-            command = effect.follow(own[effect.name][0], command, elapsed)
+            command = _held(effect, own[effect.name][0], command, elapsed, middle)
     return command
+
+
+def _held(effect: Effect, before: Any, entering: Any, h: Expression, middle: bool) -> Any:
+    after = effect.advance(before, entering, h)
+    return (6 * effect.mean(before, entering, h) - before - after) / 4 if middle else after
 
 
 def actuator(
@@ -63,10 +72,8 @@ def actuator(
         held = 0.0
         if State.TORQUE in effect.states:
             before = own[effect.name][0]
-            held = effect.advance(before, torque, h)
-            states[effect.name] = (held,)
-            if middle:
-                held = (6 * effect.mean(before, torque, h) - before - held) / 4
+            states[effect.name] = (effect.advance(before, torque, h),)
+            held = _held(effect, before, torque, h, middle)
         torque = effect.command(torque, held, velocity)
     return torque, states
 
@@ -90,7 +97,7 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
 
     def arriving(motion: list[Any], elapsed: Any, middle: bool) -> tuple[Any, Any]:
         """Torque behind the actuator and behind the drivetrain."""
-        drive = step.drive_torque(model, own, motion[0], h / 2 if middle else elapsed)
+        drive = step.drive_torque(model, own, motion[0], elapsed, middle=middle)
         torque = actuator(model, own, drive, elapsed, motion[-1], middle=middle)[0]
         if motor is None:
             return torque, torque
@@ -122,7 +129,7 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
 def _own_after(model: ServoModel, own: Own, step: Step, angles: tuple[Any, Any, Any], end: list[Any]) -> list[Any]:
     """The states of the effects after a step, given the angle at its start, middle and end."""
     h = step.length
-    drive = step.drive_torque(model, own, angles[1], h / 2)
+    drive = step.drive_torque(model, own, angles[1], h, middle=True)
     by_actuator = actuator(model, own, drive, h, end[-1])[1]
     before, after = angles[0], angles[2]  # what enters the sensor
     states: list[Any] = []
@@ -131,7 +138,7 @@ def _own_after(model: ServoModel, own: Own, step: Step, angles: tuple[Any, Any, 
         if effect.flexible:
             mine = tuple(end[2:])
         elif State.COMMAND in effect.states:
-            mine = (effect.follow(mine[0], step.command, h),)
+            mine = (effect.advance(mine[0], step.command, h),)
         elif State.RELAXED in effect.states:
             mine = (effect.slide(mine[0], angles[2] - angles[0]),)
         elif _is_sensor(effect):

@@ -89,7 +89,7 @@ def actuator_torque(model: ServoModel, command: Array, dt: Array, velocity: Arra
     own = model.own_states(state)
     late = played(model, own, torque, h)
     start = actuator(model, own, played(model, own, torque, 0.0), 0.0, v)[0]
-    middle = actuator(model, own, played(model, own, torque, h / 2), h, v, middle=True)[0]
+    middle = actuator(model, own, played(model, own, torque, h, middle=True), h, v, middle=True)[0]
     end, after = actuator(model, own, late, h, v)
     following = dict(own) | after
     for effect in model.effects:

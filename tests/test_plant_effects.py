@@ -61,6 +61,7 @@ def seen(name: str) -> Motion:
         acceleration=np.gradient(motion.velocity[:, 0], motion.time),
         command=motion.command[:, 0],
         run=np.zeros(motion.time.size, dtype=np.intp),
+        inertia=2.0,
         velocity_resolution=1e-3,
     )
 
@@ -112,6 +113,7 @@ def test_a_load_that_stands_still_breaks_no_trace(name: str) -> None:
         acceleration=np.zeros(count),
         command=np.zeros(count),
         run=np.zeros(count, dtype=np.intp),
+        inertia=2.0,
         velocity_resolution=1e-3,
     )
     for trace in catalogue[name].traces(still):

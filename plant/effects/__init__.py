@@ -6,27 +6,55 @@ from types import MappingProxyType
 
 from plant.effects.actuator_lag import ActuatorLag
 from plant.effects.asymmetric_friction import AsymmetricFriction
+from plant.effects.back_emf import BackEmf
+from plant.effects.backlash import Backlash
+from plant.effects.cable_stiffness import CableStiffness
 from plant.effects.cogging import Cogging
+from plant.effects.compliance import Compliance
 from plant.effects.coulomb_friction import CoulombFriction
 from plant.effects.dead_zone import DeadZone
 from plant.effects.effect import Axis, Effect, Expression, Moment, Motion, Parameter, Stage, State, Trace
+from plant.effects.encoder_eccentricity import EncoderEccentricity
+from plant.effects.end_stop import EndStop
+from plant.effects.friction_drift import FrictionDrift
 from plant.effects.gravity_offset import GravityOffset
 from plant.effects.input_delay import InputDelay
+from plant.effects.load_dependent_friction import LoadDependentFriction
+from plant.effects.payload_change import PayloadChange
+from plant.effects.periodic_disturbance import PeriodicDisturbance
+from plant.effects.presliding_hysteresis import PreslidingHysteresis
 from plant.effects.quadratic_drag import QuadraticDrag
+from plant.effects.rate_limit import RateLimit
+from plant.effects.sensor_lag import SensorLag
 from plant.effects.stribeck_friction import StribeckFriction
 from plant.effects.torque_offset import TorqueOffset
+from plant.effects.torque_saturation import TorqueSaturation
 
 _ALONG_THE_WAY: tuple[type[Effect], ...] = (
     InputDelay,
+    RateLimit,
     ActuatorLag,
+    TorqueSaturation,
+    BackEmf,
     DeadZone,
     TorqueOffset,
+    Compliance,
+    Backlash,
+    LoadDependentFriction,
     CoulombFriction,
     AsymmetricFriction,
     StribeckFriction,
+    PreslidingHysteresis,
     QuadraticDrag,
     GravityOffset,
+    CableStiffness,
     Cogging,
+    EndStop,
+    PayloadChange,
+    PeriodicDisturbance,
+    FrictionDrift,
+    EncoderEccentricity,
+    SensorLag,
 )
 
 catalogue: MappingProxyType[str, type[Effect]] = MappingProxyType({cls.name: cls for cls in _ALONG_THE_WAY})
@@ -36,21 +64,35 @@ __all__ = [
     "ActuatorLag",
     "AsymmetricFriction",
     "Axis",
+    "BackEmf",
+    "Backlash",
+    "CableStiffness",
     "Cogging",
+    "Compliance",
     "CoulombFriction",
     "DeadZone",
     "Effect",
+    "EncoderEccentricity",
+    "EndStop",
     "Expression",
+    "FrictionDrift",
     "GravityOffset",
     "InputDelay",
+    "LoadDependentFriction",
     "Moment",
     "Motion",
     "Parameter",
+    "PayloadChange",
+    "PeriodicDisturbance",
+    "PreslidingHysteresis",
     "QuadraticDrag",
+    "RateLimit",
+    "SensorLag",
     "Stage",
     "State",
     "StribeckFriction",
     "TorqueOffset",
+    "TorqueSaturation",
     "Trace",
     "catalogue",
 ]

@@ -48,7 +48,7 @@ class ActuatorLag(Effect):
         samples = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
         for lag in (n * motion.sample_time for n in samples):
             yield Trace(
-                columns=(lagged(motion, lag) - motion.torque)[:, None],
+                columns=(motion.arriving(lagged(motion, lag)) - motion.arriving(motion.torque))[:, None],
                 positive=(True,),
                 start=lambda c, lag=lag: cls(
                     time_constant=within(lag * min(c[0], 2.0), cls, "time_constant", floor=0.1 * lag)

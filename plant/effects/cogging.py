@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from scipy.ndimage import median_filter
 
-from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
+from plant.effects.order_lines import lines_over_angle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class Cogging(Effect):
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """Sine and cosine at the orders that would improve the fit most."""
-        orders, searched = strongest_orders(motion)
+        orders, searched = lines_over_angle(motion, motion.score)
         for order in orders:
             ripple = np.column_stack((np.sin(order * motion.angle), np.cos(order * motion.angle)))
             yield Trace(
@@ -46,47 +46,3 @@ class Cogging(Effect):
                 ),
                 searched=searched,
             )
-
-
-_NEIGHBOURHOOD = 101  # orders, a quarter of a resolvable line each, whose median is the background of a peak
-
-
-def strongest_orders(motion: Motion, count: int = 6) -> tuple[list[float], int]:
-    """Peaks of the periodogram of the score over angle, and the number of orders looked at.
-
-    An order must complete two periods within the travel, or it cannot be told from a trend; and a period must
-    take more than four samples at typical speed, or it is not resolved.
-    """
-    travel = float(np.ptp(motion.angle))
-    speed = float(np.quantile(np.abs(motion.velocity), 0.5))
-    if travel <= 0.0 or speed <= 0.0:
-        return [], 1
-    lowest = 2.0 * np.pi * 2.0 / travel
-    highest = min(2.0 * np.pi / (4.0 * speed * motion.sample_time), 4000.0 * lowest)
-    if highest <= lowest:
-        return [], 1
-    orders = np.arange(lowest, highest, 2.0 * np.pi / travel / 4.0)
-    power = _periodogram(motion.angle, motion.score, orders)
-    # A low order moves the load further than a high one, so the background falls with the order: a line may stand out
-    # of it without being among the highest.
-    background = np.maximum(median_filter(power, size=_NEIGHBOURHOOD, mode="nearest"), 1e-300)
-    chosen: list[float] = []
-    for height in (power, power / background):
-        found = 0
-        for index in np.argsort(height)[::-1]:
-            if all(abs(orders[index] - other) > 2.0 * np.pi / travel for other in chosen):
-                chosen.append(float(orders[index]))
-                found += 1
-            if found == count:
-                break
-    return chosen, orders.size
-
-
-def _periodogram(angle: Array, values: Array, orders: Array) -> Array:
-    """Power of `values` at each order over `angle`, by binning the angle finely and transforming the bins."""
-    step = 2.0 * np.pi / orders[-1] / 6.0
-    bins = np.floor((angle - angle.min()) / step).astype(int)
-    sums = np.bincount(bins, weights=values)
-    length = int(2 ** np.ceil(np.log2(8 * sums.size)))
-    spectrum = np.abs(np.fft.rfft(sums, length)) ** 2
-    return np.asarray(np.interp(orders, 2.0 * np.pi * np.fft.rfftfreq(length, step), spectrum), dtype=float)

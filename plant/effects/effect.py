@@ -115,17 +115,12 @@ class Effect:
             object.__setattr__(other, spec.name, value)
         return other
 
-    # What an effect can do to the command; `h` is a time over which the command is constant.
+    # What an effect can do to the command and in the actuator. A state of type COMMAND is the command that is played,
+    # before the drive's law; one of type TORQUE belongs behind it.
 
     def delay(self) -> Expression:
         """Dead time of the command [s]."""
         return 0.0
-
-    def follow(self, state: Expression, command: Expression, h: Expression) -> Expression:
-        """The command that is played, `h` after its own state was and a command arrived; before the drive's law."""
-        return command
-
-    # ... in the actuator ...
 
     def advance(self, state: Expression, torque: Expression, h: Expression) -> Expression:
         """The effect's own state after `h` under a constant incoming torque."""

@@ -37,7 +37,7 @@ class InputDelay(Effect):
         samples = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
         for delay in (n * motion.sample_time for n in samples):
             yield Trace(
-                columns=(delayed(motion, delay) - motion.torque)[:, None],
+                columns=(motion.arriving(delayed(motion, delay)) - motion.arriving(motion.torque))[:, None],
                 positive=(True,),
                 start=lambda c, delay=delay: cls(time=within(delay * min(c[0], 2.0), cls, "time", floor=0.1 * delay)),  # type: ignore[misc]
                 searched=len(samples),

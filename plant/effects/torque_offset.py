@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,9 +23,9 @@ class TorqueOffset(Effect):
 
     torque: float = parameter("{torque}", "constant bias")
 
-    def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """The bias, on the load: behind the dead zone it is not swallowed."""
-        return self.torque
+    def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
+        """The bias; behind the dead zone it is not swallowed."""
+        return torque + self.torque
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

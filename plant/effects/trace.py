@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
@@ -30,7 +30,9 @@ class Motion:
             would take away, per N m [rad^2/(N m)].
         reading_score: (T,) the same for an error of the reading at each sample, per rad [rad^2/rad].
         run: (T,) index of the run of each sample.
+        inertia: J of the fitted model [N m s^2/rad].
         velocity_resolution: velocity below which its sign is not known [rad/s].
+        arriving: what of a torque (T,) behind the drive's law arrives at the load (T,), by the model at hand [N m].
     """
 
     time: Array
@@ -42,7 +44,9 @@ class Motion:
     score: Array
     reading_score: Array
     run: NDArray[np.intp]
+    inertia: float
     velocity_resolution: float
+    arriving: Callable[[Array], Array] = field(default=lambda torque: torque)
 
     @property
     def sample_time(self) -> float:

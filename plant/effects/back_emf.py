@@ -1,0 +1,47 @@
+"""Back-EMF: a drive that sets a voltage loses torque with speed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
+
+
+@dataclass(frozen=True, kw_only=True)
+class BackEmf(Effect):
+    """Torque that falls with the speed of the motor, ahead of the dead zone.
+
+    Where nothing nonlinear comes behind it, it is viscous friction, and a log cannot tell the two apart.
+    """
+
+    name = "back_emf"
+    title = "back-EMF"
+    stage = Stage.ACTUATOR
+    equation = r"\tau \leftarrow \tau - k_e \dot x"
+    trace = "viscous, but not where the dead zone swallows it"
+    confused_with = ("quadratic_drag", "torque_saturation")
+
+    constant: float = parameter("{torque} s/{angle}", "torque lost per speed k_e", lower=0.0)
+
+    def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
+        """What the induced voltage leaves."""
+        return torque - self.constant * velocity
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """What arrives less at the load, for constants up to one that takes half the torque at top speed."""
+        top = float(np.quantile(np.abs(motion.velocity), 0.99))
+        level = float(np.sqrt(np.mean(motion.torque**2)))
+        if top <= 0.0 or level <= 0.0:
+            return
+        for constant in (0.02 * level / top, 0.5 * level / top):
+            lost = motion.arriving(motion.torque - constant * motion.velocity) - motion.arriving(motion.torque)
+            yield Trace(
+                columns=lost[:, None] / constant,
+                positive=(True,),
+                start=lambda c: cls(constant=within(c[0], cls, "constant")),
+                searched=2,
+            )

@@ -1,0 +1,100 @@
+"""Backlash: free play between motor and load."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.effects.effect import Array, Effect, Expression, Motion, Stage, State, Trace, parameter
+
+_FREQUENCY = 400.0  # of two masses on the spring of a flank [rad/s]: stiff against what a log shows
+_DAMPING = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Backlash(Effect):
+    """A motor with inertia of its own that loses touch with the load, crosses the gap and lands on the other flank.
+
+    A flank only pushes. It is a stiff spring with a damper (Nordin and Gutman 2002), whose stiffness is not fitted.
+    """
+
+    name = "backlash"
+    title = "backlash"
+    stage = Stage.DRIVETRAIN
+    equation = (
+        r"\tau_l = \max(0, k\,(|\theta - x| - g/2) + d\,(\dot\theta - \dot x)\,s)\,s,\; s = \mathrm{sgn}(\theta - x)"
+    )
+    trace = "dwell and a knock at each reversal of the torque"
+    confused_with = ("dead_zone", "compliance", "presliding_hysteresis")
+    states = (State.ANGLE, State.VELOCITY)
+    flexible = True
+    longest_step = 6.25e-4
+
+    gap: float = parameter("{angle}", "free play from flank to flank", lower=0.0)
+    motor_share: float = parameter("-", "share of the inertia on the motor's side", lower=0.02, upper=0.98)
+
+    def share(self) -> Expression:
+        """The motor's share."""
+        return self.motor_share
+
+    def coupling(self, twist: Expression, rate: Expression, inertia: Expression) -> Expression:
+        """The push of the flank in touch, if any."""
+        stiffness = self.motor_share * (1.0 - self.motor_share) * inertia * _FREQUENCY**2
+        damping = 2.0 * _DAMPING / _FREQUENCY
+        ahead, behind = twist - self.gap / 2, twist + self.gap / 2
+        forward = ca.if_else(ahead > 0, ca.fmax(ahead + damping * rate, 0), 0)
+        backward = ca.if_else(behind < 0, ca.fmin(behind + damping * rate, 0), 0)
+        return stiffness * (forward + backward)
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """The torque that is missing in the gap and the knock behind it, for gaps and shares on a grid."""
+        shares, samples = (0.1, 0.3, 0.6), (3.0, 8.0, 20.0, 50.0)
+        torque = motion.arriving(motion.torque)
+        level = float(np.sqrt(np.mean(torque**2)))
+        if level <= 0.0:
+            return
+        grid = [
+            (s, 0.5 * level / (s * motion.inertia) * (n * motion.sample_time) ** 2) for s in shares for n in samples
+        ]
+        share, gap = (np.array(column) for column in zip(*grid, strict=True))
+        crossing = motion.by_run(lambda rows: _crossing(motion, torque, rows, share, gap))
+        for place, (own, width) in enumerate(grid):
+            yield Trace(
+                columns=crossing[:, [place]],
+                positive=(True,),
+                start=lambda c, own=own, width=width: cls(gap=width * float(np.clip(c[0], 0.3, 2.0)), motor_share=own),  # type: ignore[misc]
+                searched=len(grid),
+            )
+
+
+def _crossing(motion: Motion, torque: Array, rows: NDArray[np.intp], share: Array, gap: Array) -> Array:
+    """(T, G) torque on the whole inertia that a gap adds, from the load's own acceleration: nothing is fed back.
+
+    In touch the motor moves with the load and the flank carries torque - J_m a; when that changes sign the motor lets
+    go. On landing both masses share their momentum.
+    """
+    J, dt = motion.inertia, motion.sample_time
+    added = np.zeros((len(rows), gap.size))
+    side = np.where(torque[rows[0]] >= 0.0, 1.0, -1.0) * np.ones(gap.size)
+    lead, speed, loose = side * gap / 2.0, np.zeros(gap.size), np.zeros(gap.size, dtype=bool)
+    for k, row in enumerate(rows):
+        drive, acceleration = torque[row], motion.acceleration[row]
+        carried = drive - share * J * acceleration
+        loose |= carried * side < 0.0
+        if not loose.any():
+            continue
+        pull = drive / (share * J) - acceleration
+        lead = np.where(loose, lead + speed * dt + 0.5 * pull * dt**2, lead)
+        speed = np.where(loose, speed + pull * dt, 0.0)
+        free = (J * acceleration - drive) * share / (1.0 - share) - drive
+        lands = loose & (np.abs(lead) >= gap / 2.0) & (lead * speed >= 0.0)
+        added[k] = np.where(loose, free, 0.0) + np.where(lands, J * share * speed / dt, 0.0)
+        side = np.where(lands, np.sign(lead), side)
+        lead, speed = np.where(lands, side * gap / 2.0, lead), np.where(lands, 0.0, speed)
+        loose = loose & ~lands
+    return added

@@ -1,0 +1,51 @@
+"""Cable stiffness: what the load drags along pulls it back to a rest angle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.torque_offset import TorqueOffset
+
+
+@dataclass(frozen=True, kw_only=True)
+class CableStiffness(Effect):
+    """A spring to a rest angle, linear and cubic: cables, hoses, seals, flexures."""
+
+    name = "cable_stiffness"
+    title = "cable stiffness"
+    stage = Stage.LOAD
+    equation = r"\tau_c = -k_1 (x - x_0) - k_3 (x - x_0)^3"
+    trace = "missing torque over angle, aperiodic"
+    confused_with = ("gravity_offset", "torque_offset", "asymmetric_friction")
+    contains = ("torque_offset",)
+
+    stiffness: float = parameter("{torque}/{angle}", "stiffness k_1 at the rest angle")
+    cubic: float = parameter("{torque}/{angle}^3", "cubic stiffness k_3", default=0.0)
+    rest_angle: float = parameter("{angle}", "rest angle x_0", default=0.0)
+
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
+        """Back to the rest angle."""
+        bend = at.angle - self.rest_angle
+        return -self.stiffness * bend - self.cubic * bend**3
+
+    def reduced(self) -> tuple[Effect, ...]:
+        """Soft and far away it is an offset."""
+        return (TorqueOffset(torque=self.stiffness * self.rest_angle + self.cubic * self.rest_angle**3),)
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """A straight line and a cube about the middle of the travel."""
+        middle = 0.5 * float(motion.angle.min() + motion.angle.max())
+        bend = motion.angle - middle
+
+        def start(c: np.ndarray) -> Effect:
+            reach = 0.5 * float(np.ptp(bend)) or 1.0
+            slope = c[1] if abs(c[1]) * reach > 1e-3 * abs(c[0]) else 0.0
+            shift = float(np.clip(c[0] / slope, -reach, reach)) if slope else 0.0
+            return cls(stiffness=float(c[1]), cubic=float(c[2]), rest_angle=middle + shift)
+
+        yield Trace(columns=np.column_stack((np.ones_like(bend), -bend, -(bend**3))), start=start)

@@ -1,0 +1,83 @@
+"""Compliance: a spring between motor and load."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import signal
+
+from plant.effects.effect import Array, Effect, Expression, Motion, Stage, State, Trace, parameter, within
+
+_LONGEST_STEP = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compliance(Effect):
+    """Two masses on a torsional spring and a damper; the measured angle is the load's.
+
+    With J_r = J_m J_l / J, the frequency of both ends free is sqrt(k / J_r) and the damping d / (2 frequency J_r).
+    """
+
+    name = "compliance"
+    title = "compliance"
+    stage = Stage.DRIVETRAIN
+    equation = r"\tau_l = k(\theta - x) + d(\dot\theta - \dot x)"
+    trace = "ringing; an anti-resonance and a resonance"
+    confused_with = ("backlash", "input_delay", "actuator_lag")
+    states = (State.ANGLE, State.VELOCITY)
+    flexible = True
+    longest_step = _LONGEST_STEP
+
+    frequency: float = parameter("rad/s", "resonance", lower=0.1, upper=1.0 / _LONGEST_STEP)
+    damping: float = parameter("-", "damping ratio of the resonance", lower=1e-4, upper=2.0)
+    motor_share: float = parameter("-", "share of the inertia on the motor's side", lower=0.02, upper=0.98)
+
+    def share(self) -> Expression:
+        """The motor's share."""
+        return self.motor_share
+
+    def coupling(self, twist: Expression, rate: Expression, inertia: Expression) -> Expression:
+        """Spring and damper."""
+        reduced = self.motor_share * (1.0 - self.motor_share) * inertia
+        return reduced * self.frequency * (self.frequency * twist + 2.0 * self.damping * rate)
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """The command behind a resonance less the command: what a torque at the motor does to the load (s = c s + k).
+
+        From motor torque to load angle a two-mass system is a rigid one behind the low pass (2 D w s + w^2) /
+        (s^2 + 2 D w s + w^2), whatever the shares of the masses are.
+        """
+        dampings = (0.03, 0.2)
+        fastest = min(1.5 / motion.sample_time, 0.8 / _LONGEST_STEP)
+        frequencies = np.geomspace(0.02 * fastest, fastest, 12)
+        torque = motion.arriving(motion.torque)
+        for frequency in frequencies:
+            for damping in dampings:
+                behind = motion.by_run(
+                    lambda rows, w=frequency, d=damping: _behind(torque[rows], w, d, motion.sample_time)  # type: ignore[misc]
+                )
+                yield Trace(
+                    columns=(behind - torque)[:, None],
+                    positive=(True,),
+                    start=lambda c, w=frequency, d=damping: cls(  # type: ignore[misc]
+                        frequency=within(float(w / np.sqrt(np.clip(c[0], 0.25, 4.0))), cls, "frequency"),
+                        damping=d,
+                        motor_share=0.3,
+                    ),
+                    searched=frequencies.size * len(dampings),
+                )
+
+
+def _behind(torque: Array, frequency: float, damping: float, dt: float) -> Array:
+    """(T,) mean over each sample of a held torque behind the resonance [N m]."""
+    slope, level = 2.0 * damping * frequency, frequency**2
+    integral = (
+        np.array([slope, level]),
+        np.array([1.0, slope, level, 0.0]),
+    )  # a further integration gives means instead of samples
+    numerator, denominator, _ = signal.cont2discrete(integral, dt)
+    summed = signal.lfilter(numerator.ravel(), denominator, torque - torque[0])
+    return np.asarray(torque[0] + np.diff(np.append(summed, summed[-1])) / dt)

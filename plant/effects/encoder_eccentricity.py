@@ -1,0 +1,48 @@
+"""Encoder eccentricity: the disc's centre is not the axis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
+from plant.effects.order_lines import lines_over_angle
+
+
+@dataclass(frozen=True, kw_only=True)
+class EncoderEccentricity(Effect):
+    """A reading that runs ahead and behind with the angle; order 1 for a disc, others for its spokes or a screw."""
+
+    name = "encoder_eccentricity"
+    title = "encoder eccentricity"
+    stage = Stage.SENSOR
+    equation = r"y = x + a \sin(n x + \varphi)"
+    trace = "order lines in the position error that no torque explains"
+    confused_with = ("cogging", "gravity_offset")
+
+    amplitude: float = parameter("{angle}", "amplitude a", lower=0.0)
+    order: float = parameter("rad/{angle}", "periods per turn n", lower=0.0)
+    phase: float = parameter("rad", "phase at angle zero")
+
+    def reading(self, angle: Expression, state: Expression) -> Expression:
+        """The angle and its error."""
+        return angle + self.amplitude * ca.sin(self.order * angle + self.phase)
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """Sine and cosine at the first two orders, and at those that would improve the fit most."""
+        found, searched = lines_over_angle(motion, motion.reading_score)
+        for order, among in [(1.0, 2), (2.0, 2), *((order, searched) for order in found)]:
+            yield Trace(
+                columns=np.column_stack((np.sin(order * motion.angle), np.cos(order * motion.angle))),
+                start=lambda c, order=order: cls(  # type: ignore[misc]
+                    amplitude=within(float(np.hypot(*c)), cls, "amplitude"),
+                    order=order,
+                    phase=float(np.arctan2(c[1], c[0])),
+                ),
+                searched=among,
+                acts_on="reading",
+            )

@@ -1,0 +1,47 @@
+"""End stop: the load runs against something at one position."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class EndStop(Effect):
+    """A stiff spring beyond a limit: above it where the stiffness is positive, below it where it is negative."""
+
+    name = "end_stop"
+    title = "end stop"
+    stage = Stage.LOAD
+    equation = r"\tau_e = -k\,\max(\mathrm{sgn}(k)(x - x_e), 0)"
+    trace = "missing torque on one side of one position"
+    confused_with = ("cable_stiffness",)
+    longest_step = 1e-3
+
+    angle: float = parameter("{angle}", "where it is touched x_e")
+    stiffness: float = parameter("{torque}/{angle}", "stiffness k; negative for a stop at the lower end")
+
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
+        """Out of the stop."""
+        beyond = at.angle - self.angle
+        upper = ca.if_else(self.stiffness > 0, ca.fmax(beyond, 0), ca.fmin(beyond, 0))
+        return -ca.fabs(self.stiffness) * upper
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """How deep the load is in a stop, for stops near both ends of the travel."""
+        low, high = float(motion.angle.min()), float(motion.angle.max())
+        shares = (0.02, 0.05, 0.1, 0.2, 0.35)
+        for share in shares:
+            for side, place in ((1.0, high - share * (high - low)), (-1.0, low + share * (high - low))):
+                yield Trace(
+                    columns=-side * np.maximum(side * (motion.angle - place), 0.0)[:, None],
+                    positive=(True,),
+                    start=lambda c, side=side, place=place: cls(angle=place, stiffness=side * max(float(c[0]), 1e-9)),  # type: ignore[misc]
+                    searched=2 * len(shares),
+                )

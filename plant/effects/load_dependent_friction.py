@@ -1,0 +1,39 @@
+"""Load-dependent friction: the more torque a gear passes on, the more it takes for itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadDependentFriction(Effect):
+    """Dry friction in proportion to the torque that arrives at the load: worm, screw and planetary gears."""
+
+    name = "load_dependent_friction"
+    title = "load-dependent friction"
+    stage = Stage.DRIVETRAIN
+    equation = r"\tau_f \in -\mu\,|\tau_l|\,\mathrm{sgn}(\dot x)"
+    trace = "friction differs between loaded and unloaded motion"
+    confused_with = ("coulomb_friction", "dead_zone", "torque_saturation")
+
+    coefficient: float = parameter("-", "friction per torque mu", lower=0.0, upper=1.0)
+
+    def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
+        """The same in both directions."""
+        level = self.coefficient * ca.fabs(at.torque)
+        return level, level
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """The size of the torque, against the motion."""
+        yield Trace(
+            columns=-(np.abs(motion.arriving(motion.torque)) * motion.sign)[:, None],
+            positive=(True,),
+            start=lambda c: cls(coefficient=within(c[0], cls, "coefficient")),
+        )

@@ -1,0 +1,61 @@
+"""Lines in a spectrum over angle or time, where a periodic cause would show."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from plant.effects.trace import Array, Motion
+
+_NEIGHBOURHOOD = 101  # grid points, a quarter of a resolvable line each, whose median is the background of a peak
+_LONGEST = 4000  # lines that a search may reach
+
+
+def lines_over_angle(motion: Motion, score: Array) -> tuple[list[float], int]:
+    """Orders [rad/rad] at which a ripple over the angle would improve the fit most, and how many were looked at.
+
+    A period must take more than four samples at typical speed, or it is not resolved.
+    """
+    speed = float(np.quantile(np.abs(motion.velocity), 0.5))
+    if speed <= 0.0:
+        return [], 1
+    return strongest_lines(motion.angle, score, 2.0 * np.pi / (4.0 * speed * motion.sample_time))
+
+
+def strongest_lines(place: Array, score: Array, highest: float, count: int = 6) -> tuple[list[float], int]:
+    """Peaks of the periodogram of a score (T,) over a variable (T,), and the number of frequencies looked at.
+
+    A line must complete two periods within the range, or it cannot be told from a trend.
+    """
+    reach = float(np.ptp(place))
+    if reach <= 0.0:
+        return [], 1
+    apart = 2.0 * np.pi / reach
+    highest = min(highest, _LONGEST * apart)
+    if highest <= 2.0 * apart:
+        return [], 1
+    frequencies = np.arange(2.0 * apart, highest, apart / 4.0)
+    power = _periodogram(place, score, frequencies)
+    # A slow torque moves the load further than a fast one, so the background falls with the frequency: a line may stand
+    # out of it without being among the highest.
+    background = np.maximum(median_filter(power, size=_NEIGHBOURHOOD, mode="nearest"), 1e-300)
+    chosen: list[float] = []
+    for height in (power, power / background):
+        found = 0
+        for index in np.argsort(height)[::-1]:
+            if all(abs(frequencies[index] - other) > apart for other in chosen):
+                chosen.append(float(frequencies[index]))
+                found += 1
+            if found == count:
+                break
+    return chosen, frequencies.size
+
+
+def _periodogram(place: Array, values: Array, frequencies: Array) -> Array:
+    """Power of `values` at each frequency over `place`, by binning it finely and transforming the bins."""
+    step = 2.0 * np.pi / frequencies[-1] / 6.0
+    bins = np.floor((place - place.min()) / step).astype(int)
+    sums = np.bincount(bins, weights=values)
+    length = int(2 ** np.ceil(np.log2(8 * sums.size)))
+    spectrum = np.abs(np.fft.rfft(sums, length)) ** 2
+    return np.asarray(np.interp(frequencies, 2.0 * np.pi * np.fft.rfftfreq(length, step), spectrum), dtype=float)

@@ -1,0 +1,58 @@
+"""Payload change: something is picked up or put down."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
+
+_TIMES = 40
+
+
+@dataclass(frozen=True, kw_only=True)
+class PayloadChange(Effect):
+    """Inertia and gravity that are different from an instant on.
+
+    The change is spread over one integration step around its instant, so that the instant has a derivative.
+    """
+
+    name = "payload_change"
+    title = "payload change"
+    stage = Stage.LOAD
+    equation = r"J \leftarrow J + \Delta J,\; \alpha \leftarrow \alpha + \Delta\alpha \quad (t > t^*)"
+    trace = "an error that begins at a time"
+    confused_with = ("friction_drift",)
+    axes = ("rotary",)
+
+    time: float = parameter("s", "instant t* on the log's clock")
+    inertia: float = parameter("{torque} s^2/{angle}", "change of the inertia")
+    gravity: float = parameter("{torque}", "change of the gravity torque")
+
+    def _after(self, at: Moment) -> Expression:
+        return ca.fmax(ca.fmin((at.time - self.time) / ca.fmax(at.step, 1e-9) + 0.5, 1), 0)
+
+    def added_inertia(self, at: Moment) -> Expression:
+        """From the instant on."""
+        return self.inertia * self._after(at)
+
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
+        """The gravity of what has come."""
+        return -self.gravity * self._after(at) * ca.cos(at.angle)
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """Acceleration and gravity after each of many instants."""
+        for instant in np.quantile(motion.time, np.linspace(0.03, 0.97, _TIMES)):
+            after = motion.time >= instant
+            columns = -np.column_stack((motion.acceleration * after, np.cos(motion.angle) * after))
+            yield Trace(
+                columns=columns,
+                start=lambda c, t=instant: cls(  # type: ignore[misc]
+                    time=float(t), inertia=max(float(c[0]), -0.7 * motion.inertia), gravity=float(c[1])
+                ),
+                searched=_TIMES,
+            )

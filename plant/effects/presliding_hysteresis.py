@@ -1,0 +1,78 @@
+"""Presliding hysteresis: a contact gives like a spring before it slides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from plant.effects.coulomb_friction import CoulombFriction
+from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Stage, State, Trace, parameter, within
+
+
+@dataclass(frozen=True, kw_only=True)
+class PreslidingHysteresis(Effect):
+    """Dahl's friction: a force that follows the travel and tends to the Coulomb level; its state is that force.
+
+    Source: Dahl (1968), with exponent 1. It is smooth, and exact over any travel in one direction.
+    """
+
+    name = "presliding_hysteresis"
+    title = "presliding hysteresis"
+    stage = Stage.LOAD
+    equation = r"dF/dx = \sigma\,(1 - \mathrm{sgn}(\dot x)\,F/F_c),\quad \tau_f = -F"
+    trace = "loops at a reversal, spring-like at small motion"
+    confused_with = ("coulomb_friction", "stribeck_friction", "backlash")
+    contains = ("coulomb_friction",)
+    states = (State.RELAXED,)
+    longest_step = 1e-3
+
+    torque: float = parameter("{torque}", "friction torque F_c", lower=1e-9)
+    stiffness: float = parameter("{torque}/{angle}", "stiffness at a reversal", lower=1e-6)
+
+    def slide(self, state: Expression, travel: Expression) -> Expression:
+        """The friction torque after a travel in one direction."""
+        level = self.torque * ca.sign(travel)
+        return level + (state - level) * ca.exp(-ca.fabs(travel) * self.stiffness / self.torque)
+
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
+        """Against the motion that built it up."""
+        return -self.slide(state, at.travel)
+
+    def reduced(self) -> tuple[Effect, ...]:
+        """Where it gives way at once it is Coulomb friction."""
+        return (CoulombFriction(torque=self.torque),)
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """The loop for travels to slide from a hundredth of a sample's travel to a quarter of the range."""
+        typical = float(np.quantile(np.abs(motion.velocity), 0.9)) * motion.sample_time
+        reach = float(np.ptp(motion.angle))
+        if typical <= 0.0 or reach <= 0.0:
+            return
+        travels = np.geomspace(0.3 * typical, max(0.25 * reach, typical), 8)
+        loops = motion.by_run(lambda rows: _loops(motion.angle[rows], travels))
+        for place, travel in enumerate(travels):
+            yield Trace(
+                columns=-loops[:, [place]],
+                positive=(True,),
+                start=lambda c, travel=travel: cls(  # type: ignore[misc]
+                    torque=within(c[0], cls, "torque", floor=1e-6),
+                    stiffness=within(c[0] / travel, cls, "stiffness", floor=1e-5),
+                ),
+                searched=travels.size,
+            )
+
+
+def _loops(angle: Array, travels: Array) -> Array:
+    """(T, S) Dahl's force over its level along an angle (T,), for each travel to slide (S,)."""
+    force, path = np.zeros(travels.size), np.empty((angle.size, travels.size))
+    fading = np.exp(-np.abs(np.diff(angle, append=angle[-1]))[:, None] / travels)
+    way = np.sign(np.diff(angle, append=angle[-1]))
+    for k in range(angle.size):
+        after = way[k] + (force - way[k]) * fading[k]
+        path[k] = 0.5 * (force + after)
+        force = after
+    return path

@@ -1,0 +1,44 @@
+"""Sensor lag: the reading follows the angle late."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+
+from plant.effects.effect import Effect, Expression, Motion, Stage, State, Trace, parameter, within
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorLag(Effect):
+    """A first-order filter in the measurement; its state is the reading."""
+
+    name = "sensor_lag"
+    title = "sensor lag"
+    stage = Stage.SENSOR
+    equation = r"T_s \dot y = x - y"
+    trace = "the reading trails by a time, whatever the torque"
+    confused_with = ("input_delay", "actuator_lag")
+    states = (State.ANGLE,)
+
+    time_constant: float = parameter("s", "time constant", lower=1e-5, upper=2.0)
+
+    def sense(self, state: Expression, before: Expression, after: Expression, h: Expression) -> Expression:
+        """Exact for an angle that changes evenly over `h`."""
+        trail = self.time_constant * (after - before) / ca.fmax(h, 1e-12)
+        return after - trail + (state - before + trail) * ca.exp(-h / self.time_constant)
+
+    def reading(self, angle: Expression, state: Expression) -> Expression:
+        """The filtered angle."""
+        return state
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """The way that the load makes in a unit of time."""
+        yield Trace(
+            columns=-motion.velocity[:, None],
+            positive=(True,),
+            start=lambda c: cls(time_constant=within(c[0], cls, "time_constant", floor=0.1 * motion.sample_time)),
+            acts_on="reading",
+        )

@@ -1,0 +1,43 @@
+"""Torque saturation: the drive gives no more than its limit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueSaturation(Effect):
+    """A current or duty limit below what the log calls the command. Like the dead zone it needs no smooth form."""
+
+    name = "torque_saturation"
+    title = "torque saturation"
+    stage = Stage.ACTUATOR
+    equation = r"\tau \leftarrow \mathrm{clip}(\tau, -\tau_{max}, \tau_{max})"
+    trace = "missing torque against torque, only above a level"
+    confused_with = ("rate_limit", "back_emf", "load_dependent_friction")
+
+    limit: float = parameter("{torque}", "largest torque", lower=1e-9)
+
+    def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
+        """The clipped torque."""
+        return ca.fmax(ca.fmin(torque, self.limit), -self.limit)
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """What a limit would take away, for limits from the middle to the top of what was asked for."""
+        largest = float(np.max(np.abs(motion.torque), initial=0.0))
+        shares = (0.3, 0.5, 0.7, 0.8, 0.9, 0.97)
+        for limit in (share * largest for share in shares if largest > 0.0):
+            clipped = motion.arriving(np.clip(motion.torque, -limit, limit))
+            yield Trace(
+                columns=(clipped - motion.arriving(motion.torque))[:, None],
+                positive=(True,),
+                start=lambda c, limit=limit: cls(limit=limit),  # type: ignore[misc]
+                searched=len(shares),
+            )
