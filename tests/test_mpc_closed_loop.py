@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from numpy.typing import NDArray
 
 from mpc import ClosedLoopResult, Controller, closed_loop
 from plant import ServoModel, sample_step
-from plant.effects import Cogging, CoulombFriction, InputDelay
+from plant.effects import ActuatorLag, Cogging, CoulombFriction, InputDelay
 from plant.errors import BadParameter
 from plant.gears import GearTrain
 from plant.rig import Rig
@@ -88,24 +90,51 @@ def test_a_reference_out_of_reach_is_approached_without_cycling() -> None:
     assert result.least_flank_torque > 0.0
 
 
-def follow(model: ServoModel, plant: ServoModel) -> float:
-    """RMS error [rad] of a controller on a servo whose exact equations are `plant` after two seconds."""
-    controller = Controller(model, PAPER)
-    step, state = sample_step(plant, substeps=4), np.zeros(2)
+def exact_servo(plant: ServoModel) -> Callable[[Array, Array], Array]:
+    """One sample of a servo whose exact equations are `plant`: its next state from pinion torques."""
+    step = sample_step(plant, substeps=4)
     whole, switch = divmod(float(plant.delay()), 0.005)
     values = plant.values
     if "input_delay.time" in plant.names:
         values[plant.names.index("input_delay.time")] = switch
     commands = deque([0.0] * (int(whole) + 2), maxlen=int(whole) + 2)
+
+    def advance(state: Array, torques: Array) -> Array:
+        commands.append(float(PAPER.follower_torque(torques)))
+        inputs = np.array([commands[1], commands[0], 0.0, np.inf, 0.0, 0.005, 0.0])
+        return np.asarray(step(state, inputs, values))[:, 0]
+
+    return advance
+
+
+def follow(model: ServoModel, plant: ServoModel) -> float:
+    """RMS error [rad] of a controller on a servo whose exact equations are `plant` after two seconds."""
+    controller = Controller(model, PAPER)
+    advance, state = exact_servo(plant), np.zeros(2)
     errors = []
     wanted = swing(np.arange(831) * 0.005)
     for k in range(800):
         errors.append(state[0] - wanted[k])
         control = controller.step(round(state[0] / COUNT) * COUNT, wanted[k : k + 31])
-        commands.append(float(PAPER.follower_torque(control.torques)))
-        inputs = np.array([commands[1], commands[0], 0.0, np.inf, 0.0, 0.005, 0.0])
-        state = np.asarray(step(state, inputs, values))[:, 0]
+        state = advance(state, control.torques)
     return float(np.sqrt(np.mean(np.square(errors[400:]))))
+
+
+@pytest.mark.parametrize(
+    "effect", [None, InputDelay(time=0.004), InputDelay(time=0.013), ActuatorLag(time_constant=0.02)], ids=str
+)
+def test_the_estimate_knows_which_torque_acted_when(effect: InputDelay | ActuatorLag | None) -> None:
+    plant = RIGID if effect is None else RIGID.with_effect(effect)
+    # a filter that trusts the model shows at once where the torques are a sample off
+    controller = Controller(plant, PAPER, torque_noise=1e-3, disturbance_rate=1e-2)
+    advance, state = exact_servo(plant), np.zeros(len(plant.states))
+    misses = []
+    for k in range(200):
+        control = controller.step(round(state[0] / COUNT) * COUNT, np.full(31, 0.1 * (k // 40 % 2)))
+        assert controller.estimator.state is not None
+        misses.append(controller.estimator.state[1] - state[1])
+        state = advance(state, control.torques)
+    assert np.max(np.abs(misses[20:])) < 1e-3
 
 
 def test_a_delay_that_is_known_is_compensated() -> None:
@@ -127,6 +156,9 @@ def test_results_add_up() -> None:
     assert result.heat == pytest.approx(np.mean(result.torques[:, 0] ** 2 + result.torques[:, 1] ** 2))
     samples = closed_loop(Controller(RIGID, PAPER), RIG, swing(np.arange(140) * 0.005), 0.5, seed=0)
     assert np.array_equal(samples.angle, result.angle)
+    assert result.tracking_rms == pytest.approx(np.sqrt(np.mean((result.angle - result.reference) ** 2)), rel=1e-12)
+    assert result.degraded == 0
+    assert replace(result, status=("optimal",) * 97 + ("degraded: a", "degraded: b", "optimal")).degraded == 2
 
 
 @pytest.mark.parametrize(("reference", "duration"), [(0.0, 0.0), (float("nan"), 1.0), (0.0, float("nan"))])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import qpsolvers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -99,6 +100,20 @@ def test_the_second_solver_takes_over(monkeypatch: pytest.MonkeyPatch) -> None:
     assert second.iterations == 0
     assert second.is_optimal
     assert second.x == pytest.approx(first.x, abs=1e-5)
+
+
+def test_nobody_believes_the_second_solver_either(monkeypatch: pytest.MonkeyPatch) -> None:
+    def content_anywhere(**programme: Array) -> qpsolvers.Solution:
+        solution = qpsolvers.Solution(qpsolvers.Problem(**programme))
+        solution.found, solution.x = True, np.zeros(2)
+        solution.y, solution.z, solution.z_box = np.zeros(0), np.zeros(0), np.zeros(2)
+        return solution
+
+    monkeypatch.setattr(mpc.box_qp, "_ITERATIONS", 0)
+    monkeypatch.setattr(mpc.box_qp, "solve_qp", content_anywhere)
+    answer = solve_box_qp(np.eye(2), np.ones(2), -np.ones(2), np.ones(2), np.array([0.5, 3.0]))
+    assert not answer.is_optimal
+    assert answer.x == pytest.approx([0.5, 1.0], abs=0.0)
 
 
 def test_a_programme_without_solution_is_said_to_have_none() -> None:
@@ -221,6 +236,16 @@ def test_it_arrives_exactly_within_its_acceleration(
     assert np.all(accelerations <= forward + 1e-6)
     assert np.all(accelerations >= -backward - 1e-6)
     assert now[-1] == pytest.approx(goal, abs=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1), limits, limits)
+def test_it_never_asks_for_more_than_its_acceleration(seed: int, backward: float, forward: float) -> None:
+    # a reference that bends harder than the limits and in both senses leaves no room for corrections
+    governor = Governor(sample_time=DT)
+    turns = 3.0 * np.random.default_rng(seed).choice([-backward, 0.0, forward], 200)
+    path = governor.govern(np.cumsum(np.cumsum(turns)) * DT**2, (backward, forward))
+    accelerations = np.diff(path, 2) / DT**2
+    assert np.all((accelerations >= -backward - 1e-6) & (accelerations <= forward + 1e-6))
 
 
 def test_what_can_be_followed_is_followed_exactly() -> None:
