@@ -5,19 +5,21 @@ Each check takes a `Recording` and returns it, repaired or not, with its finding
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from identification.causality import cause_and_effect
+from identification.channels import check_goal_unit, inconsistent_channels
 from identification.errors import MalformedLog
 from identification.faults import find_flat_tops, find_frozen, find_spikes, find_wraps, quantum, stretches
+from identification.jumps import mask_dropouts, split_at_jumps
+from identification.missing import bridge, fill_command, fill_others, fill_output
 from identification.plausibility import check_time_unit, check_velocity_unit, warn_of_degrees
-from identification.recording import HUGE, Array, Checked, Finding, Recording, counted
-from identification.timing import check_time, jitter, mask_gaps, split_at_gaps, too_short, trim
-
-AFTER_HELD = 10  # samples that a guessed command still disturbs
+from identification.recording import Checked, Finding, Recording, counted
+from identification.repeats import drop_repeats
+from identification.timing import check_time, clock, mask_gaps, split_at_gaps, too_short, trim
 
 
 def check(recording: Recording) -> tuple[list[Recording], list[Finding]]:
@@ -30,94 +32,49 @@ def check(recording: Recording) -> tuple[list[Recording], list[Finding]]:
     check_time_unit(recording)
     recording, found = trim(recording)
     findings += found
+    parts = _divide([recording], findings, split_at_gaps)
+    parts = _divide(parts, findings, drop_repeats, fill_output, fill_command, fill_others)
+    parts = _divide(parts, findings, split_at_jumps, mask_spikes, mask_dropouts, unwrap, mask_frozen)
     usable = []
-    parts, found = split_at_gaps(recording)
-    findings += found
     for part in parts:
-        short = too_short(part)
-        if short is not None:
-            findings.append(short)
-            continue
-        for step in (fill_output, fill_command, fill_others, mask_spikes, unwrap, mask_clipped, mask_frozen, mask_gaps):
-            part, found = step(part)
+        for repair in (mask_clipped, mask_gaps):
+            part, found = repair(part)
             findings += found
         if np.mean(part.valid) < 0.5:
             raise MalformedLog(
                 f"{part.label}: only {np.mean(part.valid):.0%} of the samples of '{part.name('output')}' can be used, "
                 "record this run again or leave it out."
             )
+        check_goal_unit(part)
         part, found = check_velocity_unit(part)
         findings += found
-        findings += [*jitter(part), *warn_of_degrees(part), *constant_channels(part)]
+        for warn in WARNINGS:
+            findings += warn(part)
         usable.append(part)
     return usable, findings
 
 
-def fill_command(recording: Recording) -> Checked:
-    """A few missing commands are held from the sample before, and the output they disturb is masked."""
-    known = np.isfinite(recording.command) & np.isfinite(recording.servo_gain)
-    name = recording.name("command")
-    _refuse_huge(recording, recording.command, name)
-    if known.all():
-        return recording, []
-    first = int(np.flatnonzero(~known)[0])
-    missing = int((~known).sum())
-    if missing > 0.01 * len(recording):
-        raise MalformedLog(
-            f"{recording.where(first)}: '{name}' is not a number in {missing} of {len(recording)} samples, "
-            "and no motion can be predicted without it; repair or cut the log."
-        )
-    last = np.maximum.accumulate(np.where(known, np.arange(len(known)), 0))
-    disturbed = np.convolve(~known, np.ones(AFTER_HELD + 1))[: len(known)] > 0
-    text = (
-        f"{recording.where(first)}: {counted(missing, 'missing sample')} of '{name}' held from the sample before, and "
-        f"{counted(int(disturbed.sum()), 'sample')} of '{recording.name('output')}' masked"
-    )
-    repaired = replace(
-        recording,
-        command=recording.command[last],
-        servo_gain=recording.servo_gain[last],
-        valid=recording.valid & ~disturbed,
-    )
-    return repaired, [Finding(kind="missing command", repaired=True, text=text)]
-
-
-def fill_output(recording: Recording) -> Checked:
-    """Missing readings, and those that came masked, are interpolated, so that every sample is a sound number."""
-    output, name = recording.output, recording.name("output")
-    _refuse_huge(recording, np.where(recording.valid, output, 0.0), name)
-    known = np.isfinite(output) & recording.valid
-    if known.all():
-        return recording, []
-    first = int(np.flatnonzero(~known)[0])
-    if known.sum() < 0.5 * len(output):
-        raise MalformedLog(
-            f"{recording.where(first)}: '{name}' is missing in {int((~known).sum())} of {len(output)} samples, "
-            "export the channel again."
-        )
-    text = f"{recording.where(first)}: {counted(int((~known).sum()), 'missing sample')} of '{name}' masked"
-    filled = replace(recording, output=_bridge(output, known), valid=recording.valid & known)
-    return filled, [Finding(kind="missing output", repaired=True, text=text)]
-
-
-def fill_others(recording: Recording) -> Checked:
-    """Channels that the fit can do without: small holes are interpolated, a broken channel is dropped."""
-    others: dict[str, Array] = {}
-    findings = []
-    for name, values in recording.others.items():
-        known = np.isfinite(values) & (np.abs(np.nan_to_num(values, posinf=0, neginf=0)) < HUGE)
-        if known.all():
-            others[name] = values
-            continue
-        where = recording.where(int(np.flatnonzero(~known)[0]))
-        share = f"{counted(int((~known).sum()), 'missing sample')} of '{recording.name(name)}'"
-        if known.mean() >= 0.9:
-            others[name] = _bridge(values, known)
-            text = f"{where}: {share} interpolated"
-        else:
-            text = f"{where}: {share}, the channel is not used"
-        findings.append(Finding(kind=f"missing {name}", repaired=True, text=text))
-    return (replace(recording, others=others), findings) if findings else (recording, [])
+def _divide(
+    parts: Iterable[Recording],
+    findings: list[Finding],
+    split: Callable[[Recording], tuple[list[Recording], list[Finding]]],
+    *repairs: Callable[[Recording], Checked],
+) -> list[Recording]:
+    """Repair each part, split it, and keep the pieces that are long enough; what was found goes to the findings."""
+    kept = []
+    for part in parts:
+        for repair in repairs:
+            part, found = repair(part)
+            findings += found
+        pieces, found = split(part)
+        findings += found
+        for piece in pieces:
+            short = too_short(piece)
+            if short is None:
+                kept.append(piece)
+            else:
+                findings.append(short)
+    return kept
 
 
 def mask_spikes(recording: Recording) -> Checked:
@@ -125,7 +82,7 @@ def mask_spikes(recording: Recording) -> Checked:
     spikes = find_spikes(recording.output, _step(recording)) & recording.valid
     if not spikes.any():
         return recording, []
-    output = _bridge(recording.output, ~spikes)
+    output = bridge(recording.output, ~spikes)
     size = np.abs(output - recording.output)[spikes].max()
     found, samples = counted(len(stretches(spikes)), "spike"), counted(int(spikes.sum()), "sample")
     text = (
@@ -149,7 +106,7 @@ def unwrap(recording: Recording) -> Checked:
             continue
         continued = values.copy()
         continued[index] += offsets
-        channels[name] = _bridge(continued, sound)
+        channels[name] = bridge(continued, sound)
         turns = np.flatnonzero(np.diff(offsets))
         text = (
             f"{recording.where(int(index[turns[0] + 1]))}: '{recording.name(name)}' wraps around by {period:.6g} "
@@ -211,24 +168,13 @@ def constant_channels(recording: Recording) -> Iterable[Finding]:
             yield Finding(kind=f"frozen {name}", repaired=False, text=text)
 
 
+WARNINGS = (clock, warn_of_degrees, constant_channels, inconsistent_channels, cause_and_effect)
+
+
 def excited(recording: Recording) -> bool:
     """False when neither the command nor the output ever changes: nothing can be learned."""
     passive = np.ptp(recording.command) == 0 and np.ptp(recording.servo_gain) == 0
     return not (passive and np.ptp(recording.output[recording.valid]) == 0)
-
-
-def _bridge(values: Array, known: NDArray[np.bool_]) -> Array:
-    index = np.arange(len(values))
-    return np.interp(index, index[known], values[known])
-
-
-def _refuse_huge(recording: Recording, values: Array, name: str) -> None:
-    size = np.abs(np.where(np.isfinite(values), values, 0.0))
-    if len(size) and size.max() > HUGE:
-        raise MalformedLog(
-            f"{recording.where(int(size.argmax()))}: '{name}' is {values[size.argmax()]:.3g}, which no drive can "
-            "reach; check the file and the units."
-        )
 
 
 def _step(recording: Recording) -> float:

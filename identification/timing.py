@@ -10,13 +10,15 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.recording import HUGE, Checked, Finding, Recording, counted
+from identification.recording import HUGE, Array, Checked, Finding, Recording, counted
 
 MIN_SAMPLES, MIN_DURATION = 50, 0.2
 GAP = 5.0  # median sample times
 SPLIT_GAP = 1.0  # [s] too long to bridge with a held command
+DRIFT, DRIFT_BLOCKS = 2e-3, 12  # share of the sample time, over the log; blocks of time that must show it
 
 
 def check_time(recording: Recording) -> Checked:
@@ -114,11 +116,56 @@ def mask_gaps(recording: Recording) -> Checked:
     return replace(recording, valid=recording.valid & ~after), [Finding(kind="gaps", repaired=True, text=text)]
 
 
-def jitter(recording: Recording) -> Iterable[Finding]:
-    """Uneven sampling is kept as it is: the true times are used."""
+def clock(recording: Recording) -> Iterable[Finding]:
+    """An uneven sampling is kept as it is: the true times are used. What makes it uneven is said, if it shows."""
     steps = np.diff(recording.time)
-    usual = steps[steps <= GAP * np.median(steps)]
-    spread = float(usual.std() / usual.mean())
-    if spread > 0.05:
-        text = f"{recording.label}: the sample time varies by {spread:.1%} (standard deviation), true times are used"
+    even = steps <= GAP * np.median(steps)
+    usual = steps[even]
+    mean, spread = float(usual.mean()), float(usual.std())
+    digit = _rounding(usual)
+    if digit and spread > 0.02 * mean:
+        text = (
+            f"{recording.label}: the sample time of {1e3 * mean:.4g} ms is written in steps of {1e3 * digit:.4g} ms, "
+            f"so each time is wrong by up to {500 * digit:.3g} ms; export the time with more digits"
+        )
+        yield Finding(kind="rounded time", repaired=False, text=text)
+    elif spread > 0.05 * mean:
+        varies = f"{spread / mean:.1%} (standard deviation)"
+        text = f"{recording.label}: the sample time varies by {varies}, true times are used"
         yield Finding(kind="jitter", repaired=False, text=text)
+    first, last = _drift(np.cumsum(steps), steps, even)
+    if abs(last - first) > DRIFT * mean:
+        text = (
+            f"{recording.label}: the sample time goes steadily from {1e3 * first:.5g} ms at the start to "
+            f"{1e3 * last:.5g} ms at the end ({(last - first) / first:+.2%}), so the clock or the logger drifts; "
+            "the times are used as they are, check them against the drive's clock"
+        )
+        yield Finding(kind="drift", repaired=False, text=text)
+
+
+def _rounding(steps: Array) -> float:
+    """The last digit of times whose steps are two neighbouring multiples of it, and nothing else; else 0."""
+    digit = 10.0 ** np.floor(np.log10(np.ptp(steps) * 1.001)) if np.ptp(steps) > 0 else 0.0
+    if digit == 0 or digit < 1e-9 or abs(np.ptp(steps) / digit - 1) > 1e-3:
+        return 0.0
+    whole = steps / digit
+    low = round(float(whole.min()))
+    shares = np.array([np.mean(np.abs(whole - n) < 1e-3) for n in (low, low + 1)])
+    # Rounding keeps the error of each time below half a digit; a random mix of two steps lets it wander.
+    error = np.cumsum(whole - whole.mean())
+    return float(digit) if low > 0 and shares.sum() == 1 and shares.min() > 0.02 and np.ptp(error) < 1.5 else 0.0
+
+
+def _drift(elapsed: Array, steps: Array, even: NDArray[np.bool_]) -> tuple[float, float]:
+    """Sample time at both ends of a straight line through block means, equal if that line is not what they show."""
+    blocks = [k for k in np.array_split(np.arange(len(steps)), DRIFT_BLOCKS) if even[k].any()]
+    means = np.array([steps[k][even[k]].mean() for k in blocks])
+    level = float(means.mean())
+    if len(blocks) < DRIFT_BLOCKS or len(steps) < 10 * DRIFT_BLOCKS:
+        return level, level
+    times = np.array([elapsed[k].mean() for k in blocks])
+    slope, offset = np.polyfit(times - times.mean(), means, 1)
+    left = means - offset - slope * (times - times.mean())
+    if left.std() > 0.25 * means.std() or np.mean(np.sign(np.diff(means)) == np.sign(slope)) < 0.75:
+        return level, level
+    return float(offset - slope * (times.mean() - elapsed[0])), float(offset + slope * (elapsed[-1] - times.mean()))

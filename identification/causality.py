@@ -1,0 +1,88 @@
+"""The output must answer its command: after it, and along it.
+
+An output that answers before its command, or accelerates against it, is no machine's: the columns were recorded with
+an offset, or one has another sign. The other way round, a column that lags looks like a delay of the drive, and is
+left to the fit unless it is longer than drives delay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from identification.equation_error import Profile, profiles
+from identification.recording import Finding, Recording
+
+# A held command acts half a sample late, and some loggers write it at the end of its sample: less is no fault.
+_LEAST_SAMPLES, _LEAST_TIME = 1.5, 0.002
+_LONG_SAMPLES, _LONG_TIME = 10.0, 0.15
+_EVIDENCE = 15.0  # log-likelihood
+_WRONG_SIGN, _FEEDBACK = 0.2, 0.5  # shares: left unexplained at most, explained by feedback at most
+
+
+def cause_and_effect(recording: Recording) -> Iterable[Finding]:
+    """Warn of an output ahead of its command, far behind it, or against it.
+
+    Two filters of different width must agree, for what the regression does not know (play, bristles, a spring)
+    moves its best shift by another amount in each.
+    """
+    found = profiles(recording)
+    if len(found) == 2:
+        if all(profile.slope[profile.best] > 0 for profile in found):
+            yield from _lag(recording, found)
+        else:
+            yield from _sign(recording, found)
+
+
+def _lag(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
+    dt = found[0].sample_time
+    lags = [profile.lag for profile in found]
+    size = min(abs(lag) for lag in lags)
+    if max(lags) - min(lags) > dt + 0.3 * size:
+        return
+    command, output = recording.name("command"), recording.name("output")
+    if min(lags) > _LEAST_SAMPLES * dt + _LEAST_TIME:
+        # A fault of the columns makes one sharp valley: neither no lag nor the double of it will do.
+        if any(profile.evidence(0.0, 2 * profile.lag) < _EVIDENCE for profile in found):
+            return
+        whole = round(size / dt + 0.5)
+        text = (
+            f"{recording.label}: '{output}' answers about {whole} samples ({1e3 * whole * dt:.3g} ms) before "
+            f"'{command}' acts, which no machine does, so '{command}' was recorded late: export both columns on one "
+            f"clock, or move '{command}' ahead by {whole} samples or more"
+        )
+        yield Finding(kind="lag", repaired=False, text=text)
+    elif -max(lags) > max(_LONG_SAMPLES * dt, _LONG_TIME):
+        if any(profile.evidence(1.5 * profile.lag, 0.5 * profile.lag) < _EVIDENCE for profile in found):
+            return
+        text = (
+            f"{recording.label}: '{output}' answers {1e3 * size:.3g} ms after '{command}', longer than drives delay; "
+            "an offset between the two columns looks the same, so see whether both were recorded on one clock"
+        )
+        yield Finding(kind="long lag", repaired=False, text=text)
+
+
+def _sign(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
+    """A load that accelerates against its torque, at once and throughout, has an inertia below zero.
+
+    In a loop that only holds against a disturbance the torque answers the motion and not the other way round; there
+    the output and its speed explain the torque, and nothing can be told.
+    """
+    if recording.servo_gain.any():
+        return
+    for profile in found:
+        at_once = int(np.argmin(np.abs(profile.shifts)))
+        if profile.slope[profile.best] > 0 or profile.slope[at_once] > 0:
+            return
+        if abs(profile.lag) > 0.02 + 2 * profile.sample_time:
+            return
+        if profile.residual[profile.best] > _WRONG_SIGN or profile.feedback > _FEEDBACK:
+            return
+    command, output = recording.name("command"), recording.name("output")
+    option = "force" if recording.axis == "linear" else "torque"
+    text = (
+        f"{recording.label}: '{output}' accelerates against '{command}', as if the inertia were below zero, so one of "
+        f"them has another sign: --scale {option}=-1 turns it"
+    )
+    yield Finding(kind="sign of the command", repaired=False, text=text)

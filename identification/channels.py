@@ -1,0 +1,143 @@
+"""Channels that contradict each other: a goal in degrees, a motor shaft of another unit, a pinion of another sign.
+
+What makes a channel useless is refused with the option that helps; the rest is warned of. The size of the torque
+itself cannot be checked: a machine with twice the inertia, gravity and friction moves alike under twice the torque.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from identification.errors import MalformedLog
+from identification.recording import Array, Finding, Recording
+
+# How many times as far the output moves as the channel says, and the units that would explain it.
+_ANGLES = (
+    (180 / np.pi, "deg", "rad"),
+    (np.pi / 180, "rad", "deg"),
+    (1 / (2 * np.pi), "turn", "rad"),
+    (2 * np.pi, "rad", "turn"),
+    (1e3, "mrad", "rad"),
+    (1e-3, "rad", "mrad"),
+)
+_LENGTHS = ((1e3, "mm", "m"), (1e-3, "m", "mm"), (1e6, "um", "m"), (1e-6, "m", "um"))
+_FOLLOWS = 0.9  # correlation of a servo's output with its goal
+_SLOW_TO_FAST = 3.0  # a reducing gear's load does not move so many times as fast as the motor
+
+
+def check_goal_unit(recording: Recording) -> None:
+    """Refuse a goal that is the command and is in another unit than the output: no servo law makes sense of both."""
+    if recording.servo_gain.any():
+        finding = _unit_of(recording, "goal")
+        if finding is not None:
+            raise MalformedLog(f"{finding.text}.")
+
+
+def inconsistent_channels(recording: Recording) -> Iterable[Finding]:
+    """Warn of channels whose sizes or signs do not fit together."""
+    for name in ("reference", "goal"):
+        finding = _unit_of(recording, name)
+        if finding is not None:
+            yield finding
+    yield from _shafts(recording)
+    yield from _pinion_torques(recording)
+
+
+def _unit_of(recording: Recording, name: str) -> Finding | None:
+    """A reference or goal that the output follows at the factor of a unit."""
+    wanted = recording.others.get(name)
+    if wanted is None:
+        return None
+    ratio = _ratio(wanted, recording.output, recording)
+    if ratio is None:
+        return None
+    asked, output = recording.name(name), recording.name("output")
+    column = "angle" if recording.axis == "rotary" else "position"
+    for factor, of_output, of_wanted in _ANGLES if recording.axis == "rotary" else _LENGTHS:
+        if ratio > 0 and abs(np.log(ratio / factor)) < 0.15:
+            option = f"{column}={of_output}" if factor > 1 or of_wanted in ("rad", "m") else f"{name}={of_wanted}"
+            text = (
+                f"{recording.label}: '{output}' moves {ratio:.4g} times as far as '{asked}' asks, which is the factor "
+                f"of a unit: try --unit {option}, or give the right unit of one of them"
+            )
+            return Finding(kind=f"unit of {name}", repaired=False, text=text)
+    if -1.25 < ratio < -0.8:
+        text = (
+            f"{recording.label}: '{output}' moves against '{asked}', so one of them has another sign: "
+            f"--scale {name}=-1 turns it"
+        )
+        return Finding(kind=f"sign of {name}", repaired=False, text=text)
+    return None
+
+
+def _shafts(recording: Recording) -> Iterable[Finding]:
+    """Both motors turn the same follower: their shafts turn the same way, by the ratio of two gears."""
+    turns = {name: recording.others[name] for name in ("angle_1", "angle_2") if name in recording.others}
+    ratios = {name: _ratio(values, recording.output, recording, window=50) for name, values in turns.items()}
+    known = {name: ratio for name, ratio in ratios.items() if ratio is not None}
+    for name, ratio in known.items():
+        if abs(ratio) > _SLOW_TO_FAST:
+            text = (
+                f"{recording.label}: '{recording.name('output')}' turns {abs(ratio):.4g} times as far as the motor "
+                f"shaft '{recording.name(name)}', but a gear reduces: give the right units, perhaps --unit angle=deg"
+            )
+            yield Finding(kind=f"gear of {name}", repaired=False, text=text)
+    if len(known) < 2:
+        return
+    first, second = known["angle_1"], known["angle_2"]
+    ratio = second / first
+    names = f"'{recording.name('angle_1')}' turns {ratio:.4g} times as far as '{recording.name('angle_2')}'"
+    if ratio < 0:
+        text = f"{recording.label}: {names}, but both drive one gear and turn alike: one has another sign"
+        yield Finding(kind="sign of a shaft", repaired=False, text=text)
+    for factor in (180 / np.pi, 1e3):
+        if abs(abs(np.log(abs(ratio))) - np.log(factor)) < 0.05:
+            column = "angle_1" if abs(ratio) > 1 else "angle_2"
+            unit = "mrad" if factor == 1e3 else "deg"
+            text = f"{recording.label}: {names}, which is the factor of a unit: try --unit {column}={unit}"
+            yield Finding(kind="unit of a shaft", repaired=False, text=text)
+
+
+def _pinion_torques(recording: Recording) -> Iterable[Finding]:
+    """Where the follower's torque was logged beside those of the pinions, it is their sum by the gears (eq. 2)."""
+    if "torque_1" not in recording.others or "torque_2" not in recording.others:
+        return
+    pinions = np.column_stack([recording.others["torque_1"], recording.others["torque_2"]])
+    size = np.abs(pinions).max(axis=0)
+    if not np.all(size > 0) or np.linalg.cond(pinions / size) > 1e3:
+        return
+    (first, second), *_ = np.linalg.lstsq(pinions / size, recording.command, rcond=None)
+    left = recording.command - pinions / size @ np.array([first, second])
+    if left @ left > 0.01 * float(recording.command @ recording.command):
+        return
+    first, second = first / size[0], second / size[1]
+    says = (
+        f"{recording.label}: '{recording.name('command')}' is {first:+.4g} '{recording.name('torque_1')}' "
+        f"{second:+.4g} '{recording.name('torque_2')}'"
+    )
+    if first * second < 0:
+        text = f"{says}, but two drives of one gear push the same way: one of the torques has another sign"
+        yield Finding(kind="sign of a torque", repaired=False, text=text)
+    elif max(first / second, second / first) > 50:
+        text = f"{says}, and no two gears differ so much: give the units of both, for example --unit torque_1='mN m'"
+        yield Finding(kind="unit of a torque", repaired=False, text=text)
+
+
+def _ratio(channel: Array, output: Array, recording: Recording, window: int | None = None) -> float | None:
+    """Slope of the output over a channel, or of their increments over a fiftieth of the log; None if unlike."""
+    sound = recording.valid
+    if window is not None:
+        span = max(1, len(output) // window)
+        sound = sound[span:] & sound[:-span]
+        channel, output = channel[span:] - channel[:-span], output[span:] - output[:-span]
+    asked, moved = channel[sound], output[sound]
+    if len(asked) < 2 or np.ptp(asked) == 0 or np.ptp(moved) == 0:
+        return None
+    asked, moved = asked - asked.mean(), moved - moved.mean()
+    size = float(asked @ asked) * float(moved @ moved)
+    shared = float(asked @ moved)
+    if size <= 0 or abs(shared) < _FOLLOWS * np.sqrt(size):
+        return None
+    return shared / float(asked @ asked)
