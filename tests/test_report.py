@@ -159,6 +159,81 @@ def test_the_page_loads_nothing_and_runs_nothing_of_the_user(page, outline):
     assert HOSTILE in "".join(outline.text)
 
 
+def sections(page: str) -> dict[str, str]:
+    """The text below each second heading, tags taken out, figures left in."""
+    return {part.split("<", 1)[0]: re.sub(r"</?[a-z][^>]*>", "|", part) for part in page.split("<h2>")[1:]}
+
+
+def sized(fit, size, **flags):
+    """The fit with another number and flags in its first line."""
+    return replace(fit, parameters=(replace(fit.parameters[0], value=size, **flags), *fit.parameters[1:]))
+
+
+def test_every_section_shows_its_own_numbers(diagnosis):
+    candidate = diagnosis.candidates[0]
+    tried = (
+        replace(candidate, effect="cogging", score=5.0, round=2),
+        replace(candidate, effect="stribeck_friction", score=7.0),
+        candidate,
+    )
+    told = replace(
+        diagnosis,
+        base=sized(replace(diagnosis.base, log=replace(diagnosis.base.log, repairs=("a repair",))), 11.25),
+        extended=sized(diagnosis.base, 22.5),
+        candidates=tried,
+        warnings=("a repair", "a warning"),
+    )
+    found = sections(diagnosis_page(told, Provenance.now(["antidrive"])))
+    parameters = found["Parameters of the extended model"]
+    assert "|22.5|" in parameters
+    assert "11.25" not in parameters
+    places = [found["What was tried"].index(name) for name in ("Coulomb friction", "Stribeck friction", "cogging")]
+    assert places == sorted(places)
+    assert found["The data"].count("a repair") == 1
+    assert found["The data"].count("a warning") == 1
+    odds = found["Its name, and how sure"]
+    assert [odds.count(f'"{share} %"') for share in (97, 2, 1)] == [1, 1, 1]
+
+
+def test_curves_are_drawn_before_and_after_only_where_there_is_an_after(diagnosis):
+    extended = sections(diagnosis_page(diagnosis, Provenance.now(["antidrive"])))
+    alone = replace(diagnosis, extended=diagnosis.base)
+    before = sections(diagnosis_page(alone, Provenance.now(["antidrive"])))
+    assert "Parameters of the base model" in before
+    named = '"name":"after naming"'
+    assert extended["Where it lives"].count(named) == len(diagnosis.missing_after.curves) > 0
+    assert named not in before["Where it lives"]
+
+
+def test_the_worst_runs_are_drawn(diagnosis):
+    (replay,) = diagnosis.replays
+    valid = replay.valid & (np.arange(replay.valid.size) > 10)
+    runs = [
+        # a masked sample may miss by anything
+        replace(replay, label=f"run {miss}", valid=valid, before=replay.measured + np.where(valid, miss, 1e3))
+        for miss in (0.2, 0.1, 0.4, 0.3)
+    ]
+    spoilt = replace(runs[1], before=np.where(valid, runs[1].before, 1e9))
+    page = sections(diagnosis_page(replace(diagnosis, replays=(runs[0], spoilt, *runs[2:])), Provenance.now([])))
+    assert re.findall(r"run 0\.\d", page["What is wrong"])[:3] == ["run 0.4", "run 0.3", "run 0.2"]
+    assert "1 more run not drawn" in page["What is wrong"]
+
+
+def test_a_fit_draws_its_worst_runs_and_flags_its_parameters(fitted):
+    run = fitted.log.runs[0]
+    misses = {"small": 0.1, "large": 0.4, "least": 0.0, "middle": 0.2}
+    runs = tuple(replace(run, label=label) for label in misses)
+    many = sized(replace(fitted, log=replace(fitted.log, runs=runs)), 1.5, at_bound=True)
+    page = sections(fit_page(many, [run.output + miss for miss in misses.values()], Provenance.now(["antidrive"])))
+    drawn = re.findall(r"\|(small|large|least|middle)\|", page["Measured and simulated"])
+    assert drawn == ["large", "middle", "small"]
+    assert page["Parameters"].count("at bound") == 1
+    assert "fixed" not in page["Parameters"]
+    held = fit_page(sized(fitted, 1.5, fixed=True), [run.output], Provenance.now(["antidrive"]))
+    assert sections(held)["Parameters"].count("fixed") == 1
+    assert "at bound" not in sections(held)["Parameters"]
+
+
 def test_figures_are_json_of_few_points(outline):
     assert len(outline.figures) >= 7
     for text in outline.figures:
