@@ -39,14 +39,16 @@ def split(log: Log) -> tuple[Log, Log, str]:
     return replace(log, runs=(first,)), replace(log, runs=(last,)), sentence
 
 
-def scoring_window(base: Fit) -> float | None:
-    """Seconds between restarts of the scoring simulation; None for whole runs.
+def scoring_window(*path: Fit) -> float | None:
+    """Seconds between restarts of the scoring simulation of a path of models; None for whole runs.
 
     Without gravity or a position loop a servo integrates, and the error of a long simulation shows drift, not physics.
     The same holds where the base model, simulated freely over the runs that it was fitted to, does worse than a
-    constant.
+    constant, and for effects that are chaotic.
     """
-    log, model = base.log, base.model
+    log, model = path[0].log, path[0].model
+    if any(effect.chaotic for fit in path for effect in fit.model.effects):
+        return _WINDOW
     closed = any(np.any(run.servo_gain) for run in log.runs)
     torque = np.concatenate([run.command for run in log.runs])
     holds = model.axis == "rotary" and abs(model.gravity) > 0.02 * float(np.sqrt(np.mean(torque**2)))
@@ -69,7 +71,7 @@ def simulation_gain(before: Fit, after: Fit) -> float:
 
     One-step predictions alone can prefer a term that bends the model the wrong way over longer times.
     """
-    window = scoring_window(before)
+    window = scoring_window(before, after)
     if window is None:
         return standard_errors(_squared_from_fit(before) - _squared_from_fit(after))
     (old, _), (new, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
@@ -96,7 +98,7 @@ def standard_errors(gained: Array) -> float:
 
 def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[float], tuple[Replay, ...]]:
     """Gain of the last fit of a path over the first, the error after each step of it, and the runs replayed."""
-    window = scoring_window(path[0])
+    window = scoring_window(*path)
     squares = [squared_errors(held_out, fit.model, window) for fit in path]
     scored = [(float(np.sqrt(np.mean(square))), simulated) for square, simulated in squares]
     errors = [error for error, _ in scored]

@@ -26,8 +26,10 @@ from plant.effects import Effect, Motion, Trace
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
-_LONG_SEARCH = 100  # shapes from which a search counts as long
-_NEAR = 0.5  # share of the best shape's evidence that makes another shape a start of its own
+_NEAR = (
+    0.4  # share of the best shape's evidence that makes another shape a start of its own, where there are many peaks
+)
+_STARTS = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,15 +98,14 @@ class Screen:
         for name, tried in shapes.items():
             tried.sort(key=lambda shape: -shape[0])
             evidence, trace, _ = tried[0]
-            # A coarse grid of shapes has one basin; a long search may have its best peak beside the right one.
-            near = [start for e, _, start in tried if e > _NEAR * evidence] if trace.searched > _LONG_SEARCH else []
+            near = [start for e, _, start in tried if e > _NEAR * evidence] if effects[name].rugged else []
             suspects.append(
                 Suspect(
                     name=name,
                     evidence=evidence,
                     columns=trace.columns.shape[1],
                     searched=trace.searched,
-                    starts=tuple(near[:3]) or (tried[0][2],),
+                    starts=tuple(near[:_STARTS]) or (tried[0][2],),
                 )
             )
         return sorted(suspects, key=lambda suspect: -suspect.score)

@@ -21,6 +21,7 @@ _REFITS = 5  # effects refitted in one round because they are close to the leade
 _WORTH = 0.2  # share of the leader's evidence that counts as close
 _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
 _ROUNDS = 6
+_DESCENTS = 2  # starts of one effect that are followed to the end
 _SIGNIFICANT = 2.0  # standard errors
 _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
 
@@ -92,8 +93,7 @@ def _one_round(
     for suspect in _worth_a_refit(suspects, scores, refits):
         if progress is not None:
             progress(f"round {number}: refitting with {suspect.starts[0].title}")
-        fits = [refit(fit, start) for start in suspect.starts]
-        tried = refits[suspect.name] = max(fits, key=lambda found: found.log_likelihood)
+        tried = refits[suspect.name] = refit(fit, *suspect.starts)
         scores[suspect.name] = scored(suspect, evidence_of(tried, fit), parameter_cost(tried, fit))
     for name, simpler in _reduced_leaders(fit, refits, scores):
         refits[name] = simpler
@@ -218,11 +218,14 @@ def evidence_of(fit: Fit, than: Fit) -> float:
     return rise / max(widening, 1.0)
 
 
-def refit(fit: Fit, effect: Effect) -> Fit:
-    """Fit the model with one effect more, from where the screen says it is."""
-    model = fit.model.with_effect(effect)
-    kept = [name for name in _fixed(fit) if name in model.names]
-    return Problem.of(fit.log, model, fixed=kept).descend(fit)
+def refit(fit: Fit, *starts: Effect) -> Fit:
+    """Fit the model with one effect more, from where the screen says it is: from the starts that get on best."""
+    models = [fit.model.with_effect(start) for start in starts]
+    kept = [name for name in _fixed(fit) if name in models[0].names]
+    problems = [Problem.of(fit.log, model, fixed=kept) for model in models]
+    if len(problems) > _DESCENTS:
+        problems = sorted(problems, key=lambda problem: problem.glance(fit))[:_DESCENTS]
+    return max((problem.descend(fit) for problem in problems), key=lambda found: found.log_likelihood)
 
 
 def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:

@@ -163,13 +163,7 @@ class Problem:
         Args:
             start: parameters of the same name and initial states are taken over; new ones start at the model's values.
         """
-        values = self.model.values
-        for place, name in enumerate(self.model.names):
-            if name in start.model.names and place in self.free:
-                values[place] = start.model.values[start.model.names.index(name)]
-        values = np.where(np.isin(self.model.names, start.model.names), values, self.model.values)
-        point, evaluations = self.pack(values, start.initial), 0
-        bandwidth = start.bandwidth
+        point, bandwidth = self._taken_over(start), start.bandwidth
         if self.model.slides and not start.model.slides:
             for width in self.widths()[1:3]:
                 point = self.minimise(point, bandwidth, width, iterations=3).point
@@ -189,6 +183,19 @@ class Problem:
                 trials[0.0] = self._trial(best.point, 0.0, iterations=10)
         evaluations = sum(trial.minimum.evaluations for trial in trials.values())
         return self._result(*self._refined(trials), evaluations)
+
+    def glance(self, start: Fit) -> float:
+        """Cost after a few iterations from another fit, at its bandwidth: whether a start is worth a descent."""
+        return self.minimise(self._taken_over(start), start.bandwidth, 0.0, iterations=4).equations.cost
+
+    def _taken_over(self, start: Fit) -> Array:
+        """The point (F + 2R,) with parameters of the same name and initial states from another fit."""
+        values = self.model.values
+        for place in self.free:
+            name = self.model.names[place]
+            if name in start.model.names:
+                values[place] = start.model.values[start.model.names.index(name)]
+        return self.pack(values, start.initial)
 
     def output_error(self, start: Fit) -> Fit | None:
         """The fit of a free simulation near another fit of the same model, None where there is no hope for one."""

@@ -30,6 +30,8 @@ class Backlash(Effect):
     )
     trace = "dwell and a knock at each reversal of the torque"
     confused_with = ("dead_zone", "compliance", "presliding_hysteresis")
+    rugged = True
+    chaotic = True
     states = (State.ANGLE, State.VELOCITY)
     flexible = True
     longest_step = 6.25e-4
@@ -53,7 +55,7 @@ class Backlash(Effect):
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """The torque that is missing in the gap and the knock behind it, for gaps and shares on a grid."""
-        shares, samples = (0.1, 0.3, 0.6), (3.0, 8.0, 20.0, 50.0)
+        shares, samples = (0.1, 0.3, 0.6), np.geomspace(3.0, 60.0, 9)
         torque = motion.arriving(motion.torque)
         level = float(np.sqrt(np.mean(torque**2)))
         if level <= 0.0:

@@ -22,6 +22,7 @@ class Cogging(Effect):
     equation = r"\tau_c = A \sin(n x + \varphi)"
     trace = "order lines over angle, constant in torque"
     confused_with = ("encoder_eccentricity", "gravity_offset")
+    rugged = True
 
     amplitude: float = parameter("{torque}", "amplitude A", lower=0.0)
     order: float = parameter("rad/{angle}", "periods per turn n", lower=0.0)

@@ -89,6 +89,10 @@ class Effect:
     """States that it brings."""
     flexible: ClassVar[bool] = False
     """Whether it puts a motor of its own motion before the load; it then has the states ANGLE, VELOCITY of it."""
+    rugged: ClassVar[bool] = False
+    """Whether its likelihood has many peaks over its shape, so that a fit should start from several of them."""
+    chaotic: ClassVar[bool] = False
+    """Whether a small error grows without bound in a free simulation, so that only short pieces can be judged."""
     longest_step: ClassVar[float] = 0.005
     """Longest integration step that follows it [s]."""
     axes: ClassVar[tuple[Axis, ...]] = ("rotary", "linear")

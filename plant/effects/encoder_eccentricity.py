@@ -22,6 +22,7 @@ class EncoderEccentricity(Effect):
     equation = r"y = x + a \sin(n x + \varphi)"
     trace = "order lines in the position error that no torque explains"
     confused_with = ("cogging", "gravity_offset")
+    rugged = True
 
     amplitude: float = parameter("{angle}", "amplitude a", lower=0.0)
     order: float = parameter("rad/{angle}", "periods per turn n", lower=0.0)

@@ -26,6 +26,7 @@ class PayloadChange(Effect):
     equation = r"J \leftarrow J + \Delta J,\; \alpha \leftarrow \alpha + \Delta\alpha \quad (t > t^*)"
     trace = "an error that begins at a time"
     confused_with = ("friction_drift",)
+    rugged = True
     axes = ("rotary",)
 
     time: float = parameter("s", "instant t* on the log's clock")

@@ -22,6 +22,7 @@ class PeriodicDisturbance(Effect):
     equation = r"\tau_p = A \sin(2\pi f t + \varphi)"
     trace = "a line in time, not in angle"
     confused_with = ("cogging",)
+    rugged = True
 
     amplitude: float = parameter("{torque}", "amplitude A", lower=0.0)
     frequency: float = parameter("Hz", "frequency f", lower=0.0)
