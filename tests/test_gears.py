@@ -27,6 +27,8 @@ def test_the_papers_train() -> None:
     assert np.rad2deg(gears.load_speed(motor_speed)) == pytest.approx(120.9, abs=0.05)
     assert gears.torque_map == pytest.approx([-8.05, -8.05])
     assert gears.null_vector == pytest.approx([20, -20])
+    # of unequal pinions the first one gives the ratio
+    assert GearTrain(pinion_teeth=(20, 31), follower_teeth=161, stages=((46, 23),)).ratio == pytest.approx(16.1)
 
 
 def test_the_particular_solution_is_the_printed_one() -> None:

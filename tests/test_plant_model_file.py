@@ -44,6 +44,22 @@ def test_a_model_comes_back_to_the_last_digit(effect: Effect, tmp_path: Path) ->
     assert [path.name for path in tmp_path.iterdir()] == ["model.json"]
 
 
+def test_a_disk_that_fills_up_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "model.json"
+    ModelFile(model=ServoModel.paper(), std={}).write(path)
+    before = path.read_bytes()
+
+    def full(self: Path, text: str) -> int:
+        with self.open("w") as file:
+            file.write(text[:20])
+        raise OSError("no space left")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(OSError, match="no space"):
+        ModelFile(model=ServoModel(inertia=7.0, gravity=0.0), std={}).write(path)
+    assert path.read_bytes() == before
+
+
 def test_a_linear_axis_comes_back(tmp_path: Path) -> None:
     model = ServoModel(inertia=95.0, gravity=0.0, viscous_friction=200.0, axis="linear")
     ModelFile(model=model, std={}).write(tmp_path / "model.json")

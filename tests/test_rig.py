@@ -181,28 +181,36 @@ def test_halving_the_fine_step_halves_the_error() -> None:
     assert used / halved == pytest.approx(2.1, abs=0.4)
 
 
-def test_the_smooth_load_follows_an_independent_integrator() -> None:
+@pytest.mark.parametrize("torque", [3.0, -3.0])
+def test_the_moving_load_follows_an_independent_integrator(torque: float) -> None:
     from scipy.integrate import solve_ivp
 
     rig = Rig.paper_like(
         gravity_offset=0.3,
+        coulomb_friction=0.2,
+        breakaway_excess=0.6,
+        stribeck_velocity=0.4,
         quadratic_drag=0.4,
         cogging_amplitude=0.2,
         cogging_order=6.0,
         cogging_phase=0.7,
         torque_offset=0.1,
         motor_coulomb=0.0,
-        motor_viscous=0.0,
+        motor_viscous=1e-5,
     )
-    torque = 3.0
-    record = rig.run(np.tile(rig.gears.split(torque, 0.3 / 20), (200, 1)), SAMPLE_TIME, seed=0)
+    pushes = np.where(np.arange(200) < 100, 0.4, -0.6)
+    commands = np.tile(rig.gears.split(torque, 0.3 / 20), (200, 1))
+    record = rig.run(commands, SAMPLE_TIME, seed=0, start=rig.rest(torques=commands[0]), disturbance=pushes)
+    viscous = 0.8 + 2 * 1e-5 * (161 / 20 * 46 / 18 * 41 / 17 * 42 / 21) ** 2
 
-    def slope(_: float, z: Array) -> list[float]:
+    def slope(t: float, z: Array) -> list[float]:
         x, v = z
-        load = torque + 0.1 - 0.5 * np.cos(x) - 0.3 * np.sin(x) - 0.8 * v - 0.4 * v * abs(v)
+        load = torque + 0.1 - 0.5 * np.cos(x) - 0.3 * np.sin(x) - viscous * v - 0.4 * v * abs(v)
+        load += (0.4 if t < 0.5 else -0.6) - np.sign(torque) * (0.2 + 0.6 * np.exp(-((v / 0.4) ** 2)))
         return [v, (load + 0.2 * np.sin(6.0 * x + 0.7)) / rig.total_inertia]
 
-    rigid = solve_ivp(slope, (0, 1), [0.0, 0.0], t_eval=record.time, rtol=1e-9, atol=1e-12)
+    rigid = solve_ivp(slope, (0, 1), [0.0, 0.0], t_eval=record.time, rtol=1e-9, atol=1e-12, max_step=SAMPLE_TIME)
+    assert np.all(record.velocity[1:] * torque > 0.0)
     assert record.true_angle == pytest.approx(rigid.y[0], abs=2e-4)
 
 
@@ -216,11 +224,18 @@ def test_the_encoder_counts() -> None:
     rng = np.random.default_rng(0)
     reads = [noisy.measure(noisy.rest(), rng) for _ in range(2000)]
     assert np.std(reads) == pytest.approx(1e-3, rel=0.1)
+    coarse = Rig.paper_like(encoder_counts=1000, encoder_noise=1e-2)
+    in_counts = np.array([coarse.measure(coarse.rest(), rng) for _ in range(50)]) / (2 * np.pi / 1000)
+    assert in_counts == pytest.approx(np.round(in_counts), abs=1e-9)
+    assert np.ptp(in_counts) > 1
 
 
 def test_motors_turn_by_the_whole_ratio() -> None:
     rig = Rig.paper_like(backlash=0.0, motor_encoder_counts=0)
     assert rig.motor_angles(rig.rest(0.1)) == pytest.approx([-0.1 * 99.231, -0.1 * 99.231], rel=1e-5)
+    step = 2 * np.pi / 100
+    counted = replace(rig, motor_encoder_counts=100).motor_angles(rig.rest(0.1)) / step
+    assert counted == pytest.approx(np.round(-0.1 * 99.231 / step) * np.ones(2), abs=1e-9)
 
 
 def test_equal_seeds_give_equal_records() -> None:
