@@ -1,60 +1,62 @@
-"""Does something remain that has no name? Curves over one variable compete with the catalogue on the same footing."""
+"""What has no name: curves over one variable compete on the catalogue's footing, and carry the gain without a name."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from diagnosis.odds import schwarz_cost, score
 from diagnosis.screen import Screen
-from plant.effects import Motion, TorqueOffset, Trace
-from plant.effects.effect import Array
+from diagnosis.search import evidence_of, holds_up, refit
+from identification.fit_result import Fit
+from plant.effects import CoulombFriction, Trace
+from plant.effects.curve import KNOTS, Curve, curves
 
-_KNOTS = 8
 _CLEARS = np.log(1000.0)  # score that a curve needs before it is believed
+_MOST = 2  # curves that a model may carry
 
 
-def unnamed_dependence(screen: Screen) -> tuple[tuple[str, float], ...]:
-    """Variables over which a smooth curve of missing torque would explain more than chance, with the curve's score.
+def unnamed_dependence(fit: Fit) -> tuple[tuple[str, float, Curve], ...]:
+    """Variables over which a curve of missing torque would explain more than chance: with its score and the curve.
 
     Over velocity the curve has a jump at zero besides, so that dry friction does not pass for a smooth curve's failure.
     """
-    motion = screen.motion
-    linear = screen.fit.log.axis == "linear"
-    variables = {
-        "velocity": motion.velocity,
-        "position" if linear else "angle": motion.angle,
-        "force" if linear else "torque": motion.torque,
-        "time": motion.time + 0.0,
-    }
-    names = [name for name, values in variables.items() if np.ptp(values) > 0.0]
-    traces = [_trace(_columns(name, variables[name], motion)) for name in names]
-    found = {}
-    for name, trace, (evidence, _) in zip(names, traces, screen.regress(traces, discounted=True), strict=True):
-        found[name] = score(
-            evidence,
-            cost=schwarz_cost(trace.columns.shape[1], screen.fit.samples),
-            searched=1,
-            catalogue=len(names),
-        )
-    clearing = [(name, value) for name, value in found.items() if value > _CLEARS]
-    return tuple(sorted(clearing, key=lambda item: -item[1]))
+    held = {effect.name for effect in fit.model.effects}
+    asked = {variable: kind for variable, kind in curves.items() if kind.name not in held}
+    found: dict[str, tuple[float, Curve]] = {}
+    for screen, loss in Screen.views(fit):
+        traces = [(variable, trace) for variable, kind in asked.items() for trace in kind.traces(screen.motion)]
+        tried = [_with_jump(trace, screen) if variable == "velocity" else trace for variable, trace in traces]
+        answers = screen.regress(tried, discounted=True)
+        for (variable, trace), (evidence, coefficients) in zip(traces, answers, strict=True):
+            cost = schwarz_cost(coefficients.size, fit.samples)
+            value = score(evidence - loss, cost=cost, searched=1, catalogue=len(asked))
+            curve = trace.start(coefficients[: trace.columns.shape[1]])
+            if value > max(_CLEARS, found[variable][0] if variable in found else 0.0) and isinstance(curve, Curve):
+                found[variable] = value, curve
+    ranked = sorted(found.items(), key=lambda item: -item[1][0])
+    return tuple((variable, value, curve) for variable, (value, curve) in ranked)
 
 
-def _columns(name: str, values: Array, motion: Motion) -> Array:
-    basis = spline_basis(values)
-    return np.column_stack((basis, motion.sign)) if name == "velocity" else basis
+def _with_jump(trace: Trace, screen: Screen) -> Trace:
+    columns = np.column_stack((trace.columns, screen.motion.sign))
+    return Trace(columns=columns, start=lambda c: CoulombFriction(torque=0.0))
 
 
-def _trace(columns: Array) -> Trace:
-    return Trace(columns=columns, start=lambda c: TorqueOffset(torque=0.0))
+def carried(fit: Fit) -> tuple[Fit, ...]:
+    """The fit with an unnamed curve more, and another, as long as they pay and hold up unseen."""
+    path: list[Fit] = []
+    while len(path) < _MOST:
+        at = path[-1] if path else fit
+        longer = _one_more(at)
+        if longer is None:
+            break
+        path.append(longer)
+    return tuple(path)
 
 
-def spline_basis(values: Array, knots: int = _KNOTS) -> Array:
-    """(T, knots) cubic B-splines over the range that holds 99 % of the values; flat outside."""
-    low, high = np.quantile(values, [0.005, 0.995])
-    if not high > low:
-        return np.zeros((values.size, 0))
-    inner = np.linspace(low, high, knots - 2)
-    grid = np.concatenate(([low] * 3, inner, [high] * 3))
-    return np.asarray(BSpline.design_matrix(np.clip(values, low, high), grid, 3).toarray())
+def _one_more(fit: Fit) -> Fit | None:
+    for _, _, curve in unnamed_dependence(fit):
+        after = refit(fit, curve, fixed=curve.shape())
+        if evidence_of(after, fit) > _CLEARS + schwarz_cost(KNOTS, fit.samples) and holds_up(fit, after):
+            return after
+    return None

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
-from diagnosis.curves import unnamed_dependence
+from diagnosis.candidates import Choice, chosen
+from diagnosis.curves import carried, unnamed_dependence
 from diagnosis.holdout import inverse_errors, measure_gain, remaining, split
 from diagnosis.missing_torque import MissingTorque, missing_torque
 from diagnosis.odds import NONE
 from diagnosis.result import Cause, Diagnosis, Verdict
-from diagnosis.screen import Screen
 from diagnosis.search import Addition, Outcome, estimates, search
 from identification.fit import base_model, fit
 from identification.fit_result import Fit
 from identification.log import Log
-from identification.problem import Problem
 from plant.servo import ServoModel
 
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
@@ -30,6 +29,8 @@ def diagnose(
     holdout: Log | None = None,
     *,
     fixed: Collection[str] = (),
+    candidates: Sequence[Choice] | None = None,
+    exclude: Collection[str] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Find out what a model misses in a log.
@@ -40,14 +41,18 @@ def diagnose(
             model and not a cause to be named.
         holdout: runs to measure the gain on; by default some runs of the log, or the last part of its only one.
         fixed: names of parameters of the base that keep their value.
+        candidates: effects that may be named, by their name in the catalogue or as classes; also effects that the
+            catalogue does not have. By default the whole catalogue.
+        exclude: names of effects that may not.
         progress: called with a line of text at each step.
 
     Returns:
         Verdict, causes, gain and the data of the pictures.
 
     Raises:
-        BadParameter: base and log do not fit together.
+        BadParameter: base and log do not fit together, or an effect is not known.
     """
+    effects = chosen(candidates, exclude)
     warnings = [*log.warnings, *log.repairs, *log.notes]
     if holdout is None:
         log, holdout, sentence = split(log)
@@ -57,17 +62,17 @@ def diagnose(
     null = fit(log, base_model(log) if base is None else base, fixed=fixed)
     if null.unidentifiable:
         warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
-    outcome = search(null, progress=progress)
+    outcome = search(null, effects, progress=progress)
     null = outcome.base
 
-    tell("measuring the gain on held-out data")
-    path = [null, *(addition.fit for addition in outcome.additions)]
-    gain, errors, replays = measure_gain(holdout, path)
-    tell("drawing what is missing")
-    final = outcome.fit
-    missing = missing_torque(final)
-    depends_on = _depends_on(final, missing, fixed)
+    tell("looking for what has no name")
+    missing = missing_torque(outcome.fit)
+    depends_on = _depends_on(outcome.fit, missing)
     unnamed = bool(depends_on) or missing.excess > _NOISE
+    path = [null, *(addition.fit for addition in outcome.additions), *(carried(outcome.fit) if unnamed else ())]
+    tell("measuring the gain on held-out data")
+    gain, errors, replays = measure_gain(holdout, path)
+    final = path[-1]
     return Diagnosis(
         verdict=_verdict(outcome, unnamed),
         causes=_causes(outcome, errors),
@@ -78,19 +83,18 @@ def diagnose(
         base=null,
         extended=final,
         missing_before=missing_torque(null),
-        missing_after=missing,
+        missing_after=missing_torque(final),
         candidates=outcome.candidates,
         replays=replays,
         whiteness=predictable_share(final.innovations),
     )
 
 
-def _depends_on(final: Fit, missing: MissingTorque, fixed: Collection[str]) -> tuple[str, ...]:
+def _depends_on(final: Fit, missing: MissingTorque) -> tuple[str, ...]:
     """Variables on which what remains depends: by the test of curves or, where much is missing, by the picture."""
-    problem = Problem.of(final.log, final.model, fixed=fixed)
-    tested = unnamed_dependence(Screen.of(final, problem, bandwidth=final.bandwidth))
+    tested = unnamed_dependence(final)
     if tested or missing.excess <= _NOISE:
-        return tuple(name for name, _ in tested)
+        return tuple(name for name, _, _ in tested)
     return tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
 
 
@@ -103,7 +107,7 @@ def _verdict(outcome: Outcome, unnamed: bool) -> Verdict:
 def _causes(outcome: Outcome, errors: list[float]) -> tuple[Cause, ...]:
     """The additions as causes, the one with the largest evidence first."""
     causes = []
-    for addition, before, after in zip(outcome.additions, errors[:-1], errors[1:], strict=True):
+    for addition, before, after in zip(outcome.additions, errors, errors[1:], strict=False):
         causes.append(
             Cause(
                 effect=addition.effect,

@@ -88,6 +88,21 @@ class Screen:
             filters=linear,
         )
 
+    @classmethod
+    def views(cls, fit: Fit) -> list[tuple[Screen, float]]:
+        """Screens at the fit's bandwidth and, where that is above zero, of the free simulation, if it is not hopeless.
+
+        An observer takes over part of what a small effect does; the free simulation shows all of it. Evidence in it
+        counts from the likelihood of the fit at hand: less the loss that comes with the screen.
+        """
+        fixed = tuple(p.name for p in fit.parameters if p.fixed)
+        problem = Problem.of(fit.log, fit.model, fixed=fixed)
+        views = [(cls.of(fit, problem, bandwidth=fit.bandwidth), 0.0)]
+        free = problem.output_error(fit) if fit.bandwidth else None
+        if free is not None:
+            views.append((cls.of(free, problem, bandwidth=0.0), fit.log_likelihood - free.log_likelihood))
+        return views
+
     def ask(self, effects: Mapping[str, type[Effect]]) -> list[Suspect]:
         """What each effect would explain, with its best trace; the most promising first."""
         asked = [(name, trace) for name, kind in effects.items() for trace in kind.traces(self.motion)]

@@ -14,6 +14,7 @@ from diagnosis.screen import Screen, Suspect
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects import Effect, catalogue
+from plant.effects.curve import Curve, curves
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
@@ -55,13 +56,15 @@ class Outcome:
         return self.additions[-1].fit if self.additions else self.base
 
 
-def search(base: Fit, *, progress: Callable[[str], None] | None = None) -> Outcome:
-    """Extend a fitted model by the effects that its log asks for."""
+def search(
+    base: Fit, effects: Mapping[str, type[Effect]] = catalogue, *, progress: Callable[[str], None] | None = None
+) -> Outcome:
+    """Extend a fitted model by those of the effects that its log asks for."""
     additions: list[Addition] = []
     candidates: list[Candidate] = []
     fit = base
     for number in range(1, _ROUNDS + 1):
-        found = _one_round(fit, number, candidates, progress)
+        found = _one_round(fit, effects, number, candidates, progress)
         if found is None:
             break
         better = _better_null(fit, found)
@@ -79,10 +82,17 @@ def search(base: Fit, *, progress: Callable[[str], None] | None = None) -> Outco
 
 
 def _one_round(
-    fit: Fit, number: int, candidates: list[Candidate], progress: Callable[[str], None] | None
+    fit: Fit,
+    effects: Mapping[str, type[Effect]],
+    number: int,
+    candidates: list[Candidate],
+    progress: Callable[[str], None] | None,
 ) -> Addition | None:
     """Ask every effect that the model does not hold; the winner if something is missing and it holds up unseen."""
-    asked = {name: kind for name, kind in catalogue.items() if _would_add(fit, kind)}
+    asked = {name: kind for name, kind in effects.items() if _would_add(fit, kind)}
+    if not asked:
+        return None
+    asked |= {kind.name: kind for kind in curves.values() if _would_add(fit, kind)}
     suspects = _screened(fit, asked)
 
     def scored(suspect: Suspect, evidence: float, cost: float) -> float:
@@ -93,9 +103,9 @@ def _one_round(
     for suspect in _worth_a_refit(suspects, scores, refits):
         if progress is not None:
             progress(f"round {number}: refitting with {suspect.starts[0].title}")
-        tried = refits[suspect.name] = refit(fit, *suspect.starts)
+        tried = refits[suspect.name] = refit(fit, *suspect.starts, fixed=_shape(asked[suspect.name]))
         scores[suspect.name] = scored(suspect, evidence_of(tried, fit), parameter_cost(tried, fit))
-    for name, simpler in _reduced_leaders(fit, refits, scores):
+    for name, simpler in _reduced_leaders(fit, asked, refits, scores):
         refits[name] = simpler
         cost = parameter_cost(simpler, fit)
         scores[name] = score(evidence_of(simpler, fit), cost=cost, searched=1, catalogue=len(asked))
@@ -119,7 +129,8 @@ def _one_round(
     if not refits or odds[NONE] > 1.0 - MISSING:
         return None
     winner = max(refits, key=lambda name: odds[name])
-    if not holds_up(fit, refits[winner]):
+    # A curve without a name that does better than every name: no name is believed.
+    if winner not in effects or not holds_up(fit, refits[winner]):
         return None
     return Addition(effect=winner, fit=refits[winner], odds=odds, evidence=evidence_of(refits[winner], fit))
 
@@ -132,23 +143,14 @@ def _better_null(fit: Fit, found: Addition) -> Fit | None:
 
 
 def _screened(fit: Fit, asked: Mapping[str, type[Effect]]) -> list[Suspect]:
-    """What the screen says at the fit's bandwidth and, where that is above zero, of the free simulation as well.
-
-    An observer takes over part of what a small effect does; the free simulation shows all of it. Its evidence counts
-    from the likelihood of the fit at hand.
-    """
-    problem = Problem.of(fit.log, fit.model, fixed=_fixed(fit))
-    suspects = Screen.of(fit, problem, bandwidth=fit.bandwidth).ask(asked)
-    if fit.bandwidth == 0.0:
-        return suspects
-    free = problem.output_error(fit)
-    if free is None:
-        return suspects
+    """What the screen says at the fit's bandwidth and of the free simulation, whichever promises more."""
+    (screen, _), *more = Screen.views(fit)
+    suspects = screen.ask(asked)
     lead = {suspect.name: suspect for suspect in suspects}
-    loss = fit.log_likelihood - free.log_likelihood
-    for suspect in Screen.of(free, problem, bandwidth=0.0).ask(asked):
-        if suspect.evidence - loss > lead[suspect.name].evidence:
-            lead[suspect.name] = replace(suspect, evidence=suspect.evidence - loss)
+    for free, loss in more:
+        for suspect in free.ask(asked):
+            if suspect.evidence - loss > lead[suspect.name].evidence:
+                lead[suspect.name] = replace(suspect, evidence=suspect.evidence - loss)
     return sorted(lead.values(), key=lambda suspect: -suspect.score)
 
 
@@ -161,7 +163,8 @@ def _worth_a_refit(
     for suspect in waiting:
         promise = scores[suspect.name]
         delivered = max((scores[name] for name in refits), default=-np.inf)
-        close = suspect.evidence >= _WORTH * leader and len(refits) < _REFITS
+        named = not isinstance(suspect.starts[0], Curve)
+        close = named and suspect.evidence >= _WORTH * leader and len(refits) < _REFITS
         if promise > _PROMISING and (close or promise > delivered):
             yield suspect
 
@@ -175,7 +178,9 @@ def _has_simpler_form(fit: Fit, name: str) -> bool:
     return unsaid or effect.vanishes(typical_speed(fit))
 
 
-def _reduced_leaders(fit: Fit, refits: Mapping[str, Fit], scores: Mapping[str, float]) -> list[tuple[str, Fit]]:
+def _reduced_leaders(
+    fit: Fit, asked: Mapping[str, type[Effect]], refits: Mapping[str, Fit], scores: Mapping[str, float]
+) -> list[tuple[str, Fit]]:
     """Special cases of the leading effect, fitted from its optimum, where that is better than their own refit was."""
     leader = max(refits, key=lambda name: scores[name], default=None)
     effect = refits[leader].model.effect(leader) if leader is not None else None
@@ -183,7 +188,7 @@ def _reduced_leaders(fit: Fit, refits: Mapping[str, Fit], scores: Mapping[str, f
         return []
     better = []
     for special in effect.reduced():
-        if _would_add(fit, type(special)):
+        if special.name in asked:
             model = fit.model.with_effect(special)
             again = Problem.of(fit.log, model, fixed=_fixed(fit)).descend(refits[leader])
             if special.name not in refits or again.log_likelihood > refits[special.name].log_likelihood:
@@ -195,6 +200,11 @@ def _would_add(fit: Fit, kind: type[Effect]) -> bool:
     """Whether an effect makes sense on this axis and is neither in the model nor a special case of one that is."""
     held = {name for effect in fit.model.effects for name in (effect.name, *effect.contains)}
     return kind.name not in held and fit.model.axis in kind.axes
+
+
+def _shape(kind: type[Effect]) -> tuple[str, ...]:
+    """Parameters of an effect that say where it is looked at, and are not fitted."""
+    return kind.shape() if issubclass(kind, Curve) else ()
 
 
 def _fixed(fit: Fit) -> tuple[str, ...]:
@@ -218,10 +228,10 @@ def evidence_of(fit: Fit, than: Fit) -> float:
     return rise / max(widening, 1.0)
 
 
-def refit(fit: Fit, *starts: Effect) -> Fit:
+def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
     """Fit the model with one effect more, from where the screen says it is: from the starts that get on best."""
     models = [fit.model.with_effect(start) for start in starts]
-    kept = [name for name in _fixed(fit) if name in models[0].names]
+    kept = [name for name in (*_fixed(fit), *fixed) if name in models[0].names]
     problems = [Problem.of(fit.log, model, fixed=kept) for model in models]
     if len(problems) > _DESCENTS:
         problems = sorted(problems, key=lambda problem: problem.glance(fit))[:_DESCENTS]

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from plant.effects import catalogue
+from plant.effects import Effect, catalogue
+from plant.effects.curve import curves
 from plant.effects.effect import parameters_of
 from plant.errors import AntidriveError, BadModelFile
 from plant.servo import ServoModel
@@ -86,7 +87,8 @@ def _parse(content: Any) -> ModelFile:
         raise BadModelFile(f"schema is {schema!r}; this version reads schemas 1 to {SCHEMA}.")
     std: dict[str, float | None] = {}
     own = _numbers(_mapping(content.get("parameters"), "parameters"), parameters_of(ServoModel), "parameters", "", std)
-    effects = []
+    effects: list[Effect] = []
+    known: dict[str, type[Effect]] = {**catalogue, **{curve.name: curve for curve in curves.values()}}
     listed = content.get("effects", [])
     if not isinstance(listed, list):
         raise BadModelFile("effects must be a list.")
@@ -94,9 +96,9 @@ def _parse(content: Any) -> ModelFile:
         where = f"effects[{place}]"
         entry = _mapping(entry, where)
         name = entry.get("name")
-        if not isinstance(name, str) or name not in catalogue:
+        if not isinstance(name, str) or name not in known:
             raise BadModelFile(f"{where}: unknown effect {name!r}; known are {', '.join(catalogue)}.")
-        kind = catalogue[name]
+        kind = known[name]
         given = _mapping(entry.get("parameters"), f"{where}.parameters")
         effects.append(kind(**_numbers(given, kind.parameters(), where, f"{name}.", std)))
     model = ServoModel(**own, effects=tuple(effects), axis=content.get("axis", "rotary"))

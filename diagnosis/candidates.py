@@ -1,0 +1,37 @@
+"""Which effects a diagnosis may name: the catalogue, a person's choice from it, and effects of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import TypeAlias
+
+from plant.effects import Effect, catalogue
+from plant.errors import BadParameter
+
+Choice: TypeAlias = "str | type[Effect]"
+
+
+def chosen(candidates: Sequence[Choice] | None, exclude: Collection[str]) -> Mapping[str, type[Effect]]:
+    """The effects to ask, by name.
+
+    Args:
+        candidates: names from the catalogue or classes of effects, also such as the catalogue does not have; None is
+            the whole catalogue.
+        exclude: names to leave out.
+
+    Raises:
+        BadParameter: a name that nobody knows, a class that is no effect, or nothing left to ask.
+    """
+    asked: dict[str, type[Effect]] = dict(catalogue) if candidates is None else {}
+    for choice in candidates or ():
+        kind = catalogue.get(choice) if isinstance(choice, str) else choice
+        if not (isinstance(kind, type) and issubclass(kind, Effect)):
+            raise BadParameter(f"candidates: {choice!r} is no effect; the catalogue has {', '.join(catalogue)}.")
+        asked[kind.name] = kind
+    unknown = sorted(set(exclude) - set(asked) - set(catalogue))
+    if unknown:
+        raise BadParameter(f"exclude: {unknown[0]!r} is no effect; the catalogue has {', '.join(catalogue)}.")
+    left = {name: kind for name, kind in asked.items() if name not in exclude}
+    if not left:
+        raise BadParameter("No effect is left to ask: take at least one candidate, or exclude fewer.")
+    return left

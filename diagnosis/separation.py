@@ -1,0 +1,240 @@
+"""How well a torque signal tells two fitted models apart: what is left when each has done its best to mimic the other.
+
+If A is true, B falls behind it, when its parameters and the initial state have moved by the best d, by
+
+    lambda = n/2 log(c + m / n),      m = |e + J d|^2 / sigma^2 + d' P^-1 d,
+
+with e the innovations of B's predictor on A's output, J their sensitivities, and P what the log leaves open of the
+parameters (Atkinson and Fedorov 1975, T-optimality, with a prior). For small m and c = 1 it is m / 2. B may also take
+what it misses for a load that fluctuates at random, and raise the bandwidth of its observer: e then shrinks, but the
+observer follows the measurement noise, which makes the variance of its innovations larger by the factor c.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Self
+
+import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+
+from identification.fit_result import Fit
+from identification.least_squares import NormalEquations, minimise
+from identification.log import Run
+from identification.predictor import Prediction, Predictor, observer_gain
+from plant.effects.effect import Array
+from plant.servo import ServoModel
+
+_RETUNING = 8  # iterations of a full refit to the other's output
+_BANDWIDTHS = (3.0, 10.0, 30.0)  # rad/s, to which a mimic may raise that of its observer
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rival:
+    """A fitted model, as far as the design of an experiment has to know it.
+
+    Attributes:
+        model: with the fitted values.
+        free: (F,) places of the parameters that a refit may move.
+        information: (F, F) what the log says about them, the inverse of their covariance.
+        noise_std: of one sample [rad or m].
+        bandwidth: of the observer [rad/s].
+        substeps: integration steps in one sample.
+    """
+
+    model: ServoModel
+    free: tuple[int, ...]
+    information: Array
+    noise_std: float
+    bandwidth: float
+    substeps: int
+
+    @classmethod
+    def of(cls, fit: Fit) -> Self:
+        """A fit as a rival; a direction that its log left open may move freely."""
+        std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+        scale = np.where(std > 0.0, std, 1.0)
+        correlation = fit.covariance / np.outer(scale, scale)
+        information = np.linalg.pinv(correlation, rcond=1e-9, hermitian=True) / np.outer(scale, scale)
+        return cls(
+            model=fit.model,
+            free=fit.free,
+            information=information,
+            noise_std=fit.noise_std,
+            bandwidth=fit.bandwidth,
+            substeps=fit.substeps,
+        )
+
+    def contains(self, other: Rival) -> bool:
+        """Whether the other's model is this one with a special case of one of its effects."""
+        theirs = {effect.name for effect in other.model.effects}
+        mine = {effect.name for effect in self.model.effects}
+        special = {name for effect in self.model.effects for name in effect.contains}
+        return theirs <= mine | special
+
+    def predict(self, run: Run, values: Array, initial: Array, bandwidth: float, *, slopes: bool) -> Prediction:
+        """One run under this model's structure."""
+        predictor = Predictor(model=self.model, runs=(run,), free=self.free if slopes else (), substeps=self.substeps)
+        with np.errstate(all="ignore"):
+            return predictor.predict(values, initial[None, :], bandwidth=bandwidth, width=0.0, sensitivities=slopes)[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Separation:
+    """What an experiment would tell: expected log-likelihood difference, and the share of it that a refit absorbs."""
+
+    log_odds: float
+    absorbed: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trial:
+    """A torque signal played into both rivals.
+
+    Attributes:
+        rivals: the two.
+        runs: the experiment as either would record it, without noise.
+        speed: largest under either [rad/s].
+        travel: least and largest angle under either [rad].
+    """
+
+    rivals: tuple[Rival, Rival]
+    runs: tuple[Run, Run]
+    speed: float
+    travel: tuple[float, float]
+
+    @classmethod
+    def play(cls, rivals: tuple[Rival, Rival], torque: Array, *, sample_time: float, start: float) -> Trial:
+        """Free simulation of both from rest at an angle."""
+        blank = blank_run(torque, sample_time)
+        initial = np.array([start, 0.0])
+        predictions = [rival.predict(blank, rival.model.values, initial, 0.0, slopes=False) for rival in rivals]
+        states = [np.nan_to_num(p.states[:2], nan=np.inf, posinf=np.inf, neginf=-np.inf) for p in predictions]
+        outputs = [np.nan_to_num(p.output, nan=0.0, posinf=0.0, neginf=0.0) for p in predictions]
+        return cls(
+            rivals=rivals,
+            runs=(replace(blank, output=outputs[0]), replace(blank, output=outputs[1])),
+            speed=max(float(np.abs(s[1]).max()) for s in states),
+            travel=(min(float(s[0].min()) for s in states), max(float(s[0].max()) for s in states)),
+        )
+
+    def separation(self, *, start: float, refitted: bool = False) -> Separation:
+        """The lesser of what the experiment tells if the one, or the other, is true.
+
+        A special case is no truth that counts here: the general form mimics it perfectly, and parsimony decides.
+
+        Args:
+            start: angle at which it begins at rest.
+            refitted: let the mimic iterate to its best, with any bandwidth, instead of to first order.
+        """
+        found = []
+        for truth, mimic, run in zip(self.rivals, reversed(self.rivals), self.runs, strict=True):
+            if mimic.contains(truth) and not truth.contains(mimic):
+                continue
+            task = _Mimicry(truth=truth, mimic=mimic, run=run, start=start)
+            found.append(task.settled() if refitted else task.first_order())
+        return min(found, key=lambda separation: separation.log_odds)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Mimicry:
+    """One rival's attempt to explain what the other would record."""
+
+    truth: Rival
+    mimic: Rival
+    run: Run
+    start: float
+
+    def first_order(self) -> Separation:
+        """After one step, at the larger of the two bandwidths."""
+        bandwidth = max(self.truth.bandwidth, self.mimic.bandwidth)
+        here = self._linearised(self._origin, bandwidth)
+        return self._worth(here.cost, here.cost - _explained(here) if np.isfinite(here.cost) else np.inf)
+
+    def settled(self) -> Separation:
+        """At the minimum, with the bandwidth that serves the mimic best."""
+        own = self.truth.bandwidth
+        quiet = noise_factor(own, self.run.sample_time)
+        specs = [self.mimic.model.parameters[place] for place in self.mimic.free]
+        lower = np.array([*(spec.lower for spec in specs), -np.inf, -np.inf])
+        upper = np.array([*(spec.upper for spec in specs), np.inf, np.inf])
+        found = []
+        for bandwidth in sorted({own, max(own, self.mimic.bandwidth), *(w for w in _BANDWIDTHS if w > own)}):
+            here = self._linearised(self._origin, bandwidth)
+            best = minimise(
+                lambda point, bandwidth=bandwidth: self._linearised(point, bandwidth),  # type: ignore[misc]
+                self._origin,
+                lower,
+                upper,
+                samples=len(self.run),
+                iterations=_RETUNING,
+                at_start=here,
+            )
+            louder = noise_factor(bandwidth, self.run.sample_time) / quiet
+            found.append(self._worth(here.cost, best.equations.cost, louder))
+        return min(found, key=lambda separation: separation.log_odds)
+
+    @property
+    def _origin(self) -> Array:
+        return np.concatenate((self.mimic.model.values[list(self.mimic.free)], (self.start, 0.0)))
+
+    def _linearised(self, point: Array, bandwidth: float) -> NormalEquations:
+        """The problem of the mimic's refit in units of the noise; its cost includes the noise that a log would hold."""
+        mimic, sigma, count = self.mimic, self.truth.noise_std, len(self.mimic.free)
+        values = mimic.model.values
+        values[list(mimic.free)] = point[:count]
+        seen = mimic.predict(self.run, values, point[count:], bandwidth, slopes=True)
+        moved = point[:count] - self._origin[:count]
+        with np.errstate(all="ignore"):
+            data = NormalEquations.of(seen.innovations / sigma, seen.jacobian / sigma)
+            pull = mimic.information @ moved
+            gradient, information = data.gradient.copy(), data.information.copy()
+            gradient[:count] += pull
+            information[:count, :count] += mimic.information
+            cost = data.cost + float(moved @ pull) + len(self.run)
+        return NormalEquations(cost=cost, gradient=gradient, information=information)
+
+    def _worth(self, before: float, after: float, louder: float = 1.0) -> Separation:
+        """From the cost with the fitted parameters and with those that mimic best."""
+        samples = len(self.run)
+        whole, left = before - samples, min(max(after - samples, 0.0), before - samples)
+        if not np.isfinite(left) or whole <= 0.0:
+            return Separation(log_odds=0.0, absorbed=1.0)
+        log_odds = 0.5 * samples * float(np.log(louder + left / samples))
+        return Separation(log_odds=log_odds, absorbed=1.0 - left / whole if np.isfinite(whole) else 1.0)
+
+
+@lru_cache(maxsize=64)
+def noise_factor(bandwidth: float, sample_time: float) -> float:
+    """By how much an observer that follows the measurement noise raises the variance of its innovations [-]."""
+    gain = observer_gain(bandwidth, np.array([sample_time]))
+    if not gain.any():
+        return 1.0
+    step = np.array([[1.0, sample_time], [0.0, 1.0]])
+    push = step @ gain
+    spread = solve_discrete_lyapunov(step - push @ np.array([[1.0, 0.0]]), push @ push.T)
+    return 1.0 + float(spread[0, 0])
+
+
+def _explained(equations: NormalEquations) -> float:
+    """Fall of the cost that one Gauss-Newton step promises."""
+    scale = np.sqrt(np.maximum(np.diag(equations.information), 1e-300))
+    values, vectors = np.linalg.eigh(equations.information / np.outer(scale, scale))
+    known = values > 1e-12 * values.max(initial=0.0)
+    pull = vectors[:, known].T @ (equations.gradient / scale)
+    return float(np.sum(pull**2 / values[known]))
+
+
+def blank_run(torque: Array, sample_time: float) -> Run:
+    """A torque (T,) as a run whose output is still to be recorded."""
+    nothing = np.zeros(torque.size)
+    return Run(
+        label="separating experiment",
+        number=0,
+        time=np.arange(torque.size, dtype=float) * sample_time,
+        command=torque,
+        output=nothing,
+        valid=np.ones(torque.size, dtype=bool),
+        servo_gain=nothing,
+    )
