@@ -15,10 +15,12 @@ from identification.equation_error import Profile, profiles
 from identification.recording import Finding, Recording
 
 # A held command acts half a sample late, and some loggers write it at the end of its sample: less is no fault.
-_LEAST_SAMPLES, _LEAST_TIME = 1.5, 0.002
+_LEAST_SAMPLES, _LEAST_TIME = 1.5, 0.004
 _LONG_SAMPLES, _LONG_TIME = 10.0, 0.15
 _EVIDENCE = 15.0  # log-likelihood
-_WRONG_SIGN, _FEEDBACK = 0.2, 0.5  # shares: left unexplained at most, explained by feedback at most
+_ONE_TIME, _WRONG_SIGN = 0.1, 0.2  # share of the acceleration that is left unexplained, at most
+_AT_ONCE = 0.1  # [s] delay with which a wrong sign is told
+_FEEDBACK = 0.5  # share of the command that the output and its speed explain, at most
 
 
 def cause_and_effect(recording: Recording) -> Iterable[Finding]:
@@ -54,6 +56,9 @@ def _lag(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
         )
         yield Finding(kind="lag", repaired=False, text=text)
     elif -max(lags) > max(_LONG_SAMPLES * dt, _LONG_TIME):
+        # A slow drive is late too, but not by one time throughout, so that more is left over.
+        if any(profile.residual[profile.best] > _ONE_TIME for profile in found):
+            return
         if any(profile.evidence(1.5 * profile.lag, 0.5 * profile.lag) < _EVIDENCE for profile in found):
             return
         text = (
@@ -75,7 +80,7 @@ def _sign(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
         at_once = int(np.argmin(np.abs(profile.shifts)))
         if profile.slope[profile.best] > 0 or profile.slope[at_once] > 0:
             return
-        if abs(profile.lag) > 0.02 + 2 * profile.sample_time:
+        if not -_AT_ONCE < profile.lag < 2 * profile.sample_time:
             return
         if profile.residual[profile.best] > _WRONG_SIGN or profile.feedback > _FEEDBACK:
             return

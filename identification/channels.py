@@ -24,6 +24,7 @@ _ANGLES = (
 )
 _LENGTHS = ((1e3, "mm", "m"), (1e-3, "m", "mm"), (1e6, "um", "m"), (1e-6, "m", "um"))
 _FOLLOWS = 0.9  # correlation of a servo's output with its goal
+_TEETH = 0.35  # logarithm of the ratio of two pinions of one gear
 _SLOW_TO_FAST = 3.0  # a reducing gear's load does not move so many times as fast as the motor
 
 
@@ -57,7 +58,7 @@ def _unit_of(recording: Recording, name: str) -> Finding | None:
     column = "angle" if recording.axis == "rotary" else "position"
     for factor, of_output, of_wanted in _ANGLES if recording.axis == "rotary" else _LENGTHS:
         if ratio > 0 and abs(np.log(ratio / factor)) < 0.15:
-            option = f"{column}={of_output}" if factor > 1 or of_wanted in ("rad", "m") else f"{name}={of_wanted}"
+            option = f"{name}={of_wanted}" if of_output in ("rad", "m") else f"{column}={of_output}"
             text = (
                 f"{recording.label}: '{output}' moves {ratio:.4g} times as far as '{asked}' asks, which is the factor "
                 f"of a unit: try --unit {option}, or give the right unit of one of them"
@@ -93,10 +94,10 @@ def _shafts(recording: Recording) -> Iterable[Finding]:
         text = f"{recording.label}: {names}, but both drive one gear and turn alike: one has another sign"
         yield Finding(kind="sign of a shaft", repaired=False, text=text)
     for factor in (180 / np.pi, 1e3):
-        if abs(abs(np.log(abs(ratio))) - np.log(factor)) < 0.05:
+        if abs(abs(np.log(abs(ratio))) - np.log(factor)) < _TEETH:
             column = "angle_1" if abs(ratio) > 1 else "angle_2"
             unit = "mrad" if factor == 1e3 else "deg"
-            text = f"{recording.label}: {names}, which is the factor of a unit: try --unit {column}={unit}"
+            text = f"{recording.label}: {names}, which is about the factor of a unit: try --unit {column}={unit}"
             yield Finding(kind="unit of a shaft", repaired=False, text=text)
 
 

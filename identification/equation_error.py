@@ -17,7 +17,7 @@ import numpy as np
 from identification.recording import Array, Recording
 
 WIDTHS = (0.01, 0.02, 0.04, 0.08, 0.16)  # standard deviations of the filter [s]
-EXPLAINED = 0.5  # a filter serves if this share of the acceleration that the motion leaves is the command's
+UNEXPLAINED = 0.3  # a filter serves if the command leaves less of the acceleration that the motion terms leave
 _NARROWEST = 1.5  # samples
 _LONGEST = 40_000  # samples that are looked at
 _ROWS = 3000  # of them enter the regression
@@ -56,7 +56,7 @@ class Profile:
     def serves(self) -> bool:
         """True if the command explains the motion, at a shift within reach."""
         inside = 0 < self.best < len(self.shifts) - 1
-        return inside and bool(self.residual[self.best] < EXPLAINED)
+        return inside and bool(self.residual[self.best] < UNEXPLAINED)
 
     @property
     def lag(self) -> float:

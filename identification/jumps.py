@@ -34,8 +34,11 @@ def find_jumps(values: Array, time: Array, step: float) -> tuple[NDArray[np.int6
     steps = np.diff(time)[_SIDE - 1 : count - _SIDE]
     candidate &= steps < 1.5 * np.median(steps)
     places = np.flatnonzero(candidate)
-    # One jump shows at its neighbours too: keep the greatest within a window.
-    places = np.array([p for p in places if excess[p] == excess[max(0, p - _SIDE) : p + _SIDE + 1].max()], dtype=int)
+    # One jump may show at its neighbours too: keep the greatest within a window.
+    standing = np.where(candidate, excess, 0.0)
+    places = np.array(
+        [p for p in places if standing[p] == standing[max(0, p - _SIDE) : p + _SIDE + 1].max()], dtype=int
+    )
     if len(places) == 0:
         return none
     away = np.ones(len(excess), dtype=bool)
