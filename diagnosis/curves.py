@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from diagnosis.odds import schwarz_cost, score
 from diagnosis.screen import Screen
@@ -28,8 +29,7 @@ def unnamed_dependence(fit: Fit) -> tuple[tuple[str, float, Curve], ...]:
         tried = [_with_jump(trace, screen) if variable == "velocity" else trace for variable, trace in traces]
         answers = screen.regress(tried, discounted=True)
         for (variable, trace), (evidence, coefficients) in zip(traces, answers, strict=True):
-            cost = schwarz_cost(coefficients.size, fit.samples)
-            value = score(evidence - loss, cost=cost, searched=1, catalogue=len(asked))
+            value = score(evidence - loss, cost=0.0, searched=1, catalogue=len(asked))
             curve = trace.start(coefficients[: trace.columns.shape[1]])
             if value > max(_CLEARS, found[variable][0] if variable in found else 0.0) and isinstance(curve, Curve):
                 found[variable] = value, curve
@@ -39,7 +39,8 @@ def unnamed_dependence(fit: Fit) -> tuple[tuple[str, float, Curve], ...]:
 
 def _with_jump(trace: Trace, screen: Screen) -> Trace:
     columns = np.column_stack((trace.columns, screen.motion.sign))
-    return Trace(columns=columns, start=lambda c: CoulombFriction(torque=0.0))
+    prior = None if trace.prior is None else block_diag(trace.prior, np.eye(1))
+    return Trace(columns=columns, prior=prior, start=lambda c: CoulombFriction(torque=0.0))
 
 
 def carried(fit: Fit) -> tuple[Fit, ...]:

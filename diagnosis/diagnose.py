@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,9 +11,9 @@ from diagnosis.candidates import Choice, chosen
 from diagnosis.curves import carried, unnamed_dependence
 from diagnosis.holdout import inverse_errors, measure_gain, remaining, split
 from diagnosis.missing_torque import MissingTorque, missing_torque
-from diagnosis.odds import NONE
+from diagnosis.odds import NONE, parameter_cost
 from diagnosis.result import Cause, Diagnosis, Verdict
-from diagnosis.search import Addition, Outcome, estimates, search
+from diagnosis.search import Addition, Outcome, estimates, evidence_of, search
 from identification.fit import base_model, fit
 from identification.fit_result import Fit
 from identification.log import Log
@@ -69,7 +70,13 @@ def diagnose(
     missing = missing_torque(outcome.fit)
     depends_on = _depends_on(outcome.fit, missing)
     unnamed = bool(depends_on) or missing.excess > _NOISE
-    path = [null, *(addition.fit for addition in outcome.additions), *(carried(outcome.fit) if unnamed else ())]
+    nameless = carried(null) if depends_on and outcome.additions else ()
+    if nameless and _charged(nameless[-1], null) > _charged(outcome.fit, null):
+        # Names that explain less than a curve without a name are not believed.
+        outcome, missing = replace(outcome, additions=()), missing_torque(null)
+        depends_on = _depends_on(null, missing)
+    more = carried(outcome.fit) if unnamed else ()
+    path = [null, *(addition.fit for addition in outcome.additions), *more]
     tell("measuring the gain on held-out data")
     gain, errors, replays = measure_gain(holdout, path)
     final = path[-1]
@@ -88,6 +95,11 @@ def diagnose(
         replays=replays,
         whiteness=predictable_share(final.innovations),
     )
+
+
+def _charged(fit: Fit, than: Fit) -> float:
+    """Evidence of a fit over a simpler one, less the cost of its parameters."""
+    return evidence_of(fit, than) - parameter_cost(fit, than)
 
 
 def _depends_on(final: Fit, missing: MissingTorque) -> tuple[str, ...]:

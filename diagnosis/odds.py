@@ -15,9 +15,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from identification.fit_result import Fit
+from plant.effects.effect import Array
 
 NONE = "none"
 CLEAR = 0.9  # probability above which a name stands alone
+_SCALES = 9  # sizes of a curve that are tried
 MISSING = 0.99  # probability of "something is missing" that a name needs
 
 
@@ -52,6 +54,35 @@ def parameter_cost(fit: Fit, than: Fit) -> float:
         return schwarz
     laplace = float(np.sum(np.log(np.array(ranges, dtype=float))) - 0.5 * volume)
     return min(schwarz, max(laplace, 0.0))
+
+
+def smooth_evidence(regressors: Array, values: Array, prior: Array) -> tuple[float, Array]:
+    """Log Bayes factor of a smooth curve against none, and the curve.
+
+    The coefficients have a Gaussian prior of a given shape, whose size is taken at its best of a few and charged for
+    (MacKay 1992). A curve so pays for the bends that it uses and not for the knots that it has.
+
+    Args:
+        regressors: (T, m) with everything projected out that other parameters absorb.
+        values: (T,) to explain, likewise.
+        prior: (m, m) covariance up to a factor.
+    """
+    root = np.linalg.cholesky(prior)
+    variance = float(np.mean(values**2))
+    seen = regressors @ root
+    information, pull = seen.T @ seen / variance, seen.T @ values / variance
+    eigenvalues, vectors = np.linalg.eigh(information)
+    eigenvalues, along = np.maximum(eigenvalues, 0.0), vectors.T @ pull
+    top = float(eigenvalues.max(initial=0.0))
+    if top <= 0.0:
+        return 0.0, np.zeros(pull.size)
+    found = []
+    for size in np.geomspace(1.0, 1e8, _SCALES) / top:
+        stiff = 1.0 + size * eigenvalues
+        found.append((0.5 * float(np.sum(size * along**2 / stiff) - np.sum(np.log(stiff))), size))
+    best, size = max(found)
+    curve = root @ (vectors @ (size * along / (1.0 + size * eigenvalues)))
+    return best - float(np.log(_SCALES)), np.asarray(curve)
 
 
 def typical_speed(fit: Fit) -> float:

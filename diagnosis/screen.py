@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from diagnosis.linear import Linear, linearised, response, score
+from diagnosis.odds import smooth_evidence
 from identification.fit_result import Fit
 from identification.log import Run
 from identification.noise import coloured_information
@@ -39,7 +40,7 @@ class Suspect:
     Attributes:
         name: of the effect.
         evidence: rise of the log-likelihood that it promises.
-        columns: number of coefficients that were fitted for it.
+        columns: number of coefficients that were fitted for it; none where a prior has charged for them.
         searched: number of shapes that were compared.
         starts: the effect as the regression suggests it, to refit from: the best shape, then others nearly as good.
     """
@@ -118,7 +119,7 @@ class Screen:
                 Suspect(
                     name=name,
                     evidence=evidence,
-                    columns=trace.columns.shape[1],
+                    columns=0 if trace.prior is not None else trace.columns.shape[1],
                     searched=trace.searched,
                     starts=tuple(near[:_STARTS]) or (tried[0][2],),
                 )
@@ -140,9 +141,12 @@ class Screen:
             regressors = -responses[:, first : first + trace.columns.shape[1]]
             first += trace.columns.shape[1]
             size = np.sqrt(np.maximum((regressors**2).sum(axis=0), 1e-300))
-            coefficients = _coefficients(regressors / size, e, trace.positive) / size
-            left = float(((e - regressors @ coefficients) ** 2).sum())
-            evidence = 0.5 * n * float(np.log(total / max(left, 1e-300 + 1e-12 * total)))
+            if trace.prior is not None:
+                evidence, coefficients = smooth_evidence(regressors, e, trace.prior)
+            else:
+                coefficients = _coefficients(regressors / size, e, trace.positive) / size
+                left = float(((e - regressors @ coefficients) ** 2).sum())
+                evidence = 0.5 * n * float(np.log(total / max(left, 1e-300 + 1e-12 * total)))
             yield (evidence / self._widening(regressors / size) if discounted else evidence), coefficients
 
     def _widening(self, regressors: Array) -> float:

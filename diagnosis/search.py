@@ -20,6 +20,7 @@ from plant.servo import ServoModel
 
 _REFITS = 5  # effects refitted in one round because they are close to the leader of the screen
 _WORTH = 0.2  # share of the leader's evidence that counts as close
+_RIVAL = 0.4  # the same for curves without a name
 _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
 _ROUNDS = 6
 _DESCENTS = 2  # starts of one effect that are followed to the end
@@ -163,8 +164,8 @@ def _worth_a_refit(
     for suspect in waiting:
         promise = scores[suspect.name]
         delivered = max((scores[name] for name in refits), default=-np.inf)
-        named = not isinstance(suspect.starts[0], Curve)
-        close = named and suspect.evidence >= _WORTH * leader and len(refits) < _REFITS
+        nameless = isinstance(suspect.starts[0], Curve)
+        close = suspect.evidence >= (_RIVAL if nameless else _WORTH) * leader and len(refits) < _REFITS
         if promise > _PROMISING and (close or promise > delivered):
             yield suspect
 

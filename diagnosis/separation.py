@@ -12,8 +12,9 @@ observer follows the measurement noise, which makes the variance of its innovati
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Self
 
 import numpy as np
@@ -119,22 +120,28 @@ class Trial:
             travel=(min(float(s[0].min()) for s in states), max(float(s[0].max()) for s in states)),
         )
 
-    def separation(self, *, start: float, refitted: bool = False) -> Separation:
-        """The lesser of what the experiment tells if the one, or the other, is true.
+    def first_order(self, start: float) -> Separation:
+        """The lesser of what the experiment, begun at rest at an angle, tells if the one or the other is true."""
+        return min((task.first_order() for task in self._tasks(start)), key=lambda separation: separation.log_odds)
 
-        A special case is no truth that counts here: the general form mimics it perfectly, and parsimony decides.
+    def settled(self, start: float, *, above: float = 0.0) -> float:
+        """The same log odds when the mimic iterates to its best; it may stop as soon as they are not `above`."""
+        least = np.inf
+        for task in self._tasks(start):
+            for log_odds in task.settled():
+                least = min(least, log_odds)
+                if least <= above:
+                    return least
+        return least
 
-        Args:
-            start: angle at which it begins at rest.
-            refitted: let the mimic iterate to its best, with any bandwidth, instead of to first order.
-        """
-        found = []
-        for truth, mimic, run in zip(self.rivals, reversed(self.rivals), self.runs, strict=True):
-            if mimic.contains(truth) and not truth.contains(mimic):
-                continue
-            task = _Mimicry(truth=truth, mimic=mimic, run=run, start=start)
-            found.append(task.settled() if refitted else task.first_order())
-        return min(found, key=lambda separation: separation.log_odds)
+    def _tasks(self, start: float) -> list[_Mimicry]:
+        """A special case is no truth that counts: the general form mimics it perfectly, and parsimony decides."""
+        pairs = zip(self.rivals, reversed(self.rivals), self.runs, strict=True)
+        return [
+            _Mimicry(truth=truth, mimic=mimic, run=run, start=start)
+            for truth, mimic, run in pairs
+            if truth.contains(mimic) or not mimic.contains(truth)
+        ]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -152,28 +159,24 @@ class _Mimicry:
         here = self._linearised(self._origin, bandwidth)
         return self._worth(here.cost, here.cost - _explained(here) if np.isfinite(here.cost) else np.inf)
 
-    def settled(self) -> Separation:
-        """At the minimum, with the bandwidth that serves the mimic best."""
+    def settled(self) -> Iterator[float]:
+        """Log odds at the minimum for one bandwidth after another, the mimic's own first; the least counts."""
         own = self.truth.bandwidth
         quiet = noise_factor(own, self.run.sample_time)
         specs = [self.mimic.model.parameters[place] for place in self.mimic.free]
         lower = np.array([*(spec.lower for spec in specs), -np.inf, -np.inf])
         upper = np.array([*(spec.upper for spec in specs), np.inf, np.inf])
-        found = []
-        for bandwidth in sorted({own, max(own, self.mimic.bandwidth), *(w for w in _BANDWIDTHS if w > own)}):
-            here = self._linearised(self._origin, bandwidth)
+        for bandwidth in dict.fromkeys((max(own, self.mimic.bandwidth), own, *(w for w in _BANDWIDTHS if w > own))):
             best = minimise(
-                lambda point, bandwidth=bandwidth: self._linearised(point, bandwidth),  # type: ignore[misc]
+                partial(self._linearised, bandwidth=bandwidth),
                 self._origin,
                 lower,
                 upper,
                 samples=len(self.run),
                 iterations=_RETUNING,
-                at_start=here,
             )
             louder = noise_factor(bandwidth, self.run.sample_time) / quiet
-            found.append(self._worth(here.cost, best.equations.cost, louder))
-        return min(found, key=lambda separation: separation.log_odds)
+            yield self._worth(np.inf, best.equations.cost, louder).log_odds
 
     @property
     def _origin(self) -> Array:
@@ -199,7 +202,7 @@ class _Mimicry:
         """From the cost with the fitted parameters and with those that mimic best."""
         samples = len(self.run)
         whole, left = before - samples, min(max(after - samples, 0.0), before - samples)
-        if not np.isfinite(left) or whole <= 0.0:
+        if not np.isfinite(left) or whole <= 0.0:  # what overflows decides nothing
             return Separation(log_odds=0.0, absorbed=1.0)
         log_odds = 0.5 * samples * float(np.log(louder + left / samples))
         return Separation(log_odds=log_odds, absorbed=1.0 - left / whole if np.isfinite(whole) else 1.0)

@@ -16,6 +16,9 @@ import numpy as np
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Stage, Trace, parameter
 
 KNOTS = 9
+_REACH = 2.5  # knots over which a curve keeps its course
+_APART = np.subtract.outer(np.arange(KNOTS), np.arange(KNOTS)) / _REACH
+_SMOOTH = np.exp(-0.5 * _APART**2) + 1e-6 * np.eye(KNOTS)  # covariance of the knots before anything is seen
 _DENSE = 0.05  # share of the range about zero velocity in which the knots lie as dense as the other range does not need
 
 
@@ -65,6 +68,7 @@ class Curve(Effect):
             hats = np.maximum(1.0 - np.abs(place[:, None] - np.arange(KNOTS)), 0.0)
             yield Trace(
                 columns=hats,
+                prior=_SMOOTH,
                 start=lambda c: cls(low=low, high=high, **{f"c{k}": float(value) for k, value in enumerate(c)}),
             )
 

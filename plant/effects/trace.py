@@ -73,6 +73,7 @@ class Trace:
         positive: (m,) which coefficients cannot be negative; none by default.
         searched: how many shapes were compared to find this one (the search is charged for).
         acts_on: whether the columns are torques or readings.
+        prior: (m, m) covariance of the coefficients up to a factor, where they are not free but a smooth curve's.
     """
 
     columns: Array
@@ -80,3 +81,4 @@ class Trace:
     positive: tuple[bool, ...] = ()
     searched: int = 1
     acts_on: Literal["torque", "reading"] = "torque"
+    prior: Array | None = None
