@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from diagnosis.diagnose import diagnose
+from diagnosis.experiment import Experiment, Limits, rivals_of, separating_experiment
 from diagnosis.result import Cause, Diagnosis, Gain
 
-__all__ = ["Cause", "Diagnosis", "Gain", "diagnose"]
+__all__ = ["Cause", "Diagnosis", "Experiment", "Gain", "Limits", "diagnose", "rivals_of", "separating_experiment"]
