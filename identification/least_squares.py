@@ -102,23 +102,31 @@ def minimise(
 
 
 def _bounded_step(here: NormalEquations, point: Array, lower: Array, upper: Array, damping: float) -> Array:
-    """The damped step within the bounds: a coordinate that would leave stops at its bound, the others go on."""
+    """The damped step within the bounds: a coordinate that would leave stops at its bound, the others go on.
+
+    When they have arrived, a stopped coordinate that is pulled back inside is let go again: what pushed it out may have
+    been stopped itself. Without that the iteration can end at a bound where nothing holds it.
+    """
     scale = np.sqrt(np.maximum(np.diag(here.information), 1e-300))
     information = here.information / np.outer(scale, scale)
     information[np.diag_indices_from(information)] += damping
     gradient, least, most = here.gradient / scale, (lower - point) * scale, (upper - point) * scale
     step = np.zeros_like(point)  # in units in which every parameter carries the same information
     moving = ~(((least >= 0.0) & (gradient > 0.0)) | ((most <= 0.0) & (gradient < 0.0)))
-    for _ in range(point.size):
-        if not moving.any():
+    for _ in range(10 * point.size):
+        if moving.any():
+            pull = -(gradient + information @ np.where(moving, 0.0, step))
+            step[moving] = np.linalg.lstsq(information[np.ix_(moving, moving)], pull[moving], rcond=1e-13)[0]
+            outside = moving & ((step < least) | (step > most))
+            if outside.any():
+                step[outside] = np.clip(step, least, most)[outside]
+                moving &= ~outside
+                continue
+        slope = gradient + information @ step
+        inward = np.where(moving, 0.0, np.where(step <= least, -slope, slope))
+        if inward.max() <= 1e-9 * np.abs(gradient).max():
             break
-        pull = -(gradient + information @ np.where(moving, 0.0, step))
-        step[moving] = np.linalg.lstsq(information[np.ix_(moving, moving)], pull[moving], rcond=1e-13)[0]
-        outside = moving & ((step < least) | (step > most))
-        if not outside.any():
-            break
-        step[outside] = np.clip(step, least, most)[outside]
-        moving &= ~outside
+        moving[int(np.argmax(inward))] = True
     return np.clip(point + step / scale, lower, upper) - point
 
 
