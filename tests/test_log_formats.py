@@ -102,6 +102,16 @@ def test_time_as_dates(tmp_path):
     same(Log.read(tmp_path / "log.csv"))
 
 
+def test_time_as_time_spans():
+    same(Log.from_dataframe(pd.DataFrame(SOUND | {"time": pd.to_timedelta(SOUND["time"], unit="s")})))
+
+
+def test_of_columns_with_one_name_the_first_counts(tmp_path):
+    twice = text(SOUND | {"again": -SOUND["angle"]}).replace("again", "angle")
+    (tmp_path / "log.csv").write_text(twice)
+    same(Log.read(tmp_path / "log.csv"))
+
+
 def test_parquet(tmp_path):
     pd.DataFrame(SOUND).to_parquet(tmp_path / "log.parquet")
     same(Log.read(tmp_path / "log.parquet"))
@@ -113,6 +123,24 @@ def test_npz_also_with_a_matrix(tmp_path):
     np.savez(tmp_path / "matrix.npz", data=np.column_stack(list(SOUND.values())), rate=200.0)
     names = {name: f"data:{k + 1}" for k, name in enumerate(SOUND)}
     same(Log.read(tmp_path / "matrix.npz", mapping=names))
+    np.savez(tmp_path / "wide.npz", data=np.stack(list(SOUND.values())))
+    same(Log.read((tmp_path / "wide.npz").rename(tmp_path / "WIDE.NPZ"), mapping=names))
+
+
+class Intruder:
+    """An object that leaves a file behind where it is unpickled."""
+
+    def __init__(self, target):
+        self.target = str(target)
+
+    def __reduce__(self):
+        return open, (self.target, "w")
+
+
+def test_a_pickled_object_is_never_loaded(tmp_path):
+    np.savez(tmp_path / "log.npz", note=np.array([Intruder(tmp_path / "trace")] * 600), **SOUND)
+    same(Log.read(tmp_path / "log.npz"))
+    assert not (tmp_path / "trace").exists()
 
 
 @pytest.mark.parametrize("nested", [False, True])
@@ -143,7 +171,7 @@ def test_reading_leaves_the_callers_data_alone():
 
 UNITS = {
     "time": [("ms", 1e-3), ("us", 1e-6), ("s", 1.0)],
-    "torque": [("mN m", 1e-3), ("Nm", 1.0), ("kgf*cm", 0.0980665), ("lbf*inch", 0.1129848290276167)],
+    "torque": [("mN m", 1e-3), ("Nm", 1.0), ("Ncm", 1e-2), ("kgf*cm", 0.0980665), ("lbf*inch", 0.1129848290276167)],
     "angle": [("deg", np.pi / 180), ("turn", 2 * np.pi), ("mrad", 1e-3), ("arcmin", np.pi / 10800)],
     "velocity": [("deg/s", np.pi / 180), ("rpm", np.pi / 30)],
 }
@@ -219,6 +247,21 @@ def test_linear_axis():
     log = Log.from_arrays(time=SOUND["time"], force=SOUND["torque"], position=0.1 * SOUND["angle"])
     assert (log.axis, log.command_unit) == ("linear", "N")
     np.testing.assert_allclose(log.runs[0].output, 0.1 * SOUND["angle"])
+    in_millimetres = Log.from_arrays(
+        time=SOUND["time"],
+        force=SOUND["torque"],
+        position=100 * SOUND["angle"],
+        velocity=100 * SOUND["velocity"],
+        units={"position": "mm", "velocity": "mm/s"},
+    )
+    np.testing.assert_allclose(in_millimetres.runs[0].output, 0.1 * SOUND["angle"])
+    np.testing.assert_allclose(in_millimetres.runs[0].velocity, 0.1 * SOUND["velocity"])
+
+
+def test_a_column_that_is_mapped_is_not_taken_twice(tmp_path):
+    frame = pd.DataFrame(SOUND).rename(columns={"angle": "Position"})
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    same(Log.read(tmp_path / "log.csv", mapping={"angle": "Position"}))
 
 
 def test_goal_of_a_position_servo():
@@ -227,6 +270,13 @@ def test_goal_of_a_position_servo():
     assert (run.servo_gain == 1.0).all()
     np.testing.assert_array_equal(run.command, run.servo_gain * run.goal)
     assert "scale unknown" in log.notes[0]
+    assert log.command_unit == "unknown"
+    torque = Log.from_arrays(**SOUND, goal=SOUND["angle"] + 0.1)
+    assert torque.command_unit == "N m"
+    np.testing.assert_array_equal(torque.runs[0].command, SOUND["torque"])
+    assert (torque.runs[0].servo_gain == 0.0).all()
+    with pytest.raises(MalformedLog, match="driven in unknown"):
+        Log.merge([torque, log])
 
 
 def test_runs_have_states_and_times_of_their_own(tmp_path):
@@ -241,6 +291,8 @@ def test_runs_have_states_and_times_of_their_own(tmp_path):
     assert len(log.head(1).runs) == 1
     with pytest.raises(BadParameter, match="place 2"):
         log.select([2])
+    with pytest.raises(BadParameter, match="place -3"):
+        log.select([-3])
 
 
 def test_several_files_keep_run_numbers_apart(tmp_path):
@@ -249,6 +301,29 @@ def test_several_files_keep_run_numbers_apart(tmp_path):
     assert [run.number for run in log.runs] == [0, 1]
     assert [source.file for source in log.sources] == ["a.csv", "b.csv"]
     assert any("numbered anew" in note for note in log.notes)
+
+
+def test_what_is_found_in_any_file_is_told(tmp_path):
+    spoilt = {name: values.copy() for name, values in SOUND.items()}
+    spoilt["angle"][300] += 3.0
+    paths = [write(tmp_path / "a.csv", SOUND), write(tmp_path / "b.csv", spoilt)]
+    paths[1].write_text(paths[1].read_text() + "3.0,0.1")
+    log = Log.read(paths)
+    assert [text.split(" ")[0].rstrip(":,") for text in (*log.warnings, *log.repairs)] == ["b.csv", "b.csv"]
+    assert "cut off" in log.warnings[0]
+
+
+def test_the_parts_of_one_run_keep_one_number_among_files(tmp_path):
+    long = motion(samples=2000)
+    split = {name: np.concatenate((values[:500], values[1500:])) for name, values in long.items()}
+    log = Log.read([write(tmp_path / "a.csv", split), write(tmp_path / "b.csv", SOUND)])
+    assert [run.number for run in log.runs] == [0, 0, 1]
+
+
+def test_one_run_at_rest_does_not_spoil_the_others():
+    two = {name: np.concatenate((np.zeros(600), values)) for name, values in SOUND.items() if name != "velocity"}
+    two |= {"time": np.tile(SOUND["time"], 2), "run": np.repeat([0.0, 1.0], 600)}
+    assert len(Log.from_arrays(**two).runs) == 2
 
 
 def test_logs_of_different_machines_do_not_merge():
