@@ -60,8 +60,9 @@ def _simulate_run(log: Log, run: Run, model: ServoModel, window: float | None, s
             state = end if end is not None else np.zeros(2)
         else:
             state = _initial_state(log, part.slice(0, max(seen, 2)), model)
-        simulated, end = _from(log, part, model, state)
-        parts.append(simulated)
+        # One sample further, where the next piece begins.
+        simulated, end = _from(log, run.slice(int(first), min(int(last) + 1, len(run))), model, state)
+        parts.append(simulated[: len(part)])
     return np.concatenate(parts)
 
 

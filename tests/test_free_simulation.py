@@ -1,0 +1,63 @@
+"""Free simulation: pieces, restarts and what happens where there is nothing to restart from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from identification.log import Log
+from identification.simulation import free_simulation
+from plant import BadParameter, ServoModel, simulate
+
+DT = 0.01
+TIME = np.arange(1000) * DT
+TORQUE = 2.0 * np.sin(2 * np.pi * 0.3 * TIME)
+TRUTH = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
+ANGLE = simulate(TRUTH, command=TORQUE, dt=DT)[:-1, 0]
+LOG = Log.from_arrays(time=TIME, torque=TORQUE, angle=ANGLE)
+WRONG = replace(TRUTH, inertia=2.4)
+
+
+def masked(start: int, stop: int) -> Log:
+    (run,) = LOG.runs
+    valid = run.valid.copy()
+    valid[start:stop] = False
+    return replace(LOG, runs=(replace(run, valid=valid, output=np.where(valid, run.output, 77.0)),))
+
+
+def test_each_window_begins_at_the_measurement() -> None:
+    (free,), (windowed,) = free_simulation(LOG, WRONG), free_simulation(LOG, WRONG, window=2.0)
+    np.testing.assert_allclose(windowed[::200], ANGLE[::200], atol=2e-3)
+    np.testing.assert_allclose(windowed[:200], free[:200])
+    assert np.max(np.abs(free[::200] - ANGLE[::200])) > 0.05
+    assert windowed.shape == (1000,)
+
+
+def test_a_last_piece_of_a_few_samples_goes_with_the_one_before() -> None:
+    (one,) = free_simulation(LOG, WRONG, window=9.97)  # would leave three samples
+    (whole,) = free_simulation(LOG, WRONG)
+    np.testing.assert_array_equal(one, whole)
+    (cut,) = free_simulation(LOG, WRONG, window=9.9)
+    assert np.max(np.abs(cut[990:] - whole[990:])) > 1e-3
+
+
+def test_a_piece_without_a_measured_start_goes_on_from_the_piece_before() -> None:
+    (through,) = free_simulation(masked(400, 600), TRUTH, window=4.0)
+    np.testing.assert_allclose(through, ANGLE, atol=1e-3)
+    (blind,) = free_simulation(masked(0, 30), TRUTH)
+    assert np.all(np.isfinite(blind))
+    assert blind[0] == 0.0
+
+
+def test_masked_samples_do_not_find_the_start() -> None:
+    (found,) = free_simulation(masked(3, 12), TRUTH)
+    np.testing.assert_allclose(found, ANGLE, atol=1e-3)
+
+
+def test_what_cannot_be_simulated_is_refused() -> None:
+    with pytest.raises(BadParameter, match=r"longer than the 0\.2 s"):
+        free_simulation(LOG, TRUTH, window=0.2)
+    with pytest.raises(BadParameter, match="rotary axis, the model of a linear"):
+        free_simulation(LOG, ServoModel(inertia=2.0, gravity=0.0, axis="linear"))
