@@ -70,7 +70,7 @@ def diagnose(
     missing = missing_torque(outcome.fit)
     depends_on = _depends_on(outcome.fit, missing)
     unnamed = bool(depends_on) or missing.excess > _NOISE
-    nameless = carried(null) if depends_on and outcome.additions else ()
+    nameless = carried(null) if outcome.additions else ()
     if nameless and _charged(nameless[-1], null) > _charged(outcome.fit, null):
         # Names that explain less than a curve without a name are not believed.
         outcome, missing = replace(outcome, additions=()), missing_torque(null)

@@ -14,13 +14,11 @@ from diagnosis.screen import Screen, Suspect
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects import Effect, catalogue
-from plant.effects.curve import Curve, curves
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 _REFITS = 5  # effects refitted in one round because they are close to the leader of the screen
 _WORTH = 0.2  # share of the leader's evidence that counts as close
-_RIVAL = 0.4  # the same for curves without a name
 _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
 _ROUNDS = 6
 _DESCENTS = 2  # starts of one effect that are followed to the end
@@ -93,7 +91,6 @@ def _one_round(
     asked = {name: kind for name, kind in effects.items() if _would_add(fit, kind)}
     if not asked:
         return None
-    asked |= {kind.name: kind for kind in curves.values() if _would_add(fit, kind)}
     suspects = _screened(fit, asked)
 
     def scored(suspect: Suspect, evidence: float, cost: float) -> float:
@@ -104,7 +101,7 @@ def _one_round(
     for suspect in _worth_a_refit(suspects, scores, refits):
         if progress is not None:
             progress(f"round {number}: refitting with {suspect.starts[0].title}")
-        tried = refits[suspect.name] = refit(fit, *suspect.starts, fixed=_shape(asked[suspect.name]))
+        tried = refits[suspect.name] = refit(fit, *suspect.starts)
         scores[suspect.name] = scored(suspect, evidence_of(tried, fit), parameter_cost(tried, fit))
     for name, simpler in _reduced_leaders(fit, asked, refits, scores):
         refits[name] = simpler
@@ -130,8 +127,7 @@ def _one_round(
     if not refits or odds[NONE] > 1.0 - MISSING:
         return None
     winner = max(refits, key=lambda name: odds[name])
-    # A curve without a name that does better than every name: no name is believed.
-    if winner not in effects or not holds_up(fit, refits[winner]):
+    if not holds_up(fit, refits[winner]):
         return None
     return Addition(effect=winner, fit=refits[winner], odds=odds, evidence=evidence_of(refits[winner], fit))
 
@@ -164,8 +160,7 @@ def _worth_a_refit(
     for suspect in waiting:
         promise = scores[suspect.name]
         delivered = max((scores[name] for name in refits), default=-np.inf)
-        nameless = isinstance(suspect.starts[0], Curve)
-        close = suspect.evidence >= (_RIVAL if nameless else _WORTH) * leader and len(refits) < _REFITS
+        close = suspect.evidence >= _WORTH * leader and len(refits) < _REFITS
         if promise > _PROMISING and (close or promise > delivered):
             yield suspect
 
@@ -201,11 +196,6 @@ def _would_add(fit: Fit, kind: type[Effect]) -> bool:
     """Whether an effect makes sense on this axis and is neither in the model nor a special case of one that is."""
     held = {name for effect in fit.model.effects for name in (effect.name, *effect.contains)}
     return kind.name not in held and fit.model.axis in kind.axes
-
-
-def _shape(kind: type[Effect]) -> tuple[str, ...]:
-    """Parameters of an effect that say where it is looked at, and are not fitted."""
-    return kind.shape() if issubclass(kind, Curve) else ()
 
 
 def _fixed(fit: Fit) -> tuple[str, ...]:
