@@ -111,6 +111,11 @@ class CurveOverTorque(Curve):
     over = "torque"
 
     @classmethod
+    def shape(cls) -> tuple[str, ...]:
+        """Also the inertia: beside a free curve of the torque only something of known size holds the scale."""
+        return (*super().shape(), "inertia")
+
+    @classmethod
     def along(cls, motion: Motion) -> Array:
         """(T,) what arrives of the torque."""
         return motion.arriving(motion.torque)
