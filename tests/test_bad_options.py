@@ -151,6 +151,7 @@ CASES: dict[str, tuple[str, str]] = {
     # numbers and places
     "negative window": ("predict model.json log.csv --window -1 --out out.csv", "window"),
     "window shorter than its start": ("predict model.json log.csv --window 0.1 --out out.csv", "window"),
+    "model of another axis": ("predict axis.json log.csv --out out.csv", "axis"),
     "window is nan": ("predict model.json log.csv --window nan --out out.csv", "window"),
     "torque is nan": ("allocate 1 nan", "finite"),
     "torque is infinite": ("allocate inf", "finite"),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import subprocess
 import sys
 import time
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +16,9 @@ import pytest
 from front_door import DT, PLAIN, TRUTH, antidrive, columns, listing, write_csv, write_model
 
 import antidrive.cli as cli
+from antidrive.log_options import Measured
 from antidrive.output import whole_folder
+from identification.log import Log
 from plant import BadParameter, read_model
 
 
@@ -89,7 +93,7 @@ def diagnosed(log, held, tmp_path_factory):
     return antidrive("diagnose", log, "--holdout", held, "--out", out, "--json"), out
 
 
-def test_diagnose_names_what_is_hidden_in_the_contracted_form(diagnosed):
+def test_diagnose_names_what_is_hidden_in_the_contracted_form(diagnosed, log, held):
     spoken, out = diagnosed
     assert spoken.code == 0, spoken.err
     assert sorted(listing(out)) == ["diagnosis.json", "model.json", "report.html"]
@@ -107,6 +111,8 @@ def test_diagnose_names_what_is_hidden_in_the_contracted_form(diagnosed):
     assert gain["held_out_rms_after"] < 0.2 * gain["held_out_rms_before"]
     assert set(content["unexplained"]) == {"share", "depends_on"}
     assert set(content["data"]) == {"warnings"}
+    page = (out / "report.html").read_text()
+    assert all(hashlib.sha256(file.read_bytes()).hexdigest() in page for file in (log, held))
 
 
 def test_the_extended_model_predicts_better_than_the_base(diagnosed, held, tmp_path):
@@ -129,9 +135,9 @@ def test_a_prediction_sees_the_output_only_while_it_settles(window, tmp_path):
     table = columns()
     model = write_model(tmp_path / "model.json", TRUTH)
     options = [] if window is None else ["--window", window]
-    period = window or 1e9
-    late = (table["time"] % period) > 0.2 + DT
-    changed = table | {"angle": np.where(late, table["angle"] + 0.3 * np.sin(table["time"]), table["angle"])}
+    period = window or 12.0
+    late = np.clip((table["time"] % period - 0.2 - DT) / (period - 0.2 - DT), 0.0, 1.0)
+    changed = table | {"angle": table["angle"] + 0.3 * np.sin(np.pi * late) ** 2}
     curves = []
     for name, content in (("true", table), ("changed", changed)):
         log, out = write_csv(tmp_path / f"{name}.csv", content), tmp_path / f"{name}-out.csv"
@@ -139,6 +145,66 @@ def test_a_prediction_sees_the_output_only_while_it_settles(window, tmp_path):
         curves.append(pd.read_csv(out).angle.to_numpy())
     np.testing.assert_array_equal(curves[0], curves[1])
     assert np.sqrt(np.mean((curves[0] - table["angle"]) ** 2)) < 0.02
+
+
+def test_masked_samples_do_not_count_as_errors_of_the_model(tmp_path):
+    table = columns()
+    truth = table["angle"].copy()
+    table["angle"][300:340] = np.nan
+    model, log = write_model(tmp_path / "model.json", TRUTH), write_csv(tmp_path / "log.csv", table)
+    spoken = antidrive("predict", model, log, "--out", tmp_path / "out.csv", "--json")
+    error = pd.read_csv(tmp_path / "out.csv").angle - truth
+    told = strict_json(spoken.out)
+    assert told["runs"][0]["rms"] == pytest.approx(np.sqrt(np.mean(np.delete(error, range(300, 340)) ** 2)), rel=1e-6)
+    assert told["unit"] == "rad"
+
+
+def test_a_model_that_runs_away_predicts_nothing(monkeypatch, log, tmp_path):
+    monkeypatch.setattr(
+        "identification.simulation.free_simulation",
+        lambda log, *_, **__: [np.full(len(run), np.inf) for run in log.runs],
+    )
+    model = write_model(tmp_path / "model.json")
+    spoken = antidrive("predict", model, log, "--out", tmp_path / "out.csv")
+    assert spoken.code == 2
+    assert "runs away" in spoken.err
+    assert list(tmp_path.iterdir()) == [model]
+
+
+def test_the_words_of_a_diagnosis_reach_it(monkeypatch, log, held, tmp_path):
+    heard = {}
+
+    def listen(log, start, holdout, *, fixed, progress):
+        heard.update(log=log, start=start, holdout=holdout, fixed=fixed)
+        raise BadParameter("heard.")
+
+    monkeypatch.setattr(import_module("diagnosis.diagnose"), "diagnose", listen)
+    base = write_model(tmp_path / "base.json", TRUTH)
+    spoken = antidrive("diagnose", log, "--holdout", held, "--base", base, "--out", tmp_path / "out")
+    assert (spoken.code, spoken.err) == (2, "antidrive: heard.\n")
+    assert [heard[part].sources[0].file for part in ("log", "holdout")] == ["log.csv", "held.csv"]
+    np.testing.assert_array_equal(heard["start"].values, TRUTH.values)
+    assert heard["fixed"] == ()
+
+
+@pytest.mark.parametrize("own", [False, True])
+@pytest.mark.parametrize("command", ["identify", "diagnose"])
+def test_what_a_known_machine_does_not_have_is_not_fitted(command, own, monkeypatch, log, tmp_path):
+    heard = {}
+
+    def listen(log, start, *_, fixed, **__):
+        heard.update(start=start, fixed=fixed)
+        raise BadParameter("heard.")
+
+    known = Measured(log=Log.read(log), base=PLAIN, fixed=("gravity",))
+    monkeypatch.setattr("antidrive.log_options.LogOptions.read", lambda self: known)
+    monkeypatch.setattr(import_module("diagnosis.diagnose"), "diagnose", listen)
+    monkeypatch.setattr(import_module("identification.fit"), "fit", listen)
+    base = ["--base", write_model(tmp_path / "base.json", TRUTH)] if own else []
+    assert antidrive(command, log, *base, "--out", tmp_path / "out").code == 2
+    # a model that the user gives comes before what is known of the machine
+    assert heard["fixed"] == (() if own else ("gravity",))
+    np.testing.assert_array_equal(heard["start"].values, (TRUTH if own else PLAIN).values)
 
 
 def test_a_linear_axis_is_predicted_as_a_position_for_each_run(tmp_path):
@@ -151,8 +217,9 @@ def test_a_linear_axis_is_predicted_as_a_position_for_each_run(tmp_path):
         {"schema": 1, "axis": "linear", "parameters": {"inertia": 5, "gravity": 0, "viscous_friction": 9}}
     )
     (tmp_path / "model.json").write_text(content)
-    spoken = antidrive("predict", tmp_path / "model.json", log, "--out", tmp_path / "p.csv")
+    spoken = antidrive("predict", tmp_path / "model.json", log, "--out", tmp_path / "p.csv", "--json")
     assert spoken.code == 0, spoken.err
+    assert strict_json(spoken.out)["unit"] == "m"
     predicted = pd.read_csv(tmp_path / "p.csv")
     assert list(predicted.columns) == ["run", "time", "position"]
     assert predicted.run.value_counts().to_dict() == {3: count, 7: count}
@@ -193,6 +260,22 @@ def test_simulate_holds_the_teeth_together_while_it_tracks(tmp_path):
     assert summary["least_preload_margin"] > 0
     assert summary["tracking_rms"] == pytest.approx(np.sqrt(np.mean((path.angle - path.reference) ** 2)), rel=1e-6)
     assert summary["tracking_rms"] < 2e-3
+
+
+def test_the_seed_and_the_model_of_a_simulation_count(tmp_path):
+    text = 'duration = 0.2\nsample_time = 0.005\nreference = { kind = "constant", level = 0.1 }\n'
+    (tmp_path / "still.toml").write_text(text)
+    paths = []
+    for name, words in {
+        "first": (),
+        "again": ("--seed", 0),
+        "seeded": ("--seed", 1),
+        "modelled": ("--model", write_model(tmp_path / "model.json", PLAIN)),
+    }.items():
+        assert antidrive("simulate", tmp_path / "still.toml", *words, "--out", tmp_path / name, "--quiet").code == 0
+        paths.append((tmp_path / name / "trajectory.csv").read_bytes())
+    assert paths[0] == paths[1]
+    assert len(set(paths)) == 3
 
 
 def test_motion_outlives_a_drive_but_preload_does_not(tmp_path):
