@@ -1,8 +1,8 @@
 """Odds: from the likelihoods of rival explanations to probabilities.
 
-An explanation's score is its rise in log-likelihood over the model at hand, less what its parameters cost, the log of
-the number of shapes that were searched for it, and the log of the number of rivals in the catalogue (extended BIC,
-Chen and Chen 2008). Odds are the exponentials of scores; "none of them" has score 0.
+An explanation's score is its rise in log-likelihood over the model at hand, less what its parameters cost, twice the
+log of the number of shapes that were searched for it, and the log of the number of rivals in the catalogue (extended
+BIC, Chen and Chen 2008). Odds are the exponentials of scores; "none of them" has score 0.
 
 What parameters cost: by Laplace's method the share of the plausible range that the estimate still leaves open, but at
 most half a log(samples) each (Schwarz 1978). The first keeps a richer rival in the race where the data say little.
@@ -32,7 +32,7 @@ def score(evidence: float, *, cost: float, searched: int, catalogue: int) -> flo
         searched: shapes that were compared inside the explanation.
         catalogue: explanations that were asked for.
     """
-    return evidence - cost - float(np.log(searched)) - float(np.log(max(catalogue, 1)))
+    return evidence - cost - 2.0 * float(np.log(searched)) - float(np.log(max(catalogue, 1)))
 
 
 def schwarz_cost(parameters: int, samples: int) -> float:

@@ -54,7 +54,7 @@ class Suspect:
     @property
     def score(self) -> float:
         """Evidence less the charge for the search, to rank by."""
-        return self.evidence - float(np.log(self.searched))
+        return self.evidence - 2.0 * float(np.log(self.searched))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

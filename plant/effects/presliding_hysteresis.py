@@ -45,6 +45,10 @@ class PreslidingHysteresis(Effect):
         """Where it gives way at once it is Coulomb friction."""
         return (CoulombFriction(torque=self.torque),)
 
+    def vanishes(self, speed: float) -> bool:
+        """A travel to slide that is passed in a tenth of a millisecond is a spring that nobody sees."""
+        return bool(self.torque / self.stiffness < 1e-4 * speed)
+
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """The loop for travels to slide from a hundredth of a sample's travel to a quarter of the range."""
