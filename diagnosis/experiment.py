@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from plant.errors import BadParameter
 __all__ = ["Experiment", "Limits", "rivals_of", "separating_experiment"]
 
 _DURATION = 10.0  # of an experiment about which nothing else is said [s]
+_WIDE = 30.0  # bandwidth of the observer from which a rival's refit descends [rad/s]
 _CONVINCING = 5.0  # expected log odds from which an experiment is worth its time
 
 
@@ -172,5 +173,7 @@ def rivals_of(diagnosis: Diagnosis) -> tuple[Fit, Fit] | None:
         fit = diagnosis.extended
         model = fit.model.without_effect(cause.effect).with_effect(catalogue[others[0]](**values))
         fixed = [p.name for p in fit.parameters if p.fixed and p.name in model.names]
-        return fit, Problem.of(fit.log, model, fixed=fixed).descend(fit)
+        # A descent only ever lowers the bandwidth, and a rival may need one where the leader needs none.
+        start = replace(fit, bandwidth=max(fit.bandwidth, _WIDE))
+        return fit, Problem.of(fit.log, model, fixed=fixed).descend(start)
     return None

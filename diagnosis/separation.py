@@ -28,7 +28,7 @@ from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 _RETUNING = 8  # iterations of a full refit to the other's output
-_BANDWIDTHS = (3.0, 10.0, 30.0)  # rad/s, to which a mimic may raise that of its observer
+_BANDWIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # rad/s, to which a mimic may raise that of its observer
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

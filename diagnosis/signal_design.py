@@ -14,7 +14,7 @@ from plant.errors import BadParameter
 
 _LADDER = (1.0, 0.6, 0.35, 0.2, 0.1, 0.05)  # amplitudes to try, as shares of what the torque limit leaves
 _FINALISTS = 2  # signals of different families that are refined
-_NEIGHBOURS = 30  # tried around each of them
+_NEIGHBOURS = 40  # tried around each of them, fewer where a simulation takes finer steps
 _PROMISING = 0.8  # share of the worth to first order from which a neighbour is judged by a full refit
 _PLAIN = (0.1, 5.0)  # Hz, the chirp that an experimenter would play first
 
@@ -80,6 +80,11 @@ class Design:
         worth = trial.first_order(self.start)
         return Found(signal=signal, torque=torque, trial=trial, worth=worth, log_odds=worth.log_odds)
 
+    @property
+    def effort(self) -> int:
+        """What one simulation costs: its integration steps in one sample."""
+        return max(rival.substeps for rival in self.rivals)
+
     def play(self, torque: Array) -> Trial:
         """The torque in both rivals."""
         return Trial.play(self.rivals, torque, sample_time=self.sample_time, start=self.start)
@@ -89,7 +94,7 @@ class Design:
         for bias in sorted({0.0, self.holding_torque()}):
             room = self.limits.torque - abs(bias)
             for shape in shapes(bias):
-                for share in _LADDER:
+                for share in _LADDER[:: min(self.effort, 3)]:
                     found = self.attempt(replace(shape, amplitude=share * room))
                     if found is not None:
                         yield found
@@ -97,7 +102,7 @@ class Design:
     def refined(self, found: Found, rng: np.random.Generator) -> Found:
         """The best of a random walk around a signal; first order picks the steps, a full refit judges them."""
         best = found
-        for _ in range(_NEIGHBOURS):
+        for _ in range(max(_NEIGHBOURS // self.effort, 5)):
             near = self.attempt(best.signal.varied(rng, self.limits.torque))
             if near is not None and near.worth.log_odds > _PROMISING * best.worth.log_odds:
                 near = self.settled(near, above=best.log_odds)

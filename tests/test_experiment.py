@@ -1,0 +1,206 @@
+"""The separating experiment: within the limits, better than a chirp, and right on a machine of other equations."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis import Experiment, Limits, rivals_of, separating_experiment
+from diagnosis.separation import Rival, noise_factor
+from diagnosis.signal_families import Signal, shapes
+from identification.errors import MalformedLog
+from identification.fit_result import Fit
+from identification.log import Log
+from identification.predictor import observer_gain
+from identification.problem import Problem
+from identification.readers import read_table
+from plant import BadParameter, ServoModel, catalogue, simulate
+from plant.simulation import beginning
+
+LIMITS = Limits(torque=4.0, speed=5.0, travel=(-3.5, 3.5))
+SAMPLE_TIME = 0.005
+PAIRS = {  # the hidden truth and its rival
+    "presliding": (
+        ("presliding_hysteresis", {"torque": 0.1, "stiffness": 10.0}),
+        ("coulomb_friction", {"torque": 0.1}),
+    ),
+    "lag": (("actuator_lag", {"time_constant": 0.004}), ("input_delay", {"time": 0.004})),
+    "load": (("load_dependent_friction", {"coefficient": 0.05}), ("coulomb_friction", {"torque": 0.1})),
+}
+
+
+def near(model: ServoModel, log: Log) -> Fit:
+    """The fit of a model whose values are nearly right already."""
+    problem = Problem.of(log, model)
+    start = problem.minimise(problem.pack(model.values, np.zeros((1, 2))), 30.0, 0.0, iterations=6)
+    return problem.descend(problem._result(30.0, start, 0))
+
+
+@lru_cache
+def rivals(pair: str) -> tuple[Machine, Fit, Fit]:
+    """A machine that hides the first of a pair, and fits of both to a short log of it."""
+    (name, values), (other, wrong) = PAIRS[pair]
+    machine = Machine().hiding(**{name: values})
+    log = record(machine, excitation(3, duration=8.0), seed=1).log()
+    paper = ServoModel.paper()
+    first, second = (paper.with_effect(catalogue[n](**v)) for n, v in ((name, values), (other, wrong)))
+    return machine, near(first, log), near(second, log)
+
+
+@lru_cache
+def designed(pair: str) -> Experiment:
+    return separating_experiment(*rivals(pair)[1:], LIMITS, duration=3.0)
+
+
+def with_experiment(fit: Fit, experiment: Experiment, machine: Machine) -> Fit:
+    """The refit to the log and the recorded experiment."""
+    run = record(machine, experiment.torque, seed=7, angle=experiment.start).run(number=1)
+    log = Log.merge([fit.log, Log(runs=(run,), axis="rotary")])
+    start = replace(fit, initial=np.vstack((fit.initial, [[experiment.start, 0.0]])))
+    return Problem.of(log, fit.model).descend(start)
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_limits_hold_under_both_rivals(pair: str) -> None:
+    experiment = designed(pair)
+    assert experiment.time.shape == experiment.torque.shape == (600,)
+    assert np.abs(experiment.torque).max() <= LIMITS.torque
+    for fit, shown in zip(rivals(pair)[1:], experiment.predictions, strict=True):
+        begin = beginning(fit.model, angle=experiment.start, torque=experiment.torque[0])
+        states = simulate(fit.model, command=experiment.torque, dt=SAMPLE_TIME, state=begin)
+        assert np.abs(states[:-1, 1]).max() <= LIMITS.speed
+        assert LIMITS.travel[0] <= states[:-1, 0].min() <= states[:-1, 0].max() <= LIMITS.travel[1]
+        assert states[:-1, 0] == pytest.approx(shown, abs=1e-6)
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_it_tells_more_than_a_chirp(pair: str) -> None:
+    experiment = designed(pair)
+    assert experiment.separable
+    assert experiment.separation > 1.3 * experiment.chirp_separation
+    assert set(experiment.rivals) == {PAIRS[pair][0][0], PAIRS[pair][1][0]}
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_the_recorded_experiment_speaks_for_what_is_hidden(pair: str) -> None:
+    machine, right, wrong = rivals(pair)
+    before = right.log_likelihood - wrong.log_likelihood
+    after = [with_experiment(fit, designed(pair), machine).log_likelihood for fit in (right, wrong)]
+    assert after[0] - after[1] > before + 0.4 * designed(pair).separation
+
+
+def test_one_model_against_itself_is_said_to_be_inseparable() -> None:
+    first = rivals("load")[1]
+    experiment = separating_experiment(first, first, LIMITS, duration=1.0)
+    assert experiment.separation == 0.0
+    assert not experiment.separable
+    assert str(experiment).startswith("No signal")
+
+
+def test_the_file_plays_what_was_designed(tmp_path: Path) -> None:
+    experiment = designed("load")
+    experiment.write(tmp_path / "experiment.csv")
+    columns = read_table(tmp_path / "experiment.csv").columns
+    assert list(columns) == ["time", "torque"]
+    assert columns["time"] == pytest.approx(experiment.time, abs=1e-9)
+    assert columns["torque"] == pytest.approx(experiment.torque, rel=1e-9, abs=1e-9)
+    with pytest.raises(MalformedLog, match="angle"):
+        Log.read(tmp_path / "experiment.csv")
+    entry = json.loads(json.dumps(experiment.to_dict()))
+    assert entry["rivals"] == list(experiment.rivals)
+    assert (entry["duration"], entry["sample_time"]) == pytest.approx((3.0, SAMPLE_TIME))
+    assert entry["expected_log_odds"] > entry["chirp_log_odds"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"torque": 0.0}, "torque limit must be a positive number"),
+        ({"torque": np.nan}, "torque limit must be a positive number"),
+        ({"torque": 1.0, "speed": -1.0}, "speed limit must be positive"),
+        ({"torque": 1.0, "travel": (1.0, 1.0)}, "travel must go from a lower to a higher angle"),
+    ],
+)
+def test_limits_that_leave_no_room_are_refused(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(BadParameter, match=words):
+        Limits(**options)
+
+
+@pytest.mark.parametrize(
+    ("limits", "duration", "words"),
+    [
+        (Limits(torque=4.0, travel=(1.0, 2.0)), 1.0, "outside of the travel"),
+        (Limits(torque=4.0, speed=1e-9), 1.0, "No signal keeps the machine within"),
+        (LIMITS, 0.01, "at least ten samples"),
+    ],
+)
+def test_impossible_experiments_are_refused(limits: Limits, duration: float, words: str) -> None:
+    _, first, second = rivals("lag")
+    with pytest.raises(BadParameter, match=words):
+        separating_experiment(first, second, limits, duration=duration)
+
+
+def test_where_friction_holds_the_machine_a_signal_too_weak_to_move_it_tells_nothing() -> None:
+    _, first, second = rivals("load")
+    experiment = separating_experiment(first, second, Limits(torque=4.0, speed=1e-9), duration=1.0)
+    assert np.ptp(experiment.predictions[0]) < 1e-9
+    assert not experiment.separable
+
+
+def test_a_position_servo_is_refused() -> None:
+    _, first, second = rivals("load")
+    run = replace(first.log.runs[0], servo_gain=np.ones(len(first.log.runs[0])))
+    servo = replace(first, log=replace(first.log, runs=(run,)))
+    with pytest.raises(BadParameter, match="position servo"):
+        separating_experiment(servo, second, LIMITS)
+
+
+@pytest.mark.parametrize("signal", list(shapes(0.1)), ids=str)
+def test_waves_have_a_peak_of_one_and_the_length_asked_for(signal: Signal) -> None:
+    torque = replace(signal, amplitude=2.0).playable(0.01).torque(8.0, 0.01)
+    assert torque.shape == (800,)
+    assert np.abs(torque - 0.1).max() <= 2.0 * (1 + 1e-9)
+    assert np.abs(torque - 0.1).max() > 1.5
+
+
+def test_a_special_case_cannot_be_told_from_the_general_form_by_being_true() -> None:
+    _, general, special = (Rival.of(fit) if isinstance(fit, Fit) else fit for fit in rivals("presliding"))
+    assert general.contains(special)
+    assert not special.contains(general)
+
+
+def test_the_louder_noise_of_an_observer_is_what_a_filter_of_white_noise_shows() -> None:
+    bandwidth, step, count = 20.0, 0.005, 200_000
+    noise = np.random.default_rng(3).standard_normal(count)
+    alpha, beta = observer_gain(bandwidth, np.array([step]))[:, 0]
+    x = v = 0.0
+    errors = np.empty(count)
+    for k in range(count):
+        errors[k] = noise[k] - x
+        x, v = x + alpha * errors[k] + step * (v + beta * errors[k]), v + beta * errors[k]
+    assert noise_factor(bandwidth, step) == pytest.approx(np.var(errors), rel=0.02)
+    assert noise_factor(0.0, step) == 1.0
+
+
+def test_the_rivals_of_an_ambiguous_diagnosis_are_its_model_and_the_best_alternative() -> None:
+    _, extended, alternative = rivals("lag")
+    cause = SimpleNamespace(effect="actuator_lag", probability=0.6, alternatives=(("input_delay", 0.4),))
+    tried = SimpleNamespace(
+        effect="input_delay", refitted=True, evidence=5.0, parameters={"time": SimpleNamespace(value=0.003)}
+    )
+    diagnosis: Any = SimpleNamespace(causes=(cause,), candidates=(tried,), extended=extended)
+    found = rivals_of(diagnosis)
+    assert found is not None
+    assert found[0] is extended
+    assert found[1].model.names == alternative.model.names
+    assert found[1].log_likelihood == pytest.approx(alternative.log_likelihood, abs=0.5)
+    cause.probability = 0.99
+    assert rivals_of(diagnosis) is None
