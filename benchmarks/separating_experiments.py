@@ -2,9 +2,9 @@
 
     python benchmarks/separating_experiments.py [seeds] [number of a pair ...]
 
-An independent machine hides the first of a pair and records a short, slow chirp; both models are fitted to it. For that
-log the experiment is designed, played into the machine and recorded under several seeds of the noise, and both models
-are refitted to all data. Prints the table and writes it to benchmarks/results/separating_experiments.txt.
+An independent machine hides a little of the first of a pair and records a short, slow chirp; both models are fitted to
+it. For that log the experiment is designed, played into the machine and recorded under several seeds of the noise, and
+both models are refitted to all data. Prints the table and writes it to benchmarks/results/separating_experiments.txt.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ LIMITS = Limits(torque=4.0, speed=5.0, travel=(-4.0, 4.0))
 DURATION = 10.0
 Values = Mapping[str, float]
 PAIRS: tuple[tuple[str, Values, str, Values], ...] = (
-    ("stribeck_friction", {"coulomb": 0.1, "excess": 0.03, "velocity": 0.3}, "coulomb_friction", {"torque": 0.1}),
-    ("presliding_hysteresis", {"torque": 0.1, "stiffness": 20.0}, "coulomb_friction", {"torque": 0.1}),
-    ("load_dependent_friction", {"coefficient": 0.02}, "coulomb_friction", {"torque": 0.02}),
+    ("stribeck_friction", {"coulomb": 0.1, "excess": 0.01, "velocity": 0.3}, "coulomb_friction", {"torque": 0.1}),
+    ("presliding_hysteresis", {"torque": 0.1, "stiffness": 60.0}, "coulomb_friction", {"torque": 0.1}),
+    ("load_dependent_friction", {"coefficient": 0.006}, "coulomb_friction", {"torque": 0.006}),
     ("actuator_lag", {"time_constant": 0.005}, "input_delay", {"time": 0.005}),
     (
         "compliance",
-        {"frequency": 30.0, "damping": 0.05, "motor_share": 0.3},
+        {"frequency": 70.0, "damping": 0.05, "motor_share": 0.3},
         "backlash",
-        {"gap": 0.01, "motor_share": 0.3},
+        {"gap": 0.003, "motor_share": 0.3},
     ),
     (
         "gravity_offset",
@@ -52,18 +52,18 @@ PAIRS: tuple[tuple[str, Values, str, Values], ...] = (
     ),
     (
         "cable_stiffness",
-        {"stiffness": 0.01, "cubic": 0.0, "rest_angle": 0.0},
+        {"stiffness": 0.003, "cubic": 0.0, "rest_angle": 0.0},
         "asymmetric_friction",
-        {"forward": 0.02, "backward": 0.01, "viscous_difference": 0.0},
+        {"forward": 0.006, "backward": 0.003, "viscous_difference": 0.0},
     ),
     ("sensor_lag", {"time_constant": 0.005}, "input_delay", {"time": 0.005}),
-    ("quadratic_drag", {"drag": 0.02}, "stribeck_friction", {"coulomb": 0.02, "excess": 0.02, "velocity": 0.5}),
-    ("cable_stiffness", {"stiffness": 0.01, "cubic": 0.0, "rest_angle": 1.0}, "torque_offset", {"torque": 0.01}),
+    ("quadratic_drag", {"drag": 0.007}, "stribeck_friction", {"coulomb": 0.02, "excess": 0.02, "velocity": 0.5}),
+    ("cable_stiffness", {"stiffness": 0.003, "cubic": 0.0, "rest_angle": 1.0}, "torque_offset", {"torque": 0.003}),
     (
         "cogging",
-        {"amplitude": 0.01, "order": 5.0, "phase": 0.3},
+        {"amplitude": 0.003, "order": 5.0, "phase": 0.3},
         "encoder_eccentricity",
-        {"amplitude": 0.002, "order": 5.0, "phase": 0.3},
+        {"amplitude": 0.0006, "order": 5.0, "phase": 0.3},
     ),
 )
 HEADER = (
