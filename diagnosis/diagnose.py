@@ -21,6 +21,7 @@ from plant.servo import ServoModel
 
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
 _TELLING = 0.2  # share of the missing torque's variance from which a variable is said to carry it
+_CLEARLY = 0.1  # share by which a curve must explain more than names do, for the names to be dropped
 _MENTION = 1e-4  # probability from which a rival is listed
 
 
@@ -71,8 +72,8 @@ def diagnose(
     depends_on = _depends_on(outcome.fit, missing)
     unnamed = bool(depends_on) or missing.excess > _NOISE
     nameless = carried(null) if outcome.additions else ()
-    if nameless and _charged(nameless[-1], null) > _charged(outcome.fit, null):
-        # Names that explain less than a curve without a name are not believed.
+    if nameless and _charged(nameless[-1], null) > (1.0 + _CLEARLY) * _charged(outcome.fit, null):
+        # Names that explain clearly less than a curve without a name are not believed.
         outcome, missing = replace(outcome, additions=()), missing_torque(null)
         depends_on = _depends_on(null, missing)
     more = carried(outcome.fit) if unnamed else ()

@@ -17,6 +17,7 @@ from plant.servo import ServoModel
 
 _SHARE = 0.3  # of a single run that is held out, at its end
 _BLOCKS = 20  # into which a log is cut to judge the scatter of a difference
+_HUGE = 1e50  # error in place of one that overflowed; its fourth power is still a number
 _WINDOW = 1.0  # seconds between restarts where nothing pulls the load back to where it was
 
 
@@ -63,7 +64,7 @@ def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[A
     """(T,) square of measured less simulated for all valid samples, and the simulations; what overflows is huge."""
     simulated = free_simulation(log, model, window=window)
     errors = np.concatenate([(r.output - s)[r.valid] for r, s in zip(log.runs, simulated, strict=True)])
-    return np.nan_to_num(np.clip(errors, -1e100, 1e100), nan=1e100) ** 2, simulated
+    return np.nan_to_num(np.clip(errors, -_HUGE, _HUGE), nan=_HUGE) ** 2, simulated
 
 
 def simulation_gain(before: Fit, after: Fit) -> float:
@@ -83,7 +84,7 @@ def _squared_from_fit(fit: Fit) -> Array:
     predictor = Predictor(model=fit.model, runs=fit.log.runs, free=(), substeps=fit.substeps)
     runs = predictor.predict(fit.model.values, fit.initial, bandwidth=0.0, width=0.0, sensitivities=False)
     errors = np.concatenate([p.innovations for p in runs])
-    return np.asarray(np.nan_to_num(np.clip(errors, -1e100, 1e100), nan=1e100) ** 2)
+    return np.asarray(np.nan_to_num(np.clip(errors, -_HUGE, _HUGE), nan=_HUGE) ** 2)
 
 
 def standard_errors(gained: Array) -> float:

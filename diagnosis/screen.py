@@ -120,7 +120,8 @@ class Screen:
                     name=name,
                     evidence=evidence,
                     columns=0 if trace.prior is not None else trace.columns.shape[1],
-                    searched=trace.searched,
+                    # A grid along which there is one peak has only helped to find it.
+                    searched=trace.searched if effects[name].rugged else 1,
                     starts=tuple(near[:_STARTS]) or (tried[0][2],),
                 )
             )

