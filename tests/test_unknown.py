@@ -1,0 +1,124 @@
+"""A cause that may not be named is not given another name: the variable is told, and a curve carries the gain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+from scipy.stats import multivariate_normal
+
+from diagnosis import diagnose
+from diagnosis.candidates import chosen
+from diagnosis.odds import smooth_evidence
+from identification.log import Log
+from plant import BadParameter, Effect, ModelFile, catalogue, read_model
+from plant.effects import Motion, Stage, Trace
+from plant.effects.curve import KNOTS, CurveOverVelocity
+from plant.effects.effect import Expression, Moment, parameter
+
+
+def log_of(**hidden: dict[str, float]) -> Log:
+    return record(Machine().hiding(**hidden), excitation(1, duration=30.0)).log()
+
+
+@pytest.mark.parametrize(
+    ("hidden", "variable"),
+    [
+        ({"quadratic_drag": {"drag": 0.03}}, "velocity"),
+        ({"cable_stiffness": {"stiffness": 0.1, "cubic": 0.002, "rest_angle": 0.4}}, "angle"),
+    ],
+    ids=["drag", "cable"],
+)
+def test_what_the_catalogue_lacks_is_unknown_and_its_gain_is_had(
+    hidden: dict[str, dict[str, float]], variable: str
+) -> None:
+    (name,) = hidden
+    found = diagnose(log_of(**hidden), exclude=[name])
+    assert found.verdict == "unknown"
+    assert found.causes == ()
+    assert found.unexplained.depends_on[0] == variable
+    assert f"curve_over_{variable}" in [effect.name for effect in found.model.effects]
+    told = diagnose(log_of(**hidden), candidates=[name])
+    assert [cause.effect for cause in told.causes] == [name]
+    assert found.gain.cut > 0.9 * told.gain.cut
+
+
+def test_a_clean_log_carries_no_curve() -> None:
+    found = diagnose(log_of())
+    assert found.verdict == "nothing_missing"
+    assert [effect.name for effect in found.model.effects] == ["dead_zone"]
+
+
+def test_a_curve_is_saved_with_the_model(tmp_path) -> None:
+    curve = CurveOverVelocity(low=-3.0, high=4.0, **{f"c{k}": 0.1 * k for k in range(KNOTS)})
+    model = diagnose(log_of(), candidates=["coulomb_friction"]).model.with_effect(curve)
+    ModelFile(model=model, std={}).write(tmp_path / "model.json")
+    assert read_model(tmp_path / "model.json").model == model
+
+
+def test_a_curve_is_flat_outside_its_range_and_passes_its_knots() -> None:
+    values = [0.3, -0.1, 0.2, 0.0, 0.5, 0.4, -0.2, 0.1, 0.7]
+    curve = CurveOverVelocity(low=-3.0, high=4.0, **{f"c{k}": value for k, value in enumerate(values)})
+    ends = [float(curve.load_torque(Moment(velocity=v), 0.0)) for v in (-9.0, -3.0, 4.0, 9.0)]
+    assert ends == pytest.approx([0.3, 0.3, 0.7, 0.7])
+    places = [float(curve.place(v, -3.0, 4.0)) for v in np.linspace(-3.0, 4.0, 200)]
+    assert np.all(np.diff(places) > 0)
+
+
+def test_the_evidence_of_a_smooth_curve_is_the_marginal_likelihood() -> None:
+    rng = np.random.default_rng(0)
+    regressors, prior = rng.normal(size=(60, 3)), np.diag([1.0, 0.5, 2.0])
+    values = regressors @ [2.0, -1.0, 1.5] + rng.normal(size=60)
+    variance = float(np.mean(values**2))
+    seen = regressors @ np.linalg.cholesky(prior)
+    top = np.linalg.eigvalsh(seen.T @ seen / variance).max()
+    rises = []
+    for size in np.geomspace(1.0, 1e8, 9) / top:
+        spread = variance * np.eye(60) + size * regressors @ prior @ regressors.T
+        plain = multivariate_normal(cov=variance * np.eye(60)).logpdf(values)
+        rises.append(multivariate_normal(cov=spread).logpdf(values) - plain)
+    assert smooth_evidence(regressors, values, prior)[0] == pytest.approx(max(rises) - np.log(9), rel=1e-9)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Windage(Effect):
+    """Somebody's own effect: a drag with the cube of speed."""
+
+    name = "windage"
+    title = "windage"
+    stage = Stage.LOAD
+    equation = r"-c v^3"
+    trace = "cubic over velocity"
+
+    drag: float = parameter("{torque} s^3/{angle}^3", "drag", lower=0.0)
+
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
+        return -self.drag * at.velocity**3
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        yield Trace(
+            columns=-(motion.velocity**3)[:, None], positive=(True,), start=lambda c: cls(drag=max(float(c[0]), 0.0))
+        )
+
+
+def test_an_effect_of_ones_own_takes_part() -> None:
+    found = diagnose(log_of(quadratic_drag={"drag": 0.03}), candidates=["coulomb_friction", Windage])
+    tried = {candidate.effect for candidate in found.candidates}
+    assert {"windage", "coulomb_friction"} <= tried
+    assert found.candidates[0].round == 1
+    assert next(c for c in found.candidates if c.effect == "windage").evidence > 20.0
+
+
+def test_a_choice_must_make_sense() -> None:
+    assert set(chosen(None, ["backlash"])) == set(catalogue) - {"backlash"}
+    assert list(chosen(["cogging", Windage], ())) == ["cogging", "windage"]
+    with pytest.raises(BadParameter, match="'stiktion' is no effect; the catalogue has input_delay"):
+        chosen(["stiktion"], ())
+    with pytest.raises(BadParameter, match="exclude: 'stiktion'"):
+        chosen(None, ["stiktion"])
+    with pytest.raises(BadParameter, match="No effect is left"):
+        chosen(["cogging"], ["cogging"])
