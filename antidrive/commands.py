@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +19,13 @@ from plant.errors import BadParameter
 from plant.model_file import read_model
 from plant.servo import ServoModel
 
+if TYPE_CHECKING:
+    from diagnosis.experiment import Experiment
+    from diagnosis.result import Diagnosis
+
 __all__ = ["Voice", "allocate", "demo", "diagnose", "identify", "predict", "simulate"]
+
+_EXPERIMENT = "separating_experiment.csv"
 
 
 def identify(options: LogOptions, *, base: Path | None, out: Path, seed: int, voice: Voice) -> None:
@@ -61,12 +68,35 @@ def diagnose(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
         held_out = measured.holdout.sources if measured.holdout is not None else ()
         provenance = Provenance.now(voice.words, (*measured.log.sources, *held_out))
         model_file(found.extended).write(draft / "model.json")
-        write_json(draft / "diagnosis.json", found.to_dict())
+        content, told, files = found.to_dict(), [*sentences(found), *found.warnings], "diagnosis.json, model.json"
+        if found.verdict == "ambiguous":
+            with voice.progress("designing an experiment that tells the rivals apart"):
+                experiment, said = _separating(found, seed)
+            told.append(said)
+            if experiment is not None and experiment.separable:
+                experiment.write(draft / _EXPERIMENT)
+                content["separating_experiment"] = experiment.to_dict(file=_EXPERIMENT)
+                files += f", {_EXPERIMENT}"
+        write_json(draft / "diagnosis.json", content)
         page = report.diagnosis_page(found, provenance, notes=measured.notes)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [headline(found), *(f"  {line}" for line in (*sentences(found), *found.warnings))]
-    lines.append(_written(out, "diagnosis.json, model.json, report.html"))
-    voice.result("\n".join(lines), found.to_dict())
+    lines = [headline(found), *(f"  {line}" for line in told), _written(out, f"{files}, report.html")]
+    voice.result("\n".join(lines), content)
+
+
+def _separating(found: Diagnosis, seed: int) -> tuple[Experiment | None, str]:
+    """The experiment that tells the rivals of a diagnosis apart within what the log has shown, and a sentence on it."""
+    from diagnosis.experiment import rivals_of, separating_experiment
+    from diagnosis.signal_design import Limits
+
+    rivals = rivals_of(found)
+    if rivals is None:
+        return None, "No experiment was designed: the rivals are not both fitted."
+    try:
+        experiment = separating_experiment(*rivals, Limits.of(found.base.log), seed=seed)
+    except BadParameter as refusal:
+        return None, f"No experiment was designed: {refusal}"
+    return experiment, str(experiment)
 
 
 def predict(model: Path, options: LogOptions, *, window: float | None, out: Path, voice: Voice) -> None:

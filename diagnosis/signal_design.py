@@ -9,6 +9,7 @@ import numpy as np
 
 from diagnosis.separation import Rival, Separation, Trial
 from diagnosis.signal_families import Signal, shapes
+from identification.log import Log
 from plant.effects.effect import Array
 from plant.errors import BadParameter
 
@@ -40,6 +41,17 @@ class Limits:
         least, most = self.travel
         if not least < most:
             raise BadParameter(f"Limits: the travel must go from a lower to a higher angle, not {least:g} to {most:g}.")
+
+    @classmethod
+    def of(cls, log: Log) -> Limits:
+        """What the machine has shown in a log that it can do."""
+        speeds = np.concatenate([np.abs(np.gradient(run.output, run.time)[run.valid]) for run in log.runs])
+        outputs = np.concatenate([run.output[run.valid] for run in log.runs])
+        return cls(
+            torque=max(float(np.max(np.abs(run.command))) for run in log.runs),
+            speed=float(np.quantile(speeds, 0.999)),
+            travel=(float(outputs.min()), float(outputs.max())),
+        )
 
     def hold(self, trial: Trial) -> bool:
         """Whether both rivals stay within speed and travel."""

@@ -1,4 +1,4 @@
-"""What is hidden from the diagnosis: each of ten effects at three sizes, and the oracle that knows which.
+"""What is hidden from the diagnosis: each effect of the catalogue at three sizes, and the oracle that knows which.
 
 A size is chosen by how plainly the log shows the effect: lambda, twice the log-likelihood by which the model with the
 true effect beats the nearest model without it, is about 100, 400 and 1600 on the minute-long log. The nearest model is
@@ -83,65 +83,69 @@ CASES = (
         sizes=(0.002, 0.008, 0.18),
         judged=("amplitude",),
     ),
-    Hidden(effect="rate_limit", at=lambda s: {"rate": 50.0 / s}, sizes=(0.1, 0.3, 1.0), judged=("rate",)),
-    Hidden(effect="torque_saturation", at=lambda s: {"limit": 8.0 - s}, sizes=(0.1, 0.3, 1.0), judged=("limit",)),
-    Hidden(effect="back_emf", at=lambda s: {"constant": s}, sizes=(0.1, 0.3, 1.0), judged=("constant",)),
+    Hidden(effect="rate_limit", at=lambda s: {"rate": 50.0 / s}, sizes=(0.01, 0.018, 0.22), judged=("rate",)),
+    Hidden(effect="torque_saturation", at=lambda s: {"limit": 8.0 - s}, sizes=(1.75, 2.0, 2.9), judged=("limit",)),
+    Hidden(effect="back_emf", at=lambda s: {"constant": s}, sizes=(0.0073, 0.061, 0.5), judged=("constant",)),
     Hidden(
         effect="compliance",
         at=lambda s: {"frequency": 30.0 / s, "damping": 0.05, "motor_share": 0.3},
-        sizes=(0.1, 0.3, 1.0),
+        sizes=(0.24, 0.34, 0.52),
         judged=("frequency",),
     ),
-    Hidden(
-        effect="backlash", at=lambda s: {"gap": s, "motor_share": 0.3}, sizes=(0.001, 0.003, 0.01), judged=("gap",)
-    ),
+    Hidden(effect="backlash", at=lambda s: {"gap": s, "motor_share": 0.3}, sizes=(0.002, 0.005, 0.02), judged=("gap",)),
     Hidden(
         effect="load_dependent_friction",
         at=lambda s: {"coefficient": s},
-        sizes=(0.001, 0.01, 0.1),
+        sizes=(0.0005, 0.006, 0.1),
         judged=("coefficient",),
     ),
     Hidden(
         effect="presliding_hysteresis",
-        at=lambda s: {"torque": s, "stiffness": 8.0 * s},
-        sizes=(0.001, 0.01, 0.1),
+        at=lambda s: {"torque": s, "stiffness": 27.0 * s},
+        sizes=(0.002, 0.02, 0.3),
         judged=("torque", "stiffness"),
     ),
     Hidden(
         effect="cable_stiffness",
         at=lambda s: {"stiffness": s, "cubic": 0.02 * s, "rest_angle": 0.4},
-        sizes=(0.001, 0.01, 0.1),
+        sizes=(0.0003, 0.004, 0.1),
         judged=("stiffness",),
     ),
     Hidden(
-        effect="end_stop", at=lambda s: {"angle": 4.0, "stiffness": 300.0 * s}, sizes=(0.001, 0.01, 0.1), judged=("angle",)
+        effect="end_stop",
+        at=lambda s: {"angle": 3.0, "stiffness": 300.0 * s},
+        sizes=(0.001, 0.01, 0.3),
+        judged=("angle",),
     ),
     Hidden(
         effect="payload_change",
         at=lambda s: {"time": 23.1416, "inertia": s, "gravity": 0.3 * s},
-        sizes=(0.001, 0.01, 0.1),
+        sizes=(0.0005, 0.006, 0.2),
         judged=("inertia", "gravity"),
     ),
     Hidden(
         effect="periodic_disturbance",
         at=lambda s: {"amplitude": s, "frequency": 3.3, "phase": 0.4},
-        sizes=(0.01, 0.1, 1.0),
+        sizes=(0.15, 0.3, 0.6),
         judged=("amplitude", "frequency"),
     ),
     Hidden(
         effect="friction_drift",
         at=lambda s: {"viscous_rate": s, "coulomb_rate": 0.5 * s},
-        sizes=(0.0001, 0.001, 0.01),
+        sizes=(0.00003, 0.0003, 0.004),
         judged=("viscous_rate",),
     ),
     Hidden(
         effect="encoder_eccentricity",
         at=lambda s: {"amplitude": s, "order": 1.0, "phase": 0.4},
-        sizes=(0.0001, 0.001, 0.01),
+        sizes=(0.0005, 0.002, 0.01),
         judged=("amplitude",),
     ),
     Hidden(
-        effect="sensor_lag", at=lambda s: {"time_constant": s}, sizes=(0.0001, 0.001, 0.01), judged=("time_constant",)
+        effect="sensor_lag",
+        at=lambda s: {"time_constant": s},
+        sizes=(0.00015, 0.0007, 0.005),
+        judged=("time_constant",),
     ),
 )
 
