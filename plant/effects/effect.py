@@ -17,19 +17,18 @@ and the report then know it.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, ClassVar, Self, TypeAlias
+from typing import Any, ClassVar, Literal, Self, TypeAlias
 
+from plant.effects.motion import Array as Array
+from plant.effects.motion import Motion as Motion
 from plant.effects.parameter import Axis as Axis
 from plant.effects.parameter import Parameter as Parameter
 from plant.effects.parameter import parameter as parameter
 from plant.effects.parameter import parameters_of as parameters_of
 from plant.effects.parameter import within as within
-from plant.effects.trace import Array as Array
-from plant.effects.trace import Motion as Motion
-from plant.effects.trace import Trace as Trace
 
 Expression: TypeAlias = Any  # a float, an array, or a CasADi SX while equations are built
 
@@ -71,6 +70,27 @@ class Moment:
     time: Expression = 0.0
     travel: Expression = 0.0
     step: Expression = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trace:
+    """The torque, or the error of the reading, by which a small effect would show, at one choice of its shape.
+
+    Attributes:
+        columns: (T, m) torque on the load [N m], or error of the reading [rad], per unit of each coefficient.
+        start: the effect that coefficients (m,) found by regression suggest.
+        positive: (m,) which coefficients cannot be negative; none by default.
+        searched: how many shapes were compared to find this one; where there are many peaks, the search is charged for.
+        acts_on: whether the columns are torques or readings.
+        prior: (m, m) covariance of the coefficients up to a factor, where they are not free but a smooth curve's.
+    """
+
+    columns: Array
+    start: Callable[[Array], Effect]
+    positive: tuple[bool, ...] = ()
+    searched: int = 1
+    acts_on: Literal["torque", "reading"] = "torque"
+    prior: Array | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import median_filter
 
-from plant.effects.trace import Array, Motion
+from plant.effects.motion import Array, Motion
 
 _NEIGHBOURHOOD = 101  # grid points, a quarter of a resolvable line each, whose median is the background of a peak
 _LONGEST = 4000  # lines that a search may reach

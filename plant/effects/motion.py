@@ -1,16 +1,13 @@
-"""How an effect would show in a log: the motion of a fitted model, and the traces that effects draw along it."""
+"""The motion of a fitted model along a log, for effects to say how they would show in it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from plant.effects.effect import Effect
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -61,24 +58,3 @@ class Motion:
     def by_run(self, follow: Callable[[NDArray[np.intp]], Array]) -> Array:
         """(T, ...) what `follow` gives for the samples of each run, one run after the other."""
         return np.concatenate([follow(np.flatnonzero(self.run == run)) for run in np.unique(self.run)])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Trace:
-    """The torque, or the error of the reading, by which a small effect would show, at one choice of its shape.
-
-    Attributes:
-        columns: (T, m) torque on the load [N m], or error of the reading [rad], per unit of each coefficient.
-        start: the effect that coefficients (m,) found by regression suggest.
-        positive: (m,) which coefficients cannot be negative; none by default.
-        searched: how many shapes were compared to find this one; where there are many peaks, the search is charged for.
-        acts_on: whether the columns are torques or readings.
-        prior: (m, m) covariance of the coefficients up to a factor, where they are not free but a smooth curve's.
-    """
-
-    columns: Array
-    start: Callable[[Array], Effect]
-    positive: tuple[bool, ...] = ()
-    searched: int = 1
-    acts_on: Literal["torque", "reading"] = "torque"
-    prior: Array | None = None
