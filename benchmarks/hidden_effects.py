@@ -88,8 +88,8 @@ def main() -> None:
             print(result[2], flush=True)
         false = [text for wrong, text in pool.imap(clean, range(1000, 1000 + count)) if wrong]
     lines.append(
-        f"{sum(r[0] for r in results)} of {len(tasks)} named alone, {sum(r[1] for r in results)} alone or among at most "
-        f"three that cannot be told apart; {len(false)} of {count} clean logs were given a name or doubt"
+        f"{sum(r[0] for r in results)} of {len(tasks)} named alone, {sum(r[1] for r in results)} alone or among at "
+        f"most three that cannot be told apart; {len(false)} of {count} clean logs were given a name or doubt"
     )
     lines += false
     print("\n".join(lines[len(tasks) + 1 :]))
