@@ -10,7 +10,7 @@ import numpy as np
 from diagnosis.candidates import Choice, chosen
 from diagnosis.curves import carried, unnamed_dependence
 from diagnosis.holdout import inverse_errors, measure_gain, remaining, split
-from diagnosis.missing_torque import MissingTorque, missing_torque
+from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
 from diagnosis.odds import NONE, parameter_cost
 from diagnosis.result import Cause, Diagnosis, Verdict
 from diagnosis.search import Addition, Outcome, estimates, evidence_of, search
@@ -68,15 +68,12 @@ def diagnose(
     null = outcome.base
 
     tell("looking for what has no name")
+    outcome, more = _believed(outcome)
     missing = missing_torque(outcome.fit)
     depends_on = _depends_on(outcome.fit, missing)
-    unnamed = bool(depends_on) or missing.excess > _NOISE
-    nameless = carried(null) if outcome.additions else ()
-    if nameless and _charged(nameless[-1], null) > (1.0 + _CLEARLY) * _charged(outcome.fit, null):
-        # Names that explain clearly less than a curve without a name are not believed.
-        outcome, missing = replace(outcome, additions=()), missing_torque(null)
-        depends_on = _depends_on(null, missing)
-    more = carried(outcome.fit) if unnamed else ()
+    unnamed = bool(more or depends_on) or missing.excess > _NOISE
+    if unnamed and not more:
+        more = carried(outcome.fit)
     path = [null, *(addition.fit for addition in outcome.additions), *more]
     tell("measuring the gain on held-out data")
     gain, errors, replays = measure_gain(holdout, path)
@@ -98,6 +95,17 @@ def diagnose(
     )
 
 
+def _believed(outcome: Outcome) -> tuple[Outcome, tuple[Fit, ...]]:
+    """What the search found, without names if they explain clearly less than curves without a name, which then follow.
+
+    Such names only stand near the cause; what carries the gain is what the log shows.
+    """
+    nameless = carried(outcome.base) if outcome.additions else ()
+    if nameless and _charged(nameless[-1], outcome.base) > (1.0 + _CLEARLY) * _charged(outcome.fit, outcome.base):
+        return replace(outcome, additions=()), nameless
+    return outcome, ()
+
+
 def _charged(fit: Fit, than: Fit) -> float:
     """Evidence of a fit over a simpler one, less the cost of its parameters."""
     return evidence_of(fit, than) - parameter_cost(fit, than)
@@ -107,7 +115,7 @@ def _depends_on(final: Fit, missing: MissingTorque) -> tuple[str, ...]:
     """Variables on which what remains depends: by the test of curves or, where much is missing, by the picture."""
     tested = unnamed_dependence(final)
     if tested or missing.excess <= _NOISE:
-        return tuple(name for name, _, _ in tested)
+        return tuple(named_on(name, final.log.axis) for name, _, _ in tested)
     return tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
 
 

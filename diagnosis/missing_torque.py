@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from identification.fit_result import Fit
 from identification.inverse import filtered_motion, needed_torque
-from plant.effects.effect import Array
+from plant.effects.effect import Array, Axis
 
 _TORQUE_SHARE = 0.03  # noise that the band may have, of the rms torque command
 _BINS = 24
@@ -26,7 +26,7 @@ class Curve:
     """The missing torque as a function of one variable.
 
     Attributes:
-        variable: "velocity", "angle", "torque" or "time".
+        variable: "velocity", "angle", "torque" or "time"; on a linear axis "position" and "force".
         unit: of the variable.
         centre, mean, band: (B,) middle of each bin, mean missing torque in it and half width of its 95 % band [N m].
         share: of the missing torque's variance that this variable alone explains, less what chance would [-].
@@ -93,8 +93,8 @@ def missing_torque(fit: Fit) -> MissingTorque:
     independent = 2.0 * cutoff * fit.log.runs[0].sample_time  # independent values in one sample behind the low pass
     variables = (
         ("velocity", f"{length}/s", velocity),
-        ("angle" if fit.log.axis == "rotary" else "position", length, angle),
-        ("torque" if fit.log.axis == "rotary" else "force", force, command),
+        (named_on("angle", fit.log.axis), length, angle),
+        (named_on("torque", fit.log.axis), force, command),
         ("time", "s", time),
     )
     curves = [_curve(name, unit, values, torque, independent) for name, unit, values in variables]
@@ -111,6 +111,11 @@ def missing_torque(fit: Fit) -> MissingTorque:
         unit=force,
         cutoff=cutoff,
     )
+
+
+def named_on(variable: str, axis: Axis) -> str:
+    """What a variable is called on an axis."""
+    return {"angle": "position", "torque": "force"}.get(variable, variable) if axis == "linear" else variable
 
 
 def noise_cutoff(fit: Fit) -> float:

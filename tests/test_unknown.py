@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -12,11 +12,12 @@ from scipy.stats import multivariate_normal
 
 from diagnosis import diagnose
 from diagnosis.candidates import chosen
+from diagnosis.missing_torque import named_on
 from diagnosis.odds import smooth_evidence
 from identification.log import Log
-from plant import BadParameter, Effect, ModelFile, catalogue, read_model
+from plant import BadParameter, Effect, ModelFile, ServoModel, catalogue, read_model, simulate
 from plant.effects import Motion, Stage, Trace
-from plant.effects.curve import KNOTS, CurveOverVelocity
+from plant.effects.curve import KNOTS, CurveOverVelocity, curves
 from plant.effects.effect import Expression, Moment, parameter
 
 
@@ -44,6 +45,28 @@ def test_what_the_catalogue_lacks_is_unknown_and_its_gain_is_had(
     told = diagnose(log_of(**hidden), candidates=[name])
     assert [cause.effect for cause in told.causes] == [name]
     assert found.gain.cut > 0.9 * told.gain.cut
+
+
+def test_names_that_explain_clearly_less_than_a_curve_are_dropped_for_it() -> None:
+    log = log_of(cable_stiffness={"stiffness": 0.1, "cubic": 0.002, "rest_angle": 0.4})
+    found = diagnose(log, candidates=["gravity_offset"])
+    assert found.candidates[0].probability > 0.99  # the search had found it
+    assert found.verdict == "unknown"
+    assert found.causes == ()
+    assert found.unexplained.depends_on[0] == "angle"
+    assert [effect.name for effect in found.model.effects] == ["dead_zone", "curve_over_angle"]
+
+
+def test_variables_have_the_names_of_the_axis() -> None:
+    levelled = record(
+        replace(Machine(), gravity=0.0).hiding(quadratic_drag={"drag": 0.03}), excitation(1, duration=30.0)
+    )
+    log = replace(levelled.log(), axis="linear", command_unit="N")
+    found = diagnose(log, candidates=["torque_offset"])
+    assert found.verdict == "unknown"
+    assert found.unexplained.depends_on[0] == "velocity"
+    assert {named_on(name, "linear") for name in curves} == {"velocity", "position", "force", "time"}
+    assert [named_on(name, "rotary") for name in curves] == list(curves)
 
 
 def test_a_clean_log_carries_no_curve() -> None:
@@ -107,10 +130,23 @@ class Windage(Effect):
 
 def test_an_effect_of_ones_own_takes_part() -> None:
     found = diagnose(log_of(quadratic_drag={"drag": 0.03}), candidates=["coulomb_friction", Windage])
-    tried = {candidate.effect for candidate in found.candidates}
-    assert {"windage", "coulomb_friction"} <= tried
-    assert found.candidates[0].round == 1
-    assert next(c for c in found.candidates if c.effect == "windage").evidence > 20.0
+    tried = {candidate.effect: candidate for candidate in found.candidates if candidate.round == 1}
+    assert set(tried) == {"windage", "coulomb_friction"}
+    assert tried["windage"].refitted
+    assert tried["windage"].evidence > 20.0
+
+
+def test_an_effect_of_ones_own_can_win() -> None:
+    log = log_of()
+    (run,) = log.runs
+    model = ServoModel.paper().with_effect(Windage(drag=0.01))
+    heard = simulate(model, command=run.command, dt=log.sample_time)[:-1, 0]
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(heard.size)
+    found = diagnose(replace(log, runs=(replace(run, output=heard + noise),)), candidates=[*catalogue, Windage])
+    assert found.verdict == "named"
+    (cause,) = found.causes
+    assert cause.effect == "windage"
+    assert cause.parameters["drag"].value == pytest.approx(0.01, rel=0.02)
 
 
 def test_a_choice_must_make_sense() -> None:
