@@ -172,7 +172,7 @@ def rivals_of(diagnosis: Diagnosis) -> tuple[Fit, Fit] | None:
         values = {name: estimate.value for name, estimate in best.parameters.items()}
         fit = diagnosis.extended
         model = fit.model.without_effect(cause.effect).with_effect(catalogue[others[0]](**values))
-        fixed = [p.name for p in fit.parameters if p.fixed and p.name in model.names]
+        fixed = [name for name in fit.fixed if name in model.names]
         # A descent only ever lowers the bandwidth, and a rival may need one where the leader needs none.
         start = replace(fit, bandwidth=max(fit.bandwidth, _WIDE))
         return fit, Problem.of(fit.log, model, fixed=fixed).descend(start)

@@ -19,8 +19,8 @@ from plant.effects.effect import Array
 
 NONE = "none"
 CLEAR = 0.9  # probability above which a name stands alone
-_SCALES = 9  # sizes of a curve that are tried
 MISSING = 0.99  # probability of "something is missing" that a name needs
+_SCALES = 9  # sizes of a curve that are tried
 
 
 def score(evidence: float, *, cost: float, searched: int, catalogue: int) -> float:

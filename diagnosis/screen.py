@@ -27,9 +27,7 @@ from plant.effects import Effect, Motion, Trace
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
-_NEAR = (
-    0.4  # share of the best shape's evidence that makes another shape a start of its own, where there are many peaks
-)
+_NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own, where there are many peaks
 _STARTS = 8
 
 
@@ -96,8 +94,7 @@ class Screen:
         An observer takes over part of what a small effect does; the free simulation shows all of it. Evidence in it
         counts from the likelihood of the fit at hand: less the loss that comes with the screen.
         """
-        fixed = tuple(p.name for p in fit.parameters if p.fixed)
-        problem = Problem.of(fit.log, fit.model, fixed=fixed)
+        problem = Problem.of(fit.log, fit.model, fixed=fit.fixed)
         views = [(cls.of(fit, problem, bandwidth=fit.bandwidth), 0.0)]
         free = problem.output_error(fit) if fit.bandwidth else None
         if free is not None:

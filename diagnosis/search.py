@@ -134,7 +134,7 @@ def _one_round(
 
 def _better_null(fit: Fit, found: Addition) -> Fit | None:
     """The model without the addition, fitted from the addition's optimum, if it is clearly likelier than it was."""
-    problem = Problem.of(fit.log, fit.model, fixed=_fixed(fit))
+    problem = Problem.of(fit.log, fit.model, fixed=fit.fixed)
     again = problem.descend(found.fit)
     return again if evidence_of(again, fit) > 3.0 else None
 
@@ -187,7 +187,7 @@ def _reduced_leaders(
     for special in effect.reduced():
         if special.name in asked:
             model = fit.model.with_effect(special)
-            again = Problem.of(fit.log, model, fixed=_fixed(fit)).descend(refits[leader])
+            again = Problem.of(fit.log, model, fixed=fit.fixed).descend(refits[leader])
             if special.name not in refits or again.log_likelihood > refits[special.name].log_likelihood:
                 better.append((special.name, again))
     return better
@@ -197,10 +197,6 @@ def _would_add(fit: Fit, kind: type[Effect]) -> bool:
     """Whether an effect makes sense on this axis and is neither in the model nor a special case of one that is."""
     held = {name for effect in fit.model.effects for name in (effect.name, *effect.contains)}
     return kind.name not in held and fit.model.axis in kind.axes
-
-
-def _fixed(fit: Fit) -> tuple[str, ...]:
-    return tuple(p.name for p in fit.parameters if p.fixed)
 
 
 def evidence_of(fit: Fit, than: Fit) -> float:
@@ -223,7 +219,7 @@ def evidence_of(fit: Fit, than: Fit) -> float:
 def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
     """Fit the model with one effect more, from where the screen says it is: from the starts that get on best."""
     models = [fit.model.with_effect(start) for start in starts]
-    kept = [name for name in (*_fixed(fit), *fixed) if name in models[0].names]
+    kept = [name for name in (*fit.fixed, *fixed) if name in models[0].names]
     problems = [Problem.of(fit.log, model, fixed=kept) for model in models]
     if len(problems) > _DESCENTS:
         problems = sorted(problems, key=lambda problem: problem.glance(fit))[:_DESCENTS]
@@ -259,7 +255,7 @@ def holds_up(before: Fit, after: Fit) -> bool:
 def _unseen(fit: Fit, bandwidth: float) -> Array:
     """(U,) log-likelihood of each sample in the last part of the runs, after a fit to the first part."""
     seen = replace(fit.log, runs=tuple(run.slice(0, int(len(run) * (1.0 - _UNSEEN))) for run in fit.log.runs))
-    problem = Problem.of(seen, fit.model, fixed=_fixed(fit))
+    problem = Problem.of(seen, fit.model, fixed=fit.fixed)
     best = problem.minimise(problem.pack(fit.model.values, fit.initial), bandwidth, 0.0, iterations=5)
     values, initial = problem.unpack(best.point)
     variance = best.equations.cost / problem.samples
@@ -300,7 +296,7 @@ def _simplest_that_does(fit: Fit, effect: Effect) -> tuple[Effect | None, Fit] |
     variants: list[tuple[Effect | None, ServoModel]] = [(None, without)]
     variants += [(special, without.with_effect(special)) for special in effect.reduced()]
     for special, model in variants:
-        fixed = [name for name in _fixed(fit) if name in model.names]
+        fixed = [name for name in fit.fixed if name in model.names]
         leaner = Problem.of(fit.log, model, fixed=fixed).descend(fit)
         says_no_less = special is not None and _has_simpler_form(fit, effect.name)
         if says_no_less or evidence_of(fit, leaner) < parameter_cost(fit, leaner):

@@ -71,6 +71,11 @@ class Fit:
         return tuple(p.name for p in self.parameters if p.value is None)
 
     @property
+    def fixed(self) -> tuple[str, ...]:
+        """Names of the parameters that were not fitted because they were to keep their value."""
+        return tuple(p.name for p in self.parameters if p.fixed)
+
+    @property
     def correlation(self) -> NDArray[np.float64]:
         """(F, F) correlation of the fitted parameters."""
         std = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))

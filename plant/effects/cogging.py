@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
 
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
-from plant.effects.order_lines import lines_over_angle
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.order_lines import as_wave, lines_over_angle, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,13 +36,10 @@ class Cogging(Effect):
         """Sine and cosine at the orders that would improve the fit most."""
         orders, searched = lines_over_angle(motion, motion.score)
         for order in orders:
-            ripple = np.column_stack((np.sin(order * motion.angle), np.cos(order * motion.angle)))
             yield Trace(
-                columns=ripple,
+                columns=waves(motion.angle, order),
                 start=lambda c, order=order: cls(  # type: ignore[misc]
-                    amplitude=within(float(np.hypot(*c)), cls, "amplitude"),
-                    order=order,
-                    phase=float(np.arctan2(c[1], c[0])),
+                    amplitude=as_wave(c)[0], order=order, phase=as_wave(c)[1]
                 ),
                 searched=searched,
             )

@@ -19,7 +19,7 @@ KNOTS = 9
 _REACH = 2.5  # knots over which a curve keeps its course
 _APART = np.subtract.outer(np.arange(KNOTS), np.arange(KNOTS)) / _REACH
 _SMOOTH = np.exp(-0.5 * _APART**2) + 1e-6 * np.eye(KNOTS)  # covariance of the knots before anything is seen
-_DENSE = 0.05  # share of the range about zero velocity in which the knots lie as dense as the other range does not need
+_DENSE = 0.05  # share of the range of velocity, about zero, within which the knots lie densest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,10 +123,11 @@ class CurveOverTorque(Curve):
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOverTime(Curve):
-    """Over time on the log's clock."""
+    """Over time on the log's clock; of its course nothing holds afterwards, so nothing of it is left without a clock."""
 
     name = "curve_over_time"
     title = "curve over time"
+    clocked = True
     over = "time"
 
 

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter, within
-from plant.effects.order_lines import lines_over_angle
+from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
+from plant.effects.order_lines import as_wave, lines_over_angle, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,11 +37,9 @@ class EncoderEccentricity(Effect):
         found, searched = lines_over_angle(motion, motion.reading_score)
         for order, among in [(1.0, 2), (2.0, 2), *((order, searched) for order in found)]:
             yield Trace(
-                columns=np.column_stack((np.sin(order * motion.angle), np.cos(order * motion.angle))),
+                columns=waves(motion.angle, order),
                 start=lambda c, order=order: cls(  # type: ignore[misc]
-                    amplitude=within(float(np.hypot(*c)), cls, "amplitude"),
-                    order=order,
-                    phase=float(np.arctan2(c[1], c[0])),
+                    amplitude=as_wave(c)[0], order=order, phase=as_wave(c)[1]
                 ),
                 searched=among,
                 acts_on="reading",

@@ -22,6 +22,16 @@ def lines_over_angle(motion: Motion, score: Array) -> tuple[list[float], int]:
     return strongest_lines(motion.angle, score, 2.0 * np.pi / (4.0 * speed * motion.sample_time))
 
 
+def waves(place: Array, rate: float) -> Array:
+    """(T, 2) sine and cosine of `rate` [rad per unit] over a variable (T,)."""
+    return np.column_stack((np.sin(rate * place), np.cos(rate * place)))
+
+
+def as_wave(coefficients: Array) -> tuple[float, float]:
+    """Amplitude and phase [rad] of a sine that sums two `waves`."""
+    return float(np.hypot(*coefficients)), float(np.arctan2(coefficients[1], coefficients[0]))
+
+
 def strongest_lines(place: Array, score: Array, highest: float, count: int = 6) -> tuple[list[float], int]:
     """Peaks of the periodogram of a score (T,) over a variable (T,), and the number of frequencies looked at.
 

@@ -8,13 +8,16 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
-from plant.effects.order_lines import strongest_lines
+from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.order_lines import as_wave, strongest_lines, waves
 
 
 @dataclass(frozen=True, kw_only=True)
 class PeriodicDisturbance(Effect):
-    """A sine over time: a fan, the mains, a neighbouring machine."""
+    """A sine over time: a fan, the mains, a neighbouring machine.
+
+    Nothing of it is left without the log's clock, which knows the phase.
+    """
 
     name = "periodic_disturbance"
     title = "periodic disturbance"
@@ -23,6 +26,7 @@ class PeriodicDisturbance(Effect):
     trace = "a line in time, not in angle"
     confused_with = ("cogging",)
     rugged = True
+    clocked = True
 
     amplitude: float = parameter("{torque}", "amplitude A", lower=0.0)
     frequency: float = parameter("Hz", "frequency f", lower=0.0)
@@ -39,11 +43,9 @@ class PeriodicDisturbance(Effect):
         middle = motion.time + 0.5 * motion.sample_time  # of the sample over which the torque acts
         for rate in rates:
             yield Trace(
-                columns=np.column_stack((np.sin(rate * middle), np.cos(rate * middle))),
+                columns=waves(middle, rate),
                 start=lambda c, rate=rate: cls(  # type: ignore[misc]
-                    amplitude=within(float(np.hypot(*c)), cls, "amplitude"),
-                    frequency=rate / (2.0 * np.pi),
-                    phase=float(np.arctan2(c[1], c[0])),
+                    amplitude=as_wave(c)[0], frequency=rate / (2.0 * np.pi), phase=as_wave(c)[1]
                 ),
                 searched=searched,
             )
