@@ -12,9 +12,10 @@ from typing import Any, Literal, TypeAlias
 import casadi as ca
 import numpy as np
 
+from plant.actuator import actuated
 from plant.effects import Expression, Moment, State
 from plant.errors import BadParameter
-from plant.integrator import Step, actuator, advance
+from plant.integrator import Step, advance
 from plant.servo import ServoModel
 
 Method: TypeAlias = Literal["rk4", "backward_difference"]
@@ -97,16 +98,18 @@ def _build(structure: _Structure, substeps: int, method: Method) -> Any:
     stretches = [(previous, late), (command, dt - late)] if has_delay else [(command, dt)]
     end = state
     for held, length in stretches:
-        for h in _steps(model, length, substeps):
+        for h in _steps(model, end, held, length, substeps):
             step = Step(command=held, gain=gain, limit=limit, time=time, length=h, width=width)
             end, time = one_step(model, end, step), time + h
     names = (["state", "inputs", "parameters"], ["next_state"])
     return ca.Function("sample_step", [state, inputs, parameters], [end], *names, {"cse": True})
 
 
-def _steps(model: ServoModel, length: Expression, substeps: int) -> list[Expression]:
+def _steps(model: ServoModel, state: Any, command: Expression, length: Expression, substeps: int) -> list[Expression]:
     """Integration steps over a stretch of constant command: finer while a fast actuator settles behind its change."""
-    settling = [effect.settling_time() for effect in model.effects if State.TORQUE in effect.states]
+    own, shaping = model.own_states(state), (State.COMMAND, State.TORQUE)
+    shapers = [effect for effect in model.effects if effect.states and effect.states[0] in shaping]
+    settling = [effect.settling_time(own[effect.name][0], command) for effect in shapers]
     if not settling:
         return [length / substeps] * substeps
     early = ca.fmin(sum(settling), length)
@@ -121,8 +124,7 @@ def _backward_difference(model: ServoModel, state: Any, step: Step) -> Any:
     alpha T^2 / (J + K T) is far below 1. The state's velocity stands for (x[k-1] - x[k-2]) / T.
     """
     before, velocity, h = state[0], state[1], step.length
-    drive = step.drive_torque(model, {}, before, 0.0)
-    torque, _ = actuator(model, {}, drive, h, velocity)
+    torque = actuated(model, {}, step.drive(model, {}, before), h, velocity)[0].end
     guess = before + h * velocity
     x = ca.SX.sym("x")
     v = (x - before) / h

@@ -6,16 +6,14 @@ forces that depend on the travel, the sensor, and dry friction at a reversal.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import casadi as ca
 
+from plant.actuator import Course, Own, actuated, played
 from plant.effects import Effect, Expression, Moment, State
 from plant.servo import ServoModel
-
-Own: TypeAlias = Mapping[str, tuple[Any, ...]]  # states of the effects by name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,46 +34,13 @@ class Step:
     length: Expression
     width: Expression
 
-    def drive_torque(
-        self, model: ServoModel, own: Own, angle: Expression, elapsed: Expression, *, middle: bool = False
-    ) -> Expression:
-        """Torque that the drive's law asks for [N m]; for `middle` see `actuator`."""
-        command = played(model, own, self.command, elapsed, middle=middle)
-        return ca.fmax(ca.fmin(command - self.gain * angle, self.limit), -self.limit)
+    def drive(self, model: ServoModel, own: Own, angle: Expression) -> Course:
+        """Torque that the drive's law asks for at an angle."""
 
+        def law(command: Expression) -> Expression:
+            return ca.fmax(ca.fmin(command - self.gain * angle, self.limit), -self.limit)
 
-def played(
-    model: ServoModel, own: Own, command: Expression, elapsed: Expression, *, middle: bool = False
-) -> Expression:
-    """The command behind the effects that shape it; for `middle` see `actuator`."""
-    for effect in model.effects:
-        if State.COMMAND in effect.states:
-            command = _held(effect, own[effect.name][0], command, elapsed, middle)
-    return command
-
-
-def _held(effect: Effect, before: Any, entering: Any, h: Expression, middle: bool) -> Any:
-    after = effect.advance(before, entering, h)
-    return (6 * effect.mean(before, entering, h) - before - after) / 4 if middle else after
-
-
-def actuator(
-    model: ServoModel, own: Own, torque: Expression, h: Expression, velocity: Expression, *, middle: bool = False
-) -> tuple[Expression, dict[str, tuple[Any, ...]]]:
-    """Torque behind the actuator and the states of its effects, `h` after the drive's torque was set.
-
-    In the middle of a step of length `h` an effect with a state gives the value by which Simpson's rule, and so the
-    Runge-Kutta method, gets its mean over the step right also when it settles much faster than the step.
-    """
-    states: dict[str, tuple[Any, ...]] = {}
-    for effect in model.effects:
-        held = 0.0
-        if State.TORQUE in effect.states:
-            before = own[effect.name][0]
-            states[effect.name] = (effect.advance(before, torque, h),)
-            held = _held(effect, before, torque, h, middle)
-        torque = effect.command(torque, held, velocity)
-    return torque, states
+        return played(model, own, self.command, self.length).through(law)
 
 
 def advance(model: ServoModel, state: Any, step: Step) -> Any:
@@ -95,17 +60,17 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
             step=h,
         )
 
-    def arriving(motion: list[Any], elapsed: Any, middle: bool) -> tuple[Any, Any]:
-        """Torque behind the actuator and behind the drivetrain."""
-        drive = step.drive_torque(model, own, motion[0], elapsed, middle=middle)
-        torque = actuator(model, own, drive, elapsed, motion[-1], middle=middle)[0]
+    def arriving(motion: list[Any], part: str) -> tuple[Any, Any]:
+        """Torque behind the actuator and behind the drivetrain, at the start, middle or end of the step."""
+        course, _ = actuated(model, own, step.drive(model, own, motion[0]), h, motion[-1])
+        torque = getattr(course, part)
         if motor is None:
             return torque, torque
         return torque, motor.coupling(motion[2] - motion[0], motion[3] - motion[1], model.inertia)
 
-    def rates(motion: list[Any], elapsed: Any, middle: bool = False) -> list[Any]:
-        torque, behind = arriving(motion, elapsed, middle)
-        at = moment(motion, behind, h / 2 if middle else elapsed)
+    def rates(motion: list[Any], part: str) -> list[Any]:
+        torque, behind = arriving(motion, part)
+        at = moment(motion, behind, {"start": 0.0, "middle": h / 2, "end": h}[part])
         load = [motion[1], model.smooth_acceleration(at, own) - _slowing(model, at, v)]
         if motor is None:
             return load
@@ -114,14 +79,14 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
     def moved(by: Any, slopes: list[Any]) -> list[Any]:
         return [value + by * slope for value, slope in zip(start, slopes, strict=True)]
 
-    k1 = rates(start, 0.0)
-    k2 = rates(moved(h / 2, k1), h, middle=True)
-    k3 = rates(moved(h / 2, k2), h, middle=True)
-    k4 = rates(moved(h, k3), h)
+    k1 = rates(start, "start")
+    k2 = rates(moved(h / 2, k1), "middle")
+    k3 = rates(moved(h / 2, k2), "middle")
+    k4 = rates(moved(h, k3), "end")
     end = [s + h / 6 * (a + 2 * b + 2 * c + d) for s, a, b, c, d in zip(start, k1, k2, k3, k4, strict=True)]
     half = moved(h / 2, k1)
     if model.slides:
-        at = moment([x, (v + end[1]) / 2, *half[2:]], arriving(half, h, middle=True)[1], h / 2)
+        at = moment([x, (v + end[1]) / 2, *half[2:]], arriving(half, "middle")[1], h / 2)
         end[:2] = _stop_and_go(model, x, v, end[0], end[1], at, step)
     return ca.vertcat(end[0], end[1], *_own_after(model, own, step, (x, half[0], end[0]), end))
 
@@ -129,8 +94,7 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
 def _own_after(model: ServoModel, own: Own, step: Step, angles: tuple[Any, Any, Any], end: list[Any]) -> list[Any]:
     """The states of the effects after a step, given the angle at its start, middle and end."""
     h = step.length
-    drive = step.drive_torque(model, own, angles[1], h, middle=True)
-    by_actuator = actuator(model, own, drive, h, end[-1])[1]
+    by_actuator = actuated(model, own, step.drive(model, own, angles[1]), h, end[-1])[1]
     before, after = angles[0], angles[2]  # what enters the sensor
     states: list[Any] = []
     for effect in model.effects:

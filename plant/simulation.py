@@ -5,10 +5,10 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from plant.actuator import actuated, played
 from plant.discrete import Method, integration_steps, sample_step
 from plant.effects import State
 from plant.effects.effect import Array
-from plant.integrator import actuator, played
 from plant.servo import ServoModel
 
 
@@ -87,16 +87,14 @@ def actuator_torque(model: ServoModel, command: Array, dt: Array, velocity: Arra
     speed = np.zeros_like(command) if velocity is None else velocity
     state, torque, h, v = ca.SX.sym("state", len(model.states)), ca.SX.sym("torque"), ca.SX.sym("h"), ca.SX.sym("v")
     own = model.own_states(state)
-    late = played(model, own, torque, h)
-    start = actuator(model, own, played(model, own, torque, 0.0), 0.0, v)[0]
-    middle = actuator(model, own, played(model, own, torque, h, middle=True), h, v, middle=True)[0]
-    end, after = actuator(model, own, late, h, v)
+    wanted = played(model, own, torque, h)
+    course, after = actuated(model, own, wanted, h, v)
     following = dict(own) | after
     for effect in model.effects:
         if State.COMMAND in effect.states:
-            following[effect.name] = (late,)
+            following[effect.name] = (wanted.end,)
     kept = [value for effect in model.effects for value in following[effect.name]]
-    one = ca.Function("actuator", [state, torque, h, v], [ca.vertcat(state[:2], *kept), (start + 4 * middle + end) / 6])
+    one = ca.Function("actuator", [state, torque, h, v], [ca.vertcat(state[:2], *kept), course.mean])
     begin = beginning(model, torque=float(entering[0]))
     outputs = one.mapaccum(command.size)(begin, entering[None, :], dt[None, :], speed[None, :])
     return np.array(outputs[1]).ravel()

@@ -79,6 +79,19 @@ def test_a_lag_before_a_dead_zone_agrees_with_the_independent_machine() -> None:
     assert np.abs(found - truth.angle[:, 0]).max() < 1e-5
 
 
+@pytest.mark.parametrize(
+    ("effect", "values"), [("rate_limit", {"rate": 3e6}), ("actuator_lag", {"time_constant": 1e-5})]
+)
+def test_an_actuator_that_follows_at_once_is_none(effect: str, values: dict[str, float]) -> None:
+    """Also where the command jumps across a dead zone, which has no memory of the way."""
+    command = excitation(7, duration=10.0)
+    base = ServoModel.paper()
+    fast = base.with_effect(catalogue[effect](**values))
+    alone, behind = (simulate(model, command=command, dt=SAMPLE)[:, 0] for model in (base, fast))
+    late = simulate(base.with_effect(catalogue["input_delay"](time=1e-4)), command=command, dt=SAMPLE)[:, 0]
+    assert np.abs(behind - alone).max() < 0.2 * np.abs(late - alone).max()
+
+
 @pytest.mark.parametrize("time_constant", [2e-4, 1e-3, 5e-3, 2e-2])
 def test_a_lag_costs_its_time_constant_of_impulse(time_constant: float) -> None:
     """Also a lag much shorter than the step."""

@@ -29,7 +29,7 @@ class ActuatorLag(Effect):
         """Exact solution over `h` for a constant command, so that short lags need no short steps."""
         return torque + (state - torque) * ca.exp(-h / self.time_constant)
 
-    def settling_time(self) -> Expression:
+    def settling_time(self, state: Expression, command: Expression) -> Expression:
         """Four time constants."""
         return 4 * self.time_constant
 

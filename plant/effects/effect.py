@@ -20,7 +20,7 @@ import copy
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any, ClassVar, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias
 
 from plant.effects.motion import Array as Array
 from plant.effects.motion import Motion as Motion
@@ -29,6 +29,9 @@ from plant.effects.parameter import Parameter as Parameter
 from plant.effects.parameter import parameter as parameter
 from plant.effects.parameter import parameters_of as parameters_of
 from plant.effects.parameter import within as within
+
+if TYPE_CHECKING:
+    from plant.servo import ServoModel
 
 Expression: TypeAlias = Any  # a float, an array, or a CasADi SX while equations are built
 
@@ -113,6 +116,8 @@ class Effect:
     """Whether its likelihood has many peaks over its shape, so that a fit should start from several of them."""
     chaotic: ClassVar[bool] = False
     """Whether a small error grows without bound in a free simulation, so that only short pieces can be judged."""
+    clocked: ClassVar[bool] = False
+    """Whether it depends on the time of the log's clock, which nobody keeps once the log has ended."""
     longest_step: ClassVar[float] = 0.005
     """Longest integration step that follows it [s]."""
     axes: ClassVar[tuple[Axis, ...]] = ("rotary", "linear")
@@ -150,8 +155,8 @@ class Effect:
         """The effect's own state after `h` under a constant incoming torque."""
         return state
 
-    def settling_time(self) -> Expression:
-        """How long the effect's own state takes to follow a change [s]."""
+    def settling_time(self, state: Expression, command: Expression) -> Expression:
+        """How long the effect's own state takes to follow a new command [s]."""
         return 0.0
 
     def mean(self, state: Expression, torque: Expression, h: Expression) -> Expression:
@@ -201,6 +206,19 @@ class Effect:
         return state
 
     # What it becomes.
+
+    def without_clock(self, rest: ServoModel, end: float | None) -> ServoModel:
+        """What a clocked effect leaves of itself in the rest of the model; by default nothing.
+
+        Args:
+            rest: the servo without this effect.
+            end: when the log ended, on its clock [s]; None where that is not known.
+        """
+        return rest
+
+    def loaded(self, before: float, after: float) -> Effect:
+        """A drivetrain, when its load grows so that the whole inertia J goes from `before` to `after`."""
+        return self
 
     def reduced(self) -> tuple[Effect, ...]:
         """Its special cases, as they would be if its own parameters were right: where a refit of them may start."""

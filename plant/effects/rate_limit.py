@@ -34,10 +34,14 @@ class RateLimit(Effect):
         reach = self.rate * h
         return state + ca.fmax(ca.fmin(torque - state, reach), -reach)
 
+    def settling_time(self, state: Expression, command: Expression) -> Expression:
+        """Until the ramp ends."""
+        return ca.fabs(command - state) / self.rate
+
     def mean(self, state: Expression, torque: Expression, h: Expression) -> Expression:
         """Exact mean of the ramp and of what comes behind it."""
         reach = self.rate * h
-        share = ca.fmin(ca.fabs(torque - state) / ca.fmax(reach, 1e-300), 1)  # of the time that is spent on the ramp
+        share = ca.fmin(ca.fabs(torque - state) / ca.fmax(reach, 1e-12), 1)  # of the time that is spent on the ramp
         return state + (self.advance(state, torque, h) - state) * (1 - share / 2)
 
     @classmethod

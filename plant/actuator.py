@@ -1,0 +1,91 @@
+"""From the command to the torque that reaches the drivetrain, over one integration step of a held command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import casadi as ca
+
+from plant.effects import Effect, Expression, State
+from plant.servo import ServoModel
+
+Own: TypeAlias = Mapping[str, tuple[Any, ...]]  # states of the effects by name
+_TINY = 1e-30
+
+
+@dataclass(frozen=True, kw_only=True)
+class Course:
+    """A torque over a step, in three values and what Simpson's rule over them leaves out of its mean.
+
+    A lag or a ramp may make its way in much less time than the step. A law without memory (a dead zone, a limit) is
+    applied to the three values, and keeps how much earlier the way is made than they show; so the mean behind it is
+    right in both limits, and never beyond the two ends.
+
+    Attributes:
+        start, half, end: at the start, after half of the step, at its end [N m].
+        early: share of the way from start to end that is missing in the mean of the three [-].
+    """
+
+    start: Expression
+    half: Expression
+    end: Expression
+    early: Expression
+
+    @classmethod
+    def held(cls, torque: Expression) -> Course:
+        """A torque that does not change."""
+        return cls(start=torque, half=torque, end=torque, early=0.0)
+
+    @property
+    def middle(self) -> Expression:
+        """What stands for the middle of the step, so that Simpson's rule finds the mean [N m]."""
+        return self.half + 1.5 * self.early * (self.end - self.start)
+
+    @property
+    def mean(self) -> Expression:
+        """Over the step [N m]."""
+        return (self.start + 4 * self.middle + self.end) / 6
+
+    def through(self, law: Callable[[Expression], Expression]) -> Course:
+        """Behind a law without memory."""
+        return Course(start=law(self.start), half=law(self.half), end=law(self.end), early=self.early)
+
+    def followed_by(self, effect: Effect, state: Expression, h: Expression) -> Course:
+        """The state of an effect that follows this torque over `h`."""
+        entering = self.mean
+        half, after = effect.advance(state, entering, h / 2), effect.advance(state, entering, h)
+        missing, way = effect.mean(state, entering, h) - (state + 4 * half + after) / 6, after - state
+        early = missing * way / (way**2 + _TINY)
+        return Course(start=state, half=half, end=after, early=ca.fmax(ca.fmin(early, 0.5), -0.5))
+
+
+def played(model: ServoModel, own: Own, command: Expression, h: Expression) -> Course:
+    """The command behind the effects that shape it before the drive's law."""
+    course = Course.held(command)
+    for effect in model.effects:
+        if State.COMMAND in effect.states:
+            course = course.followed_by(effect, own[effect.name][0], h)
+    return course
+
+
+def actuated(
+    model: ServoModel, own: Own, drive: Course, h: Expression, velocity: Expression
+) -> tuple[Course, dict[str, tuple[Any, ...]]]:
+    """What leaves the actuator when the drive asks for a torque, and the states of its effects after `h`."""
+    states: dict[str, tuple[Any, ...]] = {}
+    course = drive
+    for effect in model.effects:
+        if State.TORQUE in effect.states:
+            own_course = course.followed_by(effect, own[effect.name][0], h)
+            states[effect.name] = (own_course.end,)
+            course = Course(
+                start=effect.command(course.start, own_course.start, velocity),
+                half=effect.command(course.half, own_course.half, velocity),
+                end=effect.command(course.end, own_course.end, velocity),
+                early=own_course.early,
+            )
+        else:
+            course = course.through(lambda torque, effect=effect: effect.command(torque, 0.0, velocity))  # type: ignore[misc]
+    return course, states
