@@ -77,7 +77,7 @@ class Controller:
     short cannot see how long it takes to brake.
 
     Attributes:
-        model: the servo, on a rotary axis, torques on the follower.
+        model: the servo, on a rotary axis, torques on the follower; kept as `ServoModel.without_clock` leaves it.
         gears: the gear train.
         sample_time: Ts [s].
         horizon: N, samples looked ahead.
@@ -126,6 +126,8 @@ class Controller:
             raise BadParameter(
                 f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."
             )
+        self.model = self.model.without_clock()
+        self.model = self.model.without_clock()
         self.bounds = Bounds(
             gears=self.gears,
             min_torque=self.min_torque,

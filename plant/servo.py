@@ -135,6 +135,30 @@ class ServoModel:
         """The model without the effect of that name."""
         return replace(self, effects=tuple(e for e in self.effects if e.name != name))
 
+    def with_payload(self, *, inertia: float, gravity: float) -> Self:
+        """The model with more on its load [N m s^2/rad, N m]; a motor before the load stays as it is."""
+        whole = self.inertia + inertia
+        effects = tuple(effect.loaded(self.inertia, whole) for effect in self.effects)
+        return replace(self, inertia=whole, gravity=self.gravity + gravity, effects=effects)
+
+    def without_clock(self, end: float | None = None) -> ServoModel:
+        """The model as it stands at the end of its log, for use where nobody keeps the log's clock: in a controller.
+
+        Each effect that depends on the time of the log says what it leaves behind. Of those in the catalogue a payload
+        change becomes part of inertia and gravity, and friction drift the friction that it had reached. A periodic
+        disturbance is left out, as its phase is lost, and so is a curve over time: now it could be no more than a
+        constant torque, which an estimator finds without it.
+
+        Args:
+            end: when the log ended, on its clock [s]. Where that is not known, friction is left as it was at the
+                log's time zero.
+        """
+        model: ServoModel = self
+        for effect in self.effects:
+            if effect.clocked:
+                model = effect.without_clock(model.without_effect(effect.name), end)
+        return model
+
     # The mechanics, in numbers or in symbols.
 
     @property

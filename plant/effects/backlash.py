@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.effects.effect import Array, Effect, Expression, Motion, Stage, State, Trace, parameter
+from plant.effects.effect import Array, Effect, Expression, Motion, Stage, State, Trace, parameter, within
 
 _FREQUENCY = 400.0  # of two masses on the spring of a flank [rad/s]: stiff against what a log shows
 _DAMPING = 0.5
@@ -51,6 +51,10 @@ class Backlash(Effect):
         forward = ca.if_else(ahead > 0, ca.fmax(ahead + damping * rate, 0), 0)
         backward = ca.if_else(behind < 0, ca.fmin(behind + damping * rate, 0), 0)
         return stiffness * (forward + backward)
+
+    def loaded(self, before: float, after: float) -> Backlash:
+        """The motor stays what it is; the flanks are stiff before and after."""
+        return Backlash(gap=self.gap, motor_share=within(self.motor_share * before / after, Backlash, "motor_share"))
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

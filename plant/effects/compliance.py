@@ -44,6 +44,16 @@ class Compliance(Effect):
         reduced = self.motor_share * (1.0 - self.motor_share) * inertia
         return reduced * self.frequency * (self.frequency * twist + 2.0 * self.damping * rate)
 
+    def loaded(self, before: float, after: float) -> Compliance:
+        """The motor, the spring and the damper stay what they are."""
+        share = within(self.motor_share * before / after, Compliance, "motor_share")
+        slower = float(np.sqrt((1.0 - self.motor_share) / (1.0 - share)))
+        return Compliance(
+            frequency=within(self.frequency * slower, Compliance, "frequency"),
+            damping=within(self.damping * slower, Compliance, "damping"),
+            motor_share=share,
+        )
+
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """The command behind a resonance less the command: what a torque at the motor does to the load (s = c s + k).

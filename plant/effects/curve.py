@@ -123,7 +123,7 @@ class CurveOverTorque(Curve):
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOverTime(Curve):
-    """Over time on the log's clock; of its course nothing holds afterwards, so nothing of it is left without a clock."""
+    """Over time on the log's clock; nothing of its course holds afterwards, and so nothing is left without a clock."""
 
     name = "curve_over_time"
     title = "curve over time"

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from plant.effects.coulomb_friction import CoulombFriction
 from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
+
+if TYPE_CHECKING:
+    from plant.servo import ServoModel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,6 +26,7 @@ class FrictionDrift(Effect):
     equation = r"K \leftarrow K + \dot K t,\quad F_c \leftarrow F_c + \dot F_c t"
     trace = "an error that grows along the log"
     confused_with = ("payload_change",)
+    clocked = True
 
     viscous_rate: float = parameter("{torque}/{angle}", "viscous friction gained per second")
     coulomb_rate: float = parameter("{torque}/s", "dry friction gained per second", lower=0.0, default=0.0)
@@ -33,6 +39,20 @@ class FrictionDrift(Effect):
         """The dry part, the same in both directions."""
         level = self.coulomb_rate * ca.fmax(at.time, 0)
         return level, level
+
+    def without_clock(self, rest: ServoModel, end: float | None) -> ServoModel:
+        """The friction that had been gained when the log ended.
+
+        Where that is not known the friction of its time zero remains, the only one that the model states without a
+        clock: of two wrong levels a controller bears the low one, but swings where it compensates too much.
+        """
+        if end is None:
+            return rest
+        kept = rest.effect("coulomb_friction")
+        dry = max(self.coulomb_rate * end, 0.0) + (kept.torque if isinstance(kept, CoulombFriction) else 0.0)
+        viscous = max(rest.viscous_friction + self.viscous_rate * end, 0.0)
+        rest = replace(rest, viscous_friction=viscous)
+        return rest.with_effect(CoulombFriction(torque=dry)) if dry > 0.0 else rest
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

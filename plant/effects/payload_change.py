@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
 from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
+
+if TYPE_CHECKING:
+    from plant.servo import ServoModel
 
 _TIMES = 40
 
@@ -27,6 +31,7 @@ class PayloadChange(Effect):
     trace = "an error that begins at a time"
     confused_with = ("friction_drift",)
     rugged = True
+    clocked = True
     axes = ("rotary",)
 
     time: float = parameter("s", "instant t* on the log's clock")
@@ -43,6 +48,10 @@ class PayloadChange(Effect):
     def load_torque(self, at: Moment, state: Expression) -> Expression:
         """The gravity of what has come."""
         return -self.gravity * self._after(at) * ca.cos(at.angle)
+
+    def without_clock(self, rest: ServoModel, end: float | None) -> ServoModel:
+        """The payload as part of the load, since its instant lies within the log."""
+        return rest.with_payload(inertia=self.inertia, gravity=self.gravity)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
