@@ -181,8 +181,19 @@ class Problem:
             best = max(trials.values(), key=lambda trial: trial.score).minimum
             if not self.is_hopeless(best, 0.0):
                 trials[0.0] = self._trial(best.point, 0.0, iterations=10)
+        if not start.bandwidth and trials[0.0].score < start.log_likelihood:
+            self._risen(trials, 4.0 * slowest)
         evaluations = sum(trial.minimum.evaluations for trial in trials.values())
         return self._result(*self._refined(trials), evaluations)
+
+    def _risen(self, trials: dict[float, _Trial], bandwidth: float) -> None:
+        """Raise the bandwidth as far as it pays: what a model says less than its start did, an observer takes over."""
+        best, fastest = trials[0.0], 1.0 / self.log.runs[0].sample_time
+        while bandwidth < fastest:
+            trial = trials[bandwidth] = self._trial(best.minimum.point, bandwidth, iterations=5)
+            if trial.score < best.score:
+                break
+            best, bandwidth = trial, 4.0 * bandwidth
 
     def glance(self, start: Fit) -> float:
         """Cost after a few iterations from another fit, at its bandwidth: whether a start is worth a descent."""

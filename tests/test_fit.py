@@ -12,6 +12,7 @@ from machine import (
     Machine,
     Record,
     chirp_and_steps,
+    excitation,
     load_fluctuation,
     record,
     wandering_reference,
@@ -20,6 +21,7 @@ from machine import (
 from identification.fit import fit
 from identification.fit_result import Fit
 from identification.log import Log
+from identification.problem import Problem
 from plant import BadParameter, ServoModel
 from plant.effects import CoulombFriction, DeadZone, TorqueOffset
 
@@ -227,3 +229,13 @@ def test_a_model_with_everything_fixed_still_finds_its_initial_state() -> None:
     assert found.initial == pytest.approx(np.array([[1.0, 0.5]]), abs=2e-3)
     assert found.model == ServoModel.paper()
     assert found.noise_std == pytest.approx(1e-3, rel=0.05)
+
+
+def test_a_model_that_says_less_than_its_start_is_given_an_observer() -> None:
+    """From a free simulation with friction to one without: what friction did is left to the observer."""
+    log = record(Machine().hiding(coulomb_friction={"torque": 0.1}), excitation(1, duration=20.0)).log()
+    rich = fit(log, ServoModel.paper().with_effect(CoulombFriction(torque=0.1)))
+    assert rich.bandwidth == 0.0
+    direct, less = fit(log, ServoModel.paper()), Problem.of(log, ServoModel.paper()).descend(rich)
+    assert direct.bandwidth > 0.0
+    assert less.log_likelihood > direct.log_likelihood - 1.0
