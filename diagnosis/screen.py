@@ -169,7 +169,13 @@ def _motion(
     """The model's motion, for the effects to draw their traces along."""
     runs = problem.log.runs
     velocity = np.concatenate([p.states[1] for p in predictions])
-    drives = [np.clip(r.command - r.servo_gain * r.output, -r.command_limit, r.command_limit) for r in runs]
+    command = np.concatenate([run.command for run in runs])
+    gain, output = (np.concatenate([getattr(run, name) for run in runs]) for name in ("servo_gain", "output"))
+    limit = np.repeat([run.command_limit for run in runs], [len(run) for run in runs])
+
+    def law(command: Array) -> Array:
+        return np.asarray(np.clip(command - gain * output, -limit, limit))
+
     dt = runs[0].sample_time
     typical = float(np.quantile(np.abs(velocity), 0.9))
     return Motion(
@@ -177,11 +183,13 @@ def _motion(
         angle=np.concatenate([p.states[0] for p in predictions]),
         velocity=velocity,
         acceleration=np.concatenate([_acceleration(r, p, bandwidth) for r, p in zip(runs, predictions, strict=True)]),
-        command=np.concatenate([run.command for run in runs]),
-        torque=np.concatenate(drives),
+        command=command,
+        servo_gain=gain,
+        torque=law(command),
         score=scores[0],
         reading_score=scores[1],
         inertia=float(fit.model.inertia),
+        law=law,
         arriving=lambda torque: _arriving(fit.model, torque, velocity),
         run=np.repeat(np.arange(len(runs)), [len(run) for run in runs]),
         velocity_resolution=max(1e-3 * typical, fit.noise_std * bandwidth * np.sqrt(bandwidth * dt), 1e-12),

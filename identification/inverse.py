@@ -44,7 +44,6 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
     time = np.linspace(run.time[0], run.time[-1], len(run))
     dt = float(time[1] - time[0])
     output = np.interp(time, run.time[good], run.output[good])
-    drive = np.clip(run.command - run.servo_gain * run.output, -run.command_limit, run.command_limit)
     low_pass = signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
 
     def smooth(values: Array) -> Array:
@@ -52,8 +51,17 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
 
     angle = smooth(output if model is None else _true_angle(model, output))
     velocity = np.gradient(angle, dt)
+    drive = np.clip(run.command - run.servo_gain * run.output, -run.command_limit, run.command_limit)
     if model is not None:
-        drive = actuator_torque(model, drive, np.append(np.diff(run.time), dt), velocity)
+        drive = actuator_torque(
+            model,
+            run.command,
+            np.append(np.diff(run.time), dt),
+            velocity=velocity,
+            angle=run.output,
+            servo_gain=run.servo_gain,
+            command_limit=run.command_limit,
+        )
     # A command is held for the sample that follows; at a sampling instant half of the old and half of the new one act.
     impulse = np.concatenate(([0.0], np.cumsum(drive[:-1] * np.diff(run.time))))
     edges = np.clip(np.stack((time - dt / 2, time + dt / 2)), run.time[0], run.time[-1])

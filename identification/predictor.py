@@ -25,6 +25,7 @@ from identification.log import Run
 from plant.discrete import INPUTS, sample_reading, sample_step
 from plant.effects import State
 from plant.effects.effect import Array
+from plant.effects.goal_rate_limit import goals
 from plant.machine_code import MachineCode
 from plant.servo import ServoModel
 from plant.simulation import beginning, held_commands
@@ -109,6 +110,7 @@ class Predictor:
             velocity=start[1],
             torque=data[0, 0] - data[2, 0] * start[0],
             command=data[0, 0],
+            goal=float(goals(run.command, run.servo_gain)[0]),
         )
         spread = np.zeros((columns, states))
         if sensitivities:

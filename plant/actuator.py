@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -17,7 +17,7 @@ _TINY = 1e-30
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
-    """A torque over a step, in three values and what Simpson's rule over them leaves out of its mean.
+    """A torque, or a goal, over a step, in three values and what Simpson's rule over them leaves out of its mean.
 
     A lag or a ramp may make its way in much less time than the step. A law without memory (a dead zone, a limit) is
     applied to the three values, and keeps how much earlier the way is made than they show; so the mean behind it is
@@ -60,14 +60,48 @@ class Course:
         early = missing * way / (way**2 + _TINY)
         return Course(start=state, half=half, end=after, early=ca.fmax(ca.fmin(early, 0.5), -0.5))
 
+    def where(self, condition: Expression, other: Course) -> Course:
+        """This one where a condition holds, elsewhere another."""
+        pairs = {part.name: (getattr(self, part.name), getattr(other, part.name)) for part in fields(self)}
+        return Course(**{name: ca.if_else(condition, mine, theirs) for name, (mine, theirs) in pairs.items()})
 
-def played(model: ServoModel, own: Own, command: Expression, h: Expression) -> Course:
-    """The command behind the effects that shape it before the drive's law."""
+
+def played(
+    model: ServoModel, own: Own, command: Expression, gain: Expression, h: Expression
+) -> tuple[Course, dict[str, tuple[Any, ...]]]:
+    """The command behind the effects that shape it before the drive's law, and the states of these after `h`.
+
+    The goal of a position servo is its command over the servo gain. At gain zero there is none: the command passes, and
+    an internal goal stays where it is.
+    """
+    states: dict[str, tuple[Any, ...]] = {}
     course = Course.held(command)
     for effect in model.effects:
         if State.COMMAND in effect.states:
             course = course.followed_by(effect, own[effect.name][0], h)
-    return course
+            states[effect.name] = (course.end,)
+        elif State.GOAL in effect.states:
+            goal = course.through(lambda torque: _goal(torque, gain)).followed_by(effect, own[effect.name][0], h)
+            states[effect.name] = (ca.if_else(gain > 0, goal.end, goal.start),)
+            course = goal.through(lambda angle: gain * angle).where(gain > 0, course)
+    return course, states
+
+
+def settling_time(model: ServoModel, own: Own, command: Expression, gain: Expression) -> Expression | None:
+    """How long the states on the way to the drivetrain take to follow a new command [s], None if there are none."""
+    times = []
+    for effect in model.effects:
+        if State.GOAL in effect.states:
+            ramp = effect.settling_time(own[effect.name][0], _goal(command, gain))
+            times.append(ca.if_else(gain > 0, ramp, 0))
+        elif effect.states and effect.states[0] in (State.COMMAND, State.TORQUE):
+            times.append(effect.settling_time(own[effect.name][0], command))
+    return sum(times) if times else None
+
+
+def _goal(command: Expression, gain: Expression) -> Expression:
+    """Of a position servo [rad]; at gain zero some number."""
+    return command / ca.if_else(gain > 0, gain, 1)
 
 
 def actuated(

@@ -12,8 +12,8 @@ from typing import Any, Literal, TypeAlias
 import casadi as ca
 import numpy as np
 
-from plant.actuator import actuated
-from plant.effects import Expression, Moment, State
+from plant.actuator import actuated, settling_time
+from plant.effects import Expression, Moment
 from plant.errors import BadParameter
 from plant.integrator import Step, advance
 from plant.servo import ServoModel
@@ -98,21 +98,21 @@ def _build(structure: _Structure, substeps: int, method: Method) -> Any:
     stretches = [(previous, late), (command, dt - late)] if has_delay else [(command, dt)]
     end = state
     for held, length in stretches:
-        for h in _steps(model, end, held, length, substeps):
+        for h in _steps(model, end, held, gain, length, substeps):
             step = Step(command=held, gain=gain, limit=limit, time=time, length=h, width=width)
             end, time = one_step(model, end, step), time + h
     names = (["state", "inputs", "parameters"], ["next_state"])
     return ca.Function("sample_step", [state, inputs, parameters], [end], *names, {"cse": True})
 
 
-def _steps(model: ServoModel, state: Any, command: Expression, length: Expression, substeps: int) -> list[Expression]:
+def _steps(
+    model: ServoModel, state: Any, command: Expression, gain: Expression, length: Expression, substeps: int
+) -> list[Expression]:
     """Integration steps over a stretch of constant command: finer while a fast actuator settles behind its change."""
-    own, shaping = model.own_states(state), (State.COMMAND, State.TORQUE)
-    shapers = [effect for effect in model.effects if effect.states and effect.states[0] in shaping]
-    settling = [effect.settling_time(own[effect.name][0], command) for effect in shapers]
-    if not settling:
+    settling = settling_time(model, model.own_states(state), command, gain)
+    if settling is None:
         return [length / substeps] * substeps
-    early = ca.fmin(sum(settling), length)
+    early = ca.fmin(settling, length)
     count = max(3, substeps)
     return [early / count] * count + [(length - early) / substeps] * substeps
 

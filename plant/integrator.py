@@ -40,7 +40,7 @@ class Step:
         def law(command: Expression) -> Expression:
             return ca.fmax(ca.fmin(command - self.gain * angle, self.limit), -self.limit)
 
-        return played(model, own, self.command, self.length).through(law)
+        return played(model, own, self.command, self.gain, self.length)[0].through(law)
 
 
 def advance(model: ServoModel, state: Any, step: Step) -> Any:
@@ -94,22 +94,21 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
 def _own_after(model: ServoModel, own: Own, step: Step, angles: tuple[Any, Any, Any], end: list[Any]) -> list[Any]:
     """The states of the effects after a step, given the angle at its start, middle and end."""
     h = step.length
-    by_actuator = actuated(model, own, step.drive(model, own, angles[1]), h, end[-1])[1]
+    on_the_way = played(model, own, step.command, step.gain, h)[1]
+    on_the_way |= actuated(model, own, step.drive(model, own, angles[1]), h, end[-1])[1]
     before, after = angles[0], angles[2]  # what enters the sensor
     states: list[Any] = []
     for effect in model.effects:
         mine: tuple[Any, ...] = own[effect.name]
         if effect.flexible:
             mine = tuple(end[2:])
-        elif State.COMMAND in effect.states:
-            mine = (effect.advance(mine[0], step.command, h),)
         elif State.RELAXED in effect.states:
             mine = (effect.slide(mine[0], angles[2] - angles[0]),)
         elif _is_sensor(effect):
             shown = effect.sense(mine[0], before, after, h)
             before, after, mine = mine[0], shown, (shown,)
         else:
-            mine = by_actuator.get(effect.name, ())
+            mine = on_the_way.get(effect.name, ())
             before, after = effect.reading(before, 0.0), effect.reading(after, 0.0)
         states += mine
     return states

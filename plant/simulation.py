@@ -9,6 +9,8 @@ from plant.actuator import actuated, played
 from plant.discrete import Method, integration_steps, sample_step
 from plant.effects import State
 from plant.effects.effect import Array
+from plant.effects.goal_rate_limit import goals
+from plant.integrator import Step
 from plant.servo import ServoModel
 
 
@@ -47,7 +49,7 @@ def simulate(
         model: the servo.
         command: (T,) torque command, each held for its time step [N m].
         dt: time steps [s], one or (T,).
-        state: (n,) state at the first sample; at rest at angle zero by default.
+        state: (n,) state at the first sample; at rest at angle zero by default, an internal goal at the first one.
         servo_gain: see `INPUTS`, one or (T,).
         command_limit: see `INPUTS`.
         substeps: integration steps in one sample; by default as many as the effects need, or the one of eq. (5).
@@ -59,10 +61,10 @@ def simulate(
     """
     command = np.asarray(command, dtype=float)
     steps = np.broadcast_to(np.asarray(dt, dtype=float), command.shape)
-    begin = beginning(model) if state is None else np.asarray(state, dtype=float)
     now, before, switch = held_commands(command, steps, float(model.delay()))
     values = at_switch(model, switch)
     gain = np.broadcast_to(np.asarray(servo_gain, dtype=float), command.shape)
+    begin = beginning(model, goal=float(goals(command, gain)[0])) if state is None else np.asarray(state, dtype=float)
     constant = np.ones_like(steps)
     time = np.concatenate(([0.0], np.cumsum(steps[:-1])))
     inputs = np.stack((now, before, gain, command_limit * constant, time, steps, width * constant))
@@ -73,31 +75,42 @@ def simulate(
     return np.vstack((begin[None, :], states.T))
 
 
-def actuator_torque(model: ServoModel, command: Array, dt: Array, velocity: Array | None = None) -> Array:
-    """Torque behind the actuator's effects, as its mean over each sample.
+def actuator_torque(
+    model: ServoModel,
+    command: Array,
+    dt: Array,
+    *,
+    velocity: Array,
+    angle: Array,
+    servo_gain: Array,
+    command_limit: float = np.inf,
+) -> Array:
+    """Torque behind the drive's law and the actuator's effects along a known motion, as its mean over each sample.
 
     Args:
         model: the servo.
-        command: (T,) torque command behind the drive's law [N m].
+        command: (T,) torque command; of a position servo servo gain times goal [N m].
         dt: (T,) time that each is held [s].
-        velocity: (T,) of the motor, for what depends on it; at rest by default.
+        velocity: (T,) of the motor [rad/s].
+        angle: (T,) of the load [rad].
+        servo_gain, command_limit: the drive's law, see `INPUTS`; the gain (T,).
     """
     now, before, switch = held_commands(command, dt, float(model.delay()))
     entering = before * np.minimum(switch / dt, 1.0) + now * (1.0 - np.minimum(switch / dt, 1.0))
-    speed = np.zeros_like(command) if velocity is None else velocity
-    state, torque, h, v = ca.SX.sym("state", len(model.states)), ca.SX.sym("torque"), ca.SX.sym("h"), ca.SX.sym("v")
+    state = ca.SX.sym("state", len(model.states))
+    names = ("command", "gain", "angle", "velocity", "h")
+    symbols = torque, gain, x, v, h = [ca.SX.sym(name) for name in names]
     own = model.own_states(state)
-    wanted = played(model, own, torque, h)
-    course, after = actuated(model, own, wanted, h, v)
-    following = dict(own) | after
-    for effect in model.effects:
-        if State.COMMAND in effect.states:
-            following[effect.name] = (wanted.end,)
+    step = Step(command=torque, gain=gain, limit=command_limit, time=0.0, length=h, width=0.0)
+    course, behind = actuated(model, own, step.drive(model, own, x), h, v)
+    following = {**own, **played(model, own, torque, gain, h)[1], **behind}
     kept = [value for effect in model.effects for value in following[effect.name]]
-    one = ca.Function("actuator", [state, torque, h, v], [ca.vertcat(state[:2], *kept), course.mean])
-    begin = beginning(model, torque=float(entering[0]))
-    outputs = one.mapaccum(command.size)(begin, entering[None, :], dt[None, :], speed[None, :])
-    return np.array(outputs[1]).ravel()
+    one = ca.Function("actuator", [state, *symbols], [ca.vertcat(state[:2], *kept), course.mean])
+    goal = float(goals(command, servo_gain)[0])
+    first = float(np.clip(entering[0] - servo_gain[0] * angle[0], -command_limit, command_limit))
+    begin = beginning(model, torque=first, command=float(entering[0]), goal=goal)
+    rows = (entering, servo_gain, angle, velocity, dt)
+    return np.array(one.mapaccum(command.size)(begin, *(row[None, :] for row in rows))[1]).ravel()
 
 
 def beginning(
@@ -107,6 +120,7 @@ def beginning(
     velocity: float = 0.0,
     torque: float = 0.0,
     command: float | None = None,
+    goal: float = 0.0,
 ) -> Array:
     """(n,) state at an angle and a velocity, with everything else settled.
 
@@ -116,12 +130,14 @@ def beginning(
         velocity: of load and motor [rad/s].
         torque: behind the drive's law [N m].
         command: before it; the torque by default.
+        goal: of a position servo [rad].
     """
     values = {
         State.ANGLE: angle,
         State.VELOCITY: velocity,
         State.TORQUE: torque,
         State.COMMAND: torque if command is None else command,
+        State.GOAL: goal,
         State.RELAXED: 0.0,
     }
     return np.array([values[kind] for kind in model.kinds], dtype=float)

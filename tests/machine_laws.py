@@ -2,6 +2,7 @@
 
     command -> (delay) -> (rate limit) -> (first-order lag) -> (saturation) -> (- back-emf) -> (dead zone h)
             -> tau_load, or the motor of a drivetrain that transmits tau_load
+    position servo: goal -> (delay) -> (goal rate limit) -> clip(gain (goal - x), -limit, limit) -> (saturation) -> ...
     J x'' = -alpha cos x - K x' + tau_load + tau_added - friction
     reading = x + eccentricity -> (first-order lag) -> noise -> encoder
 
@@ -33,6 +34,7 @@ KNOWN = {
     "cogging": ("amplitude", "order", "phase"),
     "torque_saturation": ("limit",),
     "rate_limit": ("rate",),
+    "goal_rate_limit": ("rate",),
     "back_emf": ("constant",),
     "compliance": ("frequency", "damping", "motor_share"),
     "backlash": ("gap", "motor_share"),
@@ -98,12 +100,18 @@ class Drivetrain:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Machine:
-    """One machine, or a batch of B when a number is given as (B,); the paper's with a dead zone by default."""
+    """One machine, or a batch of B when a number is given as (B,); the paper's with a dead zone by default.
+
+    With a servo gain [N m/rad] it is a position servo: its command is a goal [rad], and the drive gives no more than
+    `command_limit` [N m].
+    """
 
     inertia: ArrayLike = 2.0
     gravity: ArrayLike = 0.5
     viscous_friction: ArrayLike = 0.8
     effects: Effects = field(default_factory=lambda: {"dead_zone": {"half_width": 0.5}})
+    servo_gain: ArrayLike = 0.0
+    command_limit: ArrayLike = np.inf
     payload: ArrayLike = 0.0  # 1 once a payload change has happened
 
     def __post_init__(self) -> None:
@@ -112,6 +120,10 @@ class Machine:
                 raise ValueError(f"{name} takes {KNOWN[name]}, not {tuple(values)}")
         if {"compliance", "backlash"} <= set(self.effects):
             raise ValueError("a machine has one drivetrain: compliance or backlash, not both")
+        if self.is_servo and {"rate_limit", "actuator_lag"} & set(self.effects):
+            raise ValueError("a position servo's torque follows its angle at once: no rate limit, no lag")
+        if not self.is_servo and "goal_rate_limit" in self.effects:
+            raise ValueError("a goal has a position servo only: give a servo gain")
 
     def hiding(self, **effects: Mapping[str, ArrayLike]) -> Machine:
         """The same machine with more effects."""
@@ -136,17 +148,24 @@ class Machine:
             gravity=some(self.gravity),
             viscous_friction=some(self.viscous_friction),
             effects={name: {p: some(v) for p, v in values.items()} for name, values in self.effects.items()},
+            servo_gain=some(self.servo_gain),
+            command_limit=some(self.command_limit),
             payload=some(self.payload),
         )
 
     @property
     def shapes(self) -> list[tuple[int, ...]]:
         """Of all its numbers."""
-        numbers = [self.inertia, self.gravity, self.viscous_friction]
+        numbers = [self.inertia, self.gravity, self.viscous_friction, self.servo_gain, self.command_limit]
         return [np.shape(n) for n in (*numbers, *(v for values in self.effects.values() for v in values.values()))]
 
     def get(self, effect: str, parameter: str, absent: float = 0.0) -> ArrayLike:
         return self.effects[effect][parameter] if effect in self.effects else absent
+
+    @cached_property
+    def is_servo(self) -> bool:
+        """Whether its command is a goal [rad] and not a torque."""
+        return bool(np.all(np.asarray(self.servo_gain) > 0.0))
 
     # How the mass is divided.
 
@@ -185,6 +204,13 @@ class Machine:
         if p := self.effects.get("torque_saturation"):
             torque = np.minimum(np.maximum(torque, -np.asarray(p["limit"])), p["limit"])
         return torque if "back_emf" in self.effects else self.behind_dead_zone(torque)
+
+    def delivered(self, torque: Array, x: Array, v: Array) -> Array:
+        """Of a drive at an angle and a speed [N m]; to a position servo the torque is a goal still [rad]."""
+        if self.is_servo:
+            pull = np.asarray(self.servo_gain) * (torque - x)
+            torque = self.amplified(np.minimum(np.maximum(pull, -np.asarray(self.command_limit)), self.command_limit))
+        return self.turned(torque, v)
 
     def turned(self, torque: Array, v: Array) -> Array:
         """What the back-emf of a load that turns leaves of an amplified torque [N m]."""

@@ -6,7 +6,7 @@ the lag of the sensor are followed in closed form.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,7 @@ class State:
     """Where a batch stands."""
 
     motion: Array  # (2, B) angle and velocity of the load; behind a drivetrain (4, B), those of the motor after them
-    slewed: Array  # (B,) command behind the rate limit [N m]
+    slewed: Array  # (B,) command behind the rate limit [N m], of a position servo the goal [rad]
     lagged: Array  # (B,) and behind the lag [N m]
     bristle: Array  # (B,) friction torque of bent bristles [N m]
     seen: Array  # (B,) reading behind the lag of the sensor [rad]
@@ -34,7 +34,7 @@ class State:
 
 @dataclass(frozen=True, kw_only=True, eq=False, slots=True)
 class _Step:
-    """What holds all through one step: the torque at its start, middle and end, and where it begins."""
+    """What holds all through one step: the torque (a servo's goal) at its start, middle, end, and where it begins."""
 
     machine: Machine
     torque: Sequence[Array]
@@ -59,7 +59,7 @@ def advance(machine: Machine, state: State, command: Array, load_torque: Array, 
     kinks, ends = [], [h]
     if change := machine.effects.get("payload_change"):
         kinks.append(change["time"] - time)
-    if limit := machine.effects.get("rate_limit"):
+    if limit := _limit(machine):
         kinks.append(np.abs(command - state.slewed) / limit["rate"])
     if stop := machine.effects.get("end_stop"):
         x, v = state.motion[0], state.motion[1]
@@ -91,11 +91,17 @@ def _advance(machine: Machine, state: State, command: Array, load_torque: Array,
 # Actuator and sensor, in closed form.
 
 
+def _limit(machine: Machine) -> Mapping[str, ArrayLike] | None:
+    """The rate limit of a torque, or of a position servo's goal."""
+    return machine.effects.get("goal_rate_limit" if machine.is_servo else "rate_limit")
+
+
 def _actuator(machine: Machine, state: State, command: Array, h: Array) -> tuple[list[Array], Array, Array]:
-    """Amplified torque at the start, middle and end of a step; the new states of rate limit and lag."""
-    ramp, lag = (machine.effects.get(name) for name in ("rate_limit", "actuator_lag"))
+    """Amplified torque, or a goal, at the start, middle and end of a step; the new states of rate limit and lag."""
+    ramp, lag = _limit(machine), machine.effects.get("actuator_lag")
+    amplified = (lambda goal: goal) if machine.is_servo else machine.amplified
     if not ramp and not lag:
-        return [machine.amplified(command)] * 3, command, command
+        return [amplified(command)] * 3, command, command
     if not lag:
         start, middle, end = state.slewed, *(_ramp(state.slewed, command, ramp["rate"], t) for t in (h / 2, h))
         slewed = end
@@ -108,7 +114,7 @@ def _actuator(machine: Machine, state: State, command: Array, h: Array) -> tuple
         behind = (_lag_of_ramp(state.lagged, *slope, lag["time_constant"], t) for t in (h / 2, h))
         start, middle, end = state.lagged, *behind
         slewed = _ramp(*slope, h)
-    return [machine.amplified(torque) for torque in (start, middle, end)], slewed, end
+    return [amplified(torque) for torque in (start, middle, end)], slewed, end
 
 
 def _ramp(start: Array, goal: Array, rate: ArrayLike, t: Array) -> Array:
@@ -231,7 +237,7 @@ def _rates(
         total = np.where(held, 0.0, total)
     rates[0], rates[1] = v, total / machine.load_inertia
     if machine.drivetrain:
-        driving = machine.biased(machine.turned(torque, v))
+        driving = machine.biased(machine.delivered(torque, x, v))
         rates[2], rates[3] = motion[3], (driving - arriving) / machine.drivetrain.motor_inertia
     return rates
 
@@ -240,4 +246,4 @@ def _arriving(step: _Step, motion: Array, torque: Array) -> Array:
     """Torque that reaches the load: from the actuator, or through the drivetrain."""
     if drivetrain := step.machine.drivetrain:
         return drivetrain.transmitted(motion[2] - motion[0], motion[3] - motion[1])
-    return step.machine.turned(torque, motion[1])
+    return step.machine.delivered(torque, motion[0], motion[1])

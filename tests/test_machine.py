@@ -23,6 +23,7 @@ HIDDEN = {
     "cogging": {"amplitude": 0.2, "order": 11.0, "phase": 0.7},
     "torque_saturation": {"limit": 3.0},
     "rate_limit": {"rate": 60.0},
+    "goal_rate_limit": {"rate": 5.0},
     "back_emf": {"constant": 0.3},
     "compliance": {"frequency": 60.0, "damping": 0.1, "motor_share": 0.3},
     "backlash": {"gap": 0.02, "motor_share": 0.2},
@@ -36,6 +37,7 @@ HIDDEN = {
     "encoder_eccentricity": {"amplitude": 0.01, "order": 2.0, "phase": 0.3},
     "sensor_lag": {"time_constant": 0.004},
 }
+DRIVE = {"goal_rate_limit": {"servo_gain": 40.0, "command_limit": 60.0}}  # what only a position servo can have
 
 
 def plain(**effects: dict[str, float]) -> Machine:
@@ -152,9 +154,10 @@ def test_the_records_are_logs_without_faults() -> None:
 def test_every_effect_can_be_hidden_and_shows() -> None:
     assert set(HIDDEN) == set(KNOWN)
     command = excitation(3, duration=1.0)
-    bare = exact(Machine(effects={}), command).measured
     for name, values in HIDDEN.items():
-        assert np.abs(exact(Machine(effects={name: values}), command).measured - bare).max() > 1e-3, name
+        drive = DRIVE.get(name, {})
+        hiding, bare = (exact(Machine(effects=effects, **drive), command) for effects in ({name: values}, {}))
+        assert np.abs(hiding.measured - bare.measured).max() > 1e-3, name
 
 
 @pytest.mark.parametrize("name", KNOWN)
@@ -163,9 +166,11 @@ def test_batches_and_step_sizes_do_not_change_what_is_hidden(name: str) -> None:
     finer = 40 if name == "backlash" else 16
     sizes = (1.0, 0.6)
     values = {key: np.array([s * value for s in sizes]) for key, value in HIDDEN[name].items()}
-    batch = exact(Machine(effects={name: values}), command)
+    drive = DRIVE.get(name, {})
+    batch = exact(Machine(effects={name: values}, **drive), command)
     for b, s in enumerate(sizes):
-        alone = exact(Machine(effects={name: {k: s * v for k, v in HIDDEN[name].items()}}), command, steps=finer)
+        smaller = {k: s * v for k, v in HIDDEN[name].items()}
+        alone = exact(Machine(effects={name: smaller}, **drive), command, steps=finer)
         assert np.abs(batch.measured[:, b] - alone.measured[:, 0]).max() < 1e-5
 
 
@@ -174,6 +179,10 @@ def test_effects_that_exclude_or_misname_are_refused() -> None:
         Machine(effects={name: HIDDEN[name] for name in ("compliance", "backlash")})
     with pytest.raises(ValueError, match="takes"):
         Machine(effects={"end_stop": {"angle": 1.0}})
+    with pytest.raises(ValueError, match="servo gain"):
+        Machine(effects={"goal_rate_limit": {"rate": 1.0}})
+    with pytest.raises(ValueError, match="no lag"):
+        Machine(effects={"actuator_lag": {"time_constant": 0.1}}, servo_gain=1.0)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -200,6 +209,28 @@ def test_a_rate_limited_torque_is_a_ramp_inside_the_samples() -> None:
     out = exact(plain(rate_limit={"rate": 7.0}), np.where(np.arange(150) < 100, 0.0, -2.0))
     since = np.maximum(out.time - 100 * SAMPLE, 0.0)
     assert out.velocity[:, 0] == pytest.approx(-7.0 * since**2 / 2 / 1.5, abs=1e-12)
+
+
+@pytest.mark.parametrize("gain", [6.0, 24.0])
+def test_a_servo_swings_behind_a_goal_that_moves_at_its_rate(gain: float) -> None:
+    """Without friction: r (t - sin(w t) / w) up to the end of the ramp, from there about the goal."""
+    rate, w, goal = 0.9, np.sqrt(gain / 1.5), 0.7
+    machine = Machine(
+        inertia=1.5, gravity=0.0, viscous_friction=0.0, effects={"goal_rate_limit": {"rate": rate}}, servo_gain=gain
+    )
+    out = exact(machine, np.where(np.arange(500) < 100, 0.0, goal), steps=16)
+    t, end = np.maximum(out.time - 100 * SAMPLE, 0.0), goal / rate
+
+    def ramp(t: np.ndarray) -> np.ndarray:
+        return rate * (t - np.sin(w * t) / w)
+
+    assert out.angle[:, 0] == pytest.approx(ramp(t) - np.where(t > end, ramp(t - end), 0.0), abs=1e-9)
+
+
+def test_a_servo_gives_no_more_than_its_limit() -> None:
+    machine = Machine(inertia=1.5, gravity=0.0, viscous_friction=0.0, effects={}, servo_gain=20.0, command_limit=3.0)
+    out = exact(machine, np.full(60, 5.0))
+    assert out.velocity[:, 0] == pytest.approx(3.0 / 1.5 * out.time, abs=1e-12)
 
 
 def test_back_emf_is_felt_in_front_of_the_dead_zone() -> None:

@@ -27,6 +27,7 @@ HIDDEN = {
     "cogging": {"amplitude": 0.2, "order": 11.0, "phase": 0.7},
     "torque_saturation": {"limit": 3.0},
     "rate_limit": {"rate": 60.0},
+    "goal_rate_limit": {"rate": 5.0},
     "back_emf": {"constant": 0.3},
     "compliance": {"frequency": 25.0, "damping": 0.05, "motor_share": 0.3},
     "backlash": {"gap": 0.1, "motor_share": 0.3},
@@ -40,6 +41,7 @@ HIDDEN = {
     "encoder_eccentricity": {"amplitude": 0.02, "order": 1.0, "phase": 0.4},
     "sensor_lag": {"time_constant": 0.02},
 }
+DRIVE = {"goal_rate_limit": {"servo_gain": 40.0}}  # what only a position servo can have
 SLACK = {  # rad, where a step of the product is knowingly coarse
     "backlash": 5e-3,  # a twentieth of the gap: each knock sends the load on its own way
     "presliding_hysteresis": 5e-5,
@@ -57,12 +59,14 @@ def model_of(name: str) -> ServoModel:
 @pytest.mark.parametrize("name", HIDDEN)
 def test_every_effect_moves_the_load_as_the_independent_machine_says(name: str) -> None:
     command = excitation(7, duration=8.0)
-    machine = Machine(effects={name: HIDDEN[name]})
+    drive = DRIVE.get(name, {})
+    machine = Machine(effects={name: HIDDEN[name]}, **drive)
     truth = record(machine, command, noise=0.0, bits=None, angle=0.3, velocity=-0.4)
-    model = model_of(name)
-    begin = beginning(model, angle=0.3, velocity=-0.4, torque=command[0])
-    found = simulate(model, command=command, dt=SAMPLE, state=begin)[:-1]
-    bare = simulate(ServoModel(), command=command, dt=SAMPLE, state=begin[:2])[:-1]
+    model, first = model_of(name), command[0]
+    begin = beginning(model, angle=0.3, velocity=-0.4, torque=first, goal=first)
+    command = drive.get("servo_gain", 1.0) * command
+    found = simulate(model, command=command, dt=SAMPLE, state=begin, **drive)[:-1]
+    bare = simulate(ServoModel(), command=command, dt=SAMPLE, state=begin[:2], **drive)[:-1]
     seen = np.array(sample_reading(model).map(len(found))(found.T, model.values)).ravel()
     assert np.abs(seen - truth.measured[:, 0]).max() < SLACK.get(name, 2e-5)
     assert np.abs(bare[:, 0] - truth.measured[:, 0]).max() > 1e-2  # the effect is there at all
@@ -116,7 +120,8 @@ def test_derivatives_of_the_step_are_those_of_finite_differences(name: str, widt
     for _ in range(10):
         state = np.concatenate((rng.uniform(-3, 3, 1), rng.choice([-1, 1], 1) * rng.uniform(0.3, 3, 1)))
         state = np.append(state, rng.uniform(1, 5, sizes[0] - 2))
-        inputs = np.array([rng.uniform(2, 6), rng.uniform(2, 6), 0.0, np.inf, 1.0, 0.02, width])
+        drive = DRIVE.get(name, {}).get("servo_gain", 0.0)
+        inputs = np.array([rng.uniform(2, 6), rng.uniform(2, 6), drive, np.inf, 1.0, 0.02, width])
         values = model.values
         if name == "input_delay":
             values[-1] = 0.004

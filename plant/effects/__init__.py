@@ -17,6 +17,7 @@ from plant.effects.effect import Axis, Effect, Expression, Moment, Motion, Param
 from plant.effects.encoder_eccentricity import EncoderEccentricity
 from plant.effects.end_stop import EndStop
 from plant.effects.friction_drift import FrictionDrift
+from plant.effects.goal_rate_limit import GoalRateLimit
 from plant.effects.gravity_offset import GravityOffset
 from plant.effects.input_delay import InputDelay
 from plant.effects.load_dependent_friction import LoadDependentFriction
@@ -32,6 +33,7 @@ from plant.effects.torque_saturation import TorqueSaturation
 
 _ALONG_THE_WAY: tuple[type[Effect], ...] = (
     InputDelay,
+    GoalRateLimit,
     RateLimit,
     ActuatorLag,
     TorqueSaturation,
@@ -76,6 +78,7 @@ __all__ = [
     "EndStop",
     "Expression",
     "FrictionDrift",
+    "GoalRateLimit",
     "GravityOffset",
     "InputDelay",
     "LoadDependentFriction",

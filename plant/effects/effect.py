@@ -49,6 +49,7 @@ class State(StrEnum):
     """What a state of an effect is: it says where the state begins, and what an observer does with it."""
 
     COMMAND = "command"
+    GOAL = "goal"
     TORQUE = "torque"
     ANGLE = "angle"
     VELOCITY = "velocity"
@@ -145,7 +146,7 @@ class Effect:
         return other
 
     # What an effect can do to the command and in the actuator. A state of type COMMAND is the command that is played,
-    # before the drive's law; one of type TORQUE belongs behind it.
+    # before the drive's law, and one of type GOAL a position servo's goal; one of type TORQUE belongs behind the law.
 
     def delay(self) -> Expression:
         """Dead time of the command [s]."""

@@ -22,6 +22,7 @@ class Motion:
         velocity: (T,) filtered load velocity [rad/s].
         acceleration: (T,) of the model [rad/s^2].
         command: (T,) as the log has it: a torque, or servo gain times goal [N m].
+        servo_gain: (T,) fall of the drive's torque with the angle [N m/rad]; 0 where the log gives the torque.
         torque: (T,) torque command after the drive's law [N m].
         score: (T,) how much a load torque at each sample would improve the fit: half the squared innovations that it
             would take away, per N m [rad^2/(N m)].
@@ -29,6 +30,7 @@ class Motion:
         run: (T,) index of the run of each sample.
         inertia: J of the fitted model [N m s^2/rad].
         velocity_resolution: velocity below which its sign is not known [rad/s].
+        law: torque (T,) that the drive gives for a command (T,), at the measured angle [N m].
         arriving: what of a torque (T,) behind the drive's law arrives at the load (T,), by the model at hand [N m].
     """
 
@@ -37,12 +39,14 @@ class Motion:
     velocity: Array
     acceleration: Array
     command: Array
+    servo_gain: Array
     torque: Array
     score: Array
     reading_score: Array
     run: NDArray[np.intp]
     inertia: float
     velocity_resolution: float
+    law: Callable[[Array], Array] = field(default=lambda command: command)
     arriving: Callable[[Array], Array] = field(default=lambda torque: torque)
 
     @property

@@ -1,0 +1,50 @@
+"""Goal rate limit: a position servo moves its internal goal with a limited speed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from plant.effects.effect import Array, Motion, Stage, State, Trace, parameter
+from plant.effects.ramp import Ramp
+
+
+@dataclass(frozen=True, kw_only=True)
+class GoalRateLimit(Ramp):
+    """Speed limit in the firmware of a position servo, before its law; the state is the internal goal.
+
+    A limit in angle a second is the same at every servo gain, which a limit of the command is not. Where the log gives
+    the torque (servo gain zero) there is no goal, and the command passes.
+    """
+
+    name = "goal_rate_limit"
+    title = "goal rate limit"
+    stage = Stage.ACTUATOR
+    equation = r"|\dot g| \le r,\quad \tau = k_p\,(g - x)"
+    trace = "missing torque after fast changes of the goal, as long at every servo gain"
+    confused_with = ("input_delay", "actuator_lag", "rate_limit", "torque_saturation")
+    states = (State.GOAL,)
+
+    rate: float = parameter("{angle}/s", "largest speed r of the internal goal", lower=1e-9)
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """The limited goal through the drive's law less the goal; none where there is no goal."""
+        gain, command = motion.servo_gain, motion.command
+        if np.any(gain > 0.0):
+            goal = motion.by_run(lambda rows: goals(command[rows], gain[rows]))
+            yield from cls.ramps(motion, goal, lambda limited: np.where(gain > 0.0, gain * limited, command))
+
+
+def goals(command: Array, servo_gain: Array) -> Array:
+    """(T,) goals [rad] behind the commands (T,) of one run.
+
+    Where the servo gain (T,) is zero it is the last goal before, at first the one to come; zero if there is none.
+    """
+    given = np.flatnonzero(servo_gain > 0.0)
+    if given.size == 0:
+        return np.zeros_like(command)
+    latest = np.maximum(np.searchsorted(given, np.arange(command.size), side="right") - 1, 0)
+    return np.asarray((command[given] / servo_gain[given])[latest])

@@ -1,0 +1,71 @@
+"""A ramp: what enters is followed with a limited slope."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.effects.effect import Array, Effect, Expression, Motion, Trace
+
+_SAMPLES = np.array([2.0, 5.0, 12.0, 30.0, 75.0, 150.0])  # in which a rate that is tried crosses the whole range
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ramp(Effect):
+    """An effect whose state follows what enters it by at most `rate` a second; the unit is its own."""
+
+    rate: float
+
+    def advance(self, state: Expression, torque: Expression, h: Expression) -> Expression:
+        """A ramp towards what enters."""
+        reach = self.rate * h
+        return state + ca.fmax(ca.fmin(torque - state, reach), -reach)
+
+    def settling_time(self, state: Expression, command: Expression) -> Expression:
+        """Until the ramp ends."""
+        return ca.fabs(command - state) / self.rate
+
+    def mean(self, state: Expression, torque: Expression, h: Expression) -> Expression:
+        """Exact mean of the ramp and of what comes behind it."""
+        reach = self.rate * h
+        share = ca.fmin(ca.fabs(torque - state) / ca.fmax(reach, 1e-12), 1)  # of the time that is spent on the ramp
+        return state + (self.advance(state, torque, h) - state) * (1 - share / 2)
+
+    @classmethod
+    def ramps(cls, motion: Motion, wanted: Array, command: Callable[[Array], Array]) -> Iterator[Trace]:
+        """Traces for rates that cross the range in 2 to 150 samples: the drive's torque behind the ramp less without.
+
+        Args:
+            motion: of the fitted model.
+            wanted: (T,) what enters the ramp.
+            command: the drive's command (T,) for what leaves it (T,) [N m].
+        """
+        span = float(np.ptp(wanted))
+        if span <= 0.0:
+            return
+        rates = span / (_SAMPLES * motion.sample_time)
+        followed = motion.by_run(lambda rows: _followed(wanted[rows], rates * motion.sample_time))
+        for place, rate in enumerate(rates):
+            arriving = motion.arriving(motion.law(command(followed[:, place])))
+            yield Trace(
+                columns=(arriving - motion.arriving(motion.torque))[:, None],
+                positive=(True,),
+                start=lambda c, rate=rate: cls(rate=float(rate)),  # type: ignore[misc]
+                searched=_SAMPLES.size,
+            )
+
+
+def _followed(wanted: Array, reach: Array) -> NDArray[np.float64]:
+    """(T, R) mean over each sample of what follows `wanted` (T,) by at most `reach` (R,) a sample."""
+    state, means = np.full(reach.size, wanted[0]), np.empty((wanted.size, reach.size))
+    for k, level in enumerate(wanted):
+        gap = level - state
+        step = np.clip(gap, -reach, reach)
+        share = np.minimum(np.abs(gap) / reach, 1.0)  # of the sample that is spent on the ramp
+        means[k] = state + step * (1.0 - share / 2.0)
+        state = state + step
+    return means
