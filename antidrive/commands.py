@@ -68,18 +68,20 @@ def diagnose(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
         held_out = measured.holdout.sources if measured.holdout is not None else ()
         provenance = Provenance.now(voice.words, (*measured.log.sources, *held_out))
         model_file(found.extended).write(draft / "model.json")
-        content, told, files = found.to_dict(), [*sentences(found), *found.warnings], "diagnosis.json, model.json"
+        content, files, experiment, said = found.to_dict(), "diagnosis.json, model.json", None, []
         if found.verdict == "ambiguous":
             with voice.progress("designing an experiment that tells the rivals apart"):
-                experiment, said = _separating(found, seed)
-            told.append(said)
+                experiment, sentence = _separating(found, seed)
+            said.append(sentence)
             if experiment is not None and experiment.separable:
                 experiment.write(draft / _EXPERIMENT)
                 content["separating_experiment"] = experiment.to_dict(file=_EXPERIMENT)
                 files += f", {_EXPERIMENT}"
         write_json(draft / "diagnosis.json", content)
-        page = report.diagnosis_page(found, provenance, notes=measured.notes)
+        explanation = found.explain(experiment)
+        page = report.diagnosis_page(found, provenance, notes=measured.notes, explanation=explanation)
         (draft / "report.html").write_text(page, encoding="utf-8")
+    told = [*sentences(found, explanation), *found.warnings, *said]
     lines = [headline(found), *(f"  {line}" for line in told), _written(out, f"{files}, report.html")]
     voice.result("\n".join(lines), content)
 

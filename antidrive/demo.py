@@ -12,9 +12,10 @@ from allocation import Bounds, least_effort
 from antidrive.fitted_model import model_file
 from antidrive.scenario import Scenario
 from antidrive.simulation import Trial, run_scenario
-from antidrive.words import headline, percent, sentence_case, title_of
+from antidrive.words import headline
 from diagnosis.diagnose import diagnose
 from diagnosis.result import Diagnosis
+from diagnosis.wording import percent, sentence_case, title_of
 from identification.log import Log
 from plant.model_file import ModelFile
 from plant.rig import Rig

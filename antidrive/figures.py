@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,19 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from antidrive.thinning import thin
+from diagnosis.contest import Contest
+from diagnosis.evidence_picture import Gathered, Shown
 from diagnosis.missing_torque import Curve, MissingTorque
+from diagnosis.odds import CLEAR
 from diagnosis.result import Replay
 
 Array = NDArray[np.float64]
 
 MEASURED, BEFORE, AFTER, SECOND = "#8a929b", "#e07b27", "#2f7fd1", "#2a9d6f"
 """Told apart in light and dark and by readers who see no red: grey, orange, blue, green."""
+
+ALONE = float(np.log(CLEAR / (1.0 - CLEAR)))
+"""Log odds from which a name stands without its rivals."""
 
 
 def replay_figure(replay: Replay, unit: str, *, extended: bool) -> go.Figure:
@@ -70,22 +76,52 @@ def curve_figure(before: Curve, after: Curve | None, unit: str) -> go.Figure:
     return _finish(figure, 270)
 
 
-def odds_figure(names: Sequence[str], probabilities: Sequence[float], labels: Sequence[str]) -> go.Figure:
-    """Probabilities as bars, the first one standing out."""
-    bars = go.Bar(
-        x=list(probabilities),
-        y=list(names),
-        orientation="h",
-        text=list(labels),
-        textposition="auto",
-        cliponaxis=False,
-        marker_color=[AFTER] + [MEASURED] * (len(names) - 1),
-        hoverinfo="skip",
-    )
+def contest_figure(contest: Contest, names: Mapping[str, str], labels: Mapping[str, str]) -> go.Figure:
+    """How far the rivals are behind the leader, in log odds; those far behind run out of the picture.
+
+    Args:
+        contest: with its rivals.
+        names: of the contenders, by effect.
+        labels: what stands at the end of each row, by effect.
+    """
+    rows = (contest.leader, *contest.rivals[:5])
+    behind = [contest.leader.score - c.score for c in rows]
+    bars = go.Bar(x=behind, y=[names[c.effect] for c in rows], orientation="h", marker_color=AFTER, hoverinfo="x")
     figure = go.Figure(bars)
-    figure.update_xaxes(range=[0, 1.0], tickformat=".0%", title_text="probability")
+    for place, c in enumerate(rows):
+        text = {"text": labels[c.effect], "showarrow": False, "xanchor": "left", "xref": "paper", "x": 1.01}
+        figure.add_annotation(y=place, yref="y", **text)
+    figure.add_vline(x=ALONE, line_dash="dot", line_color=SECOND, line_width=1.5)
+    figure.update_xaxes(range=[0.0, max(3.0 * ALONE, 2.0 * behind[1])])
+    figure.update_xaxes(title_text="log odds behind the first (dotted: 9 to 1)")
     figure.update_yaxes(autorange="reversed", ticksuffix="  ")
-    return _finish(figure, 110 + 34 * len(names), legend=False)
+    return _finish(figure, 110 + 34 * len(rows), legend=False).update_layout(margin_r=64)
+
+
+def gathered_figure(grown: Gathered) -> go.Figure:
+    """Evidence as it grew along the log, beside even growth."""
+    figure = go.Figure()
+    ends = [0, grown.time.size - 1]
+    even = np.array([0.0, grown.evidence[-1]])
+    figure.add_trace(_line(grown.time[ends], even, "if it grew evenly", MEASURED, width=1.2))
+    figure.add_trace(_line(grown.time, grown.evidence, "log-likelihood gained", AFTER))
+    figure.update_xaxes(title_text="time along the runs [s]")
+    figure.update_yaxes(title_text="log-likelihood")
+    return _finish(figure, 270)
+
+
+def shown_figure(seen: Shown) -> go.Figure:
+    """Missing torque over the telling variable without and with a cause, and what the cause says is missing."""
+    figure = go.Figure()
+    low, high = seen.before - seen.band, seen.before + seen.band
+    figure.add_traces(_band(seen.centre, low, high, BEFORE, "95 % band", legend=False))
+    for name, colour, values in (("without it", BEFORE, seen.before), ("with it", AFTER, seen.after)):
+        figure.add_trace(_line(seen.centre, values, name, colour))
+    said = _line(seen.centre, seen.predicted, "what it predicts", SECOND, width=2.4)
+    figure.add_trace(said.update(line_dash="dash"))
+    figure.update_xaxes(title_text=f"{seen.variable} [{seen.unit}]")
+    figure.update_yaxes(title_text=f"missing torque [{seen.torque_unit}]")
+    return _finish(figure, 270)
 
 
 def gain_figure(before: float, after: float | None, floor: float, unit: str) -> go.Figure:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 
 from antidrive import figures
+from antidrive.page import figure_json, page
 from antidrive.provenance import Provenance
-from antidrive.words import headline, percent, sentence_case, sentences, title_of
+from antidrive.words import headline, sentences
+from diagnosis.explanation import Explanation
+from diagnosis.odds import NONE
+from diagnosis.reasons import Reason
 from diagnosis.result import Cause, Diagnosis
+from diagnosis.wording import effect_of, percent, sentence_case, title_of
 from identification.fit_result import Fit, FittedParameter, correlations
-from plant.effects import catalogue
 from plant.effects.effect import Array
 
 if TYPE_CHECKING:
@@ -25,9 +26,12 @@ if TYPE_CHECKING:
 _RUNS_DRAWN = 3  # held-out runs that are drawn; the rest is in the numbers
 
 
-def diagnosis_page(diagnosis: Diagnosis, provenance: Provenance, notes: Sequence[str] = ()) -> str:
-    """The page of a diagnosis."""
-    return _page("diagnosis", provenance, headline(diagnosis), diagnosis=_diagnosis(diagnosis, notes))
+def diagnosis_page(
+    diagnosis: Diagnosis, provenance: Provenance, notes: Sequence[str] = (), explanation: Explanation | None = None
+) -> str:
+    """The page of a diagnosis; its explanation may be given if it is at hand."""
+    content = _diagnosis(diagnosis, notes, explanation or diagnosis.explain())
+    return page("diagnosis", provenance, headline(diagnosis), diagnosis=content)
 
 
 def fit_page(fit: Fit, simulated: Sequence[Array], provenance: Provenance, notes: Sequence[str] = ()) -> str:
@@ -36,7 +40,7 @@ def fit_page(fit: Fit, simulated: Sequence[Array], provenance: Provenance, notes
     runs = list(zip(fit.log.runs, simulated, strict=True))
     worst = sorted(runs, key=lambda pair: -_rms((pair[0].output - pair[1])[pair[0].valid]))[:_RUNS_DRAWN]
     drawn = [
-        (run.label, _figure(figures.fit_figure(run.time, np.where(run.valid, run.output, np.nan), y, unit)))
+        (run.label, figure_json(figures.fit_figure(run.time, np.where(run.valid, run.output, np.nan), y, unit)))
         for run, y in worst
     ]
     content = {
@@ -55,28 +59,30 @@ def fit_page(fit: Fit, simulated: Sequence[Array], provenance: Provenance, notes
     title = f"{len(fit.free) - len(lost)} parameters fitted"
     if lost:
         title += f"; this log cannot tell {', '.join(lost)}"
-    return _page("fit", provenance, title, fit=content)
+    return page("fit", provenance, title, fit=content)
 
 
 def trial_page(trial: Trial, provenance: Provenance) -> str:
     """The page of a closed loop."""
-    return _page("trial", provenance, trial.title, trials=[_trial(trial)])
+    return page("trial", provenance, trial.title, trials=[_trial(trial)])
 
 
 def demo_page(told: Demo, provenance: Provenance) -> str:
     """The page of the demo: the diagnosis, then both loops."""
-    return _page(
+    return page(
         "demo",
         provenance,
         headline(told.diagnosis),
         story=told.sentences()[1:],
-        diagnosis=_diagnosis(told.diagnosis, ("synthetic log, recorded on the rig with effects hidden in it",))
+        diagnosis=_diagnosis(
+            told.diagnosis, ("synthetic log, recorded on the rig with effects hidden in it",), told.diagnosis.explain()
+        )
         | {"sentences": ()},
         trials=[_trial(trial) for trial in told.trials],
     )
 
 
-def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
+def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanation) -> dict[str, Any]:
     """What the template of a diagnosis shows."""
     extended = diagnosis.extended is not diagnosis.base
     unit = "rad" if diagnosis.base.log.axis == "rotary" else "m"
@@ -85,7 +91,7 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
         (
             curve.variable,
             percent(max(curve.share, 0.0)),
-            _figure(figures.curve_figure(curve, after.get(curve.variable), diagnosis.missing_before.unit)),
+            figure_json(figures.curve_figure(curve, after.get(curve.variable), diagnosis.missing_before.unit)),
         )
         for curve in diagnosis.missing_before.curves
     ]
@@ -93,21 +99,24 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
     gain = diagnosis.gain
     return {
         "verdict": diagnosis.verdict.replace("_", " "),
-        "sentences": sentences(diagnosis),
+        "sentences": sentences(diagnosis, explanation),
+        "lacked": explanation.missing,
+        "outcome": explanation.outcome,
         "extended": extended,
         "held_out": gain is not None,
         "gain": gain,
         "unit": unit,
         "replays": [
-            (replay.label, _figure(figures.replay_figure(replay, unit, extended=extended))) for replay in replays
+            (replay.label, figure_json(figures.replay_figure(replay, unit, extended=extended))) for replay in replays
         ],
         "others": len(diagnosis.replays) - len(replays),
-        "missing": _figure(figures.missing_over_time(diagnosis.missing_before)),
+        "missing": figure_json(figures.missing_over_time(diagnosis.missing_before)),
         "curves": curves,
-        "causes": [_cause(cause) for cause in diagnosis.causes],
+        "causes": [_cause(diagnosis, c, r) for c, r in zip(diagnosis.causes, explanation.reasons, strict=False)],
+        "nameless": [] if diagnosis.causes else [_reason(diagnosis, reason) for reason in explanation.reasons],
         "gain_figure": None
         if gain is None
-        else _figure(
+        else figure_json(
             figures.gain_figure(
                 gain.held_out_rms_before, gain.held_out_rms_after if extended else None, gain.noise_floor, unit
             )
@@ -125,27 +134,43 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str]) -> dict[str, Any]:
             }
             for c in sorted(diagnosis.candidates, key=lambda c: (c.round, -c.score))
         ],
-        "whiteness": percent(max(diagnosis.whiteness, 0.0)),
         "data": _data(diagnosis.base, diagnosis.warnings, notes),
     }
 
 
-def _cause(cause: Cause) -> dict[str, Any]:
-    effect = catalogue.get(cause.effect)
-    named = [(cause.effect, cause.probability), *cause.alternatives[:4]]
-    figure = figures.odds_figure([title_of(n) for n, _ in named], [p for _, p in named], [percent(p) for _, p in named])
-    return {
-        "title": sentence_case(title_of(cause.effect)),
+def _cause(diagnosis: Diagnosis, cause: Cause, reason: Reason) -> dict[str, Any]:
+    effect = effect_of(diagnosis, cause.effect)
+    return _reason(diagnosis, reason, odds=dict([(cause.effect, cause.probability), *cause.alternatives])) | {
+        "title": sentence_case(title_of(cause.effect, diagnosis)),
         "stage": effect.stage.value if effect else "",
-        "trace": effect.trace if effect else "",
         "confused": [title_of(name) for name in (effect.confused_with if effect else ())],
         "gain": percent(cause.gain) if cause.gain > 0 else "no cut",
         "parameters": [
             (name.replace("_", " "), f"{e.value:.4g}", "" if e.std is None else f"{e.std:.2g}", e.unit)
             for name, e in cause.parameters.items()
         ],
-        "figure": _figure(figure),
     }
+
+
+def _reason(diagnosis: Diagnosis, reason: Reason, odds: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """Sentences and pictures of a reason; probabilities as the cause has them, or else as the round had them."""
+    contest, drawn = reason.contest, []
+    if contest is not None and contest.rivals:
+        known = {c.effect: c.probability for c in (contest.leader, *contest.rivals)} | dict(odds or {})
+        names = {c.effect: _explanation(diagnosis, c.effect) for c in (contest.leader, *contest.rivals)}
+        labels = {name: percent(share) for name, share in known.items()}
+        drawn.append((figures.contest_figure(contest, names, labels), "How far the others are behind."))
+    if reason.gathered is not None:
+        drawn.append((figures.gathered_figure(reason.gathered), "When the evidence came together along the log."))
+    if reason.shown is not None:
+        told = figures.shown_figure(reason.shown)
+        drawn.append((told, f"Over {reason.shown.variable}: torque missing without it, with it, and what it predicts."))
+    pictures = [(figure_json(figure), caption) for figure, caption in drawn]
+    return {"title": reason.title, "sentences": reason.sentences, "pictures": pictures, "parameters": ()}
+
+
+def _explanation(diagnosis: Diagnosis, effect: str) -> str:
+    return "no effect more" if effect == NONE else title_of(effect, diagnosis)
 
 
 def _parameter(p: FittedParameter) -> dict[str, str]:
@@ -168,7 +193,7 @@ def _trial(trial: Trial) -> dict[str, Any]:
     return {
         "title": trial.title,
         "sentences": trial.sentences(),
-        "figure": _figure(trial.figure()),
+        "figure": figure_json(trial.figure()),
         "numbers": [(name.replace("_", " "), value) for name, value in trial.numbers()],
     }
 
@@ -184,29 +209,3 @@ def _data(fit: Fit, warnings: Sequence[str], notes: Sequence[str]) -> dict[str, 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
-def _figure(figure: Any) -> Markup:
-    """A figure as JSON that is safe inside a script element."""
-    return Markup(figure.to_json().replace("<", "\\u003c"))
-
-
-@cache
-def _environment() -> Environment:
-    return Environment(
-        loader=PackageLoader("antidrive"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-
-
-def _page(template: str, provenance: Provenance, title: str, **content: Mapping[str, Any] | Sequence[Any]) -> str:
-    from plotly.offline import get_plotlyjs
-
-    return (
-        _environment()
-        .get_template(f"{template}.html.j2")
-        .render(title=title, provenance=provenance, plotly=Markup(get_plotlyjs()), **content)
-    )

@@ -2,31 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
+from diagnosis.explanation import Explanation
 from diagnosis.result import Cause, Diagnosis
-from plant.effects import catalogue
+from diagnosis.wording import listed, percent, sentence_case, title_of
 
 _ALONE = 0.9  # probability above which a name stands without its rivals
-
-
-def title_of(effect: str) -> str:
-    """The effect's name as people write it."""
-    return catalogue[effect].title if effect in catalogue else effect.replace("_", " ")
-
-
-def sentence_case(text: str) -> str:
-    """The text with a capital first letter and the rest as it is."""
-    return text[:1].upper() + text[1:]
-
-
-def percent(share: float) -> str:
-    """A probability or share; never rounded up to certainty."""
-    if share >= 0.9995:
-        return "> 99.9 %"
-    if share < 0.0005:
-        return "< 0.1 %"
-    return f"{100.0 * share:.3g} %"
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -40,16 +20,16 @@ def headline(diagnosis: Diagnosis) -> str:
         return f"Something is missing that no effect of the catalogue explains{lives}."
     named = [title_of(cause.effect) for cause in causes if cause.probability >= _ALONE]
     open_ones = [" or ".join(map(title_of, (c.effect, *_rivals(c)))) for c in causes if c.probability < _ALONE]
-    known = f"The model misses {_listed(named)}" if named else ""
-    unclear = f"misses {_listed(open_ones)}, and this log does not tell which" if open_ones else ""
+    known = f"The model misses {listed(named)}" if named else ""
+    unclear = f"misses {listed(open_ones)}, and this log does not tell which" if open_ones else ""
     if known and unclear:
         return f"{known}; it also {unclear}."
     return f"{known}." if known else f"The model {unclear}."
 
 
-def sentences(diagnosis: Diagnosis) -> list[str]:
-    """What stands below the headline: each cause with its odds and size, the gain, what remains."""
-    lines = [_cause(cause) for cause in diagnosis.causes]
+def sentences(diagnosis: Diagnosis, explanation: Explanation | None = None) -> list[str]:
+    """What stands below the headline: causes with odds and sizes, their margins if explained, the gain, the rest."""
+    lines = [*map(_cause, diagnosis.causes), *(explanation.short if explanation is not None else ())]
     gain = diagnosis.gain
     if gain is not None:
         runs = "run" if len(gain.runs) == 1 else "runs"
@@ -94,8 +74,3 @@ def _rivals(cause: Cause) -> list[str]:
     """The alternatives that cannot be put aside."""
     close = [name for name, p in cause.alternatives if p > 0.05]
     return close or [name for name, _ in cause.alternatives[:1]]
-
-
-def _listed(names: Sequence[str]) -> str:
-    """A, B and C."""
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))

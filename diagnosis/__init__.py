@@ -4,6 +4,17 @@ from __future__ import annotations
 
 from diagnosis.diagnose import diagnose
 from diagnosis.experiment import Experiment, Limits, rivals_of, separating_experiment
+from diagnosis.explanation import Explanation
 from diagnosis.result import Cause, Diagnosis, Gain
 
-__all__ = ["Cause", "Diagnosis", "Experiment", "Gain", "Limits", "diagnose", "rivals_of", "separating_experiment"]
+__all__ = [
+    "Cause",
+    "Diagnosis",
+    "Experiment",
+    "Explanation",
+    "Gain",
+    "Limits",
+    "diagnose",
+    "rivals_of",
+    "separating_experiment",
+]

@@ -64,6 +64,19 @@ class MissingTorque:
     unit: str
     cutoff: float
 
+    def curves_of(self, torque: Array) -> tuple[Curve, ...]:
+        """Another torque (T,) along the same motion over the same variables."""
+        variables = {
+            "velocity": self.velocity,
+            "angle": self.angle,
+            "position": self.angle,
+            "torque": self.command,
+            "force": self.command,
+            "time": self.time,
+        }
+        independent = 2.0 * self.cutoff * float(np.median(np.diff(self.time)))
+        return tuple(_curve(c.variable, c.unit, variables[c.variable], torque, independent) for c in self.curves)
+
     @property
     def excess(self) -> float:
         """Missing torque above what the encoder's noise makes of it, as a share of the rms torque command [-]."""
@@ -77,9 +90,14 @@ class MissingTorque:
         return float(np.sqrt(np.mean(self.torque**2)))
 
 
-def missing_torque(fit: Fit) -> MissingTorque:
-    """The torque that a fitted model lacks over the log that it was fitted to."""
-    cutoff = noise_cutoff(fit)
+def missing_torque(fit: Fit, cutoff: float | None = None) -> MissingTorque:
+    """The torque that a fitted model lacks over the log that it was fitted to.
+
+    Args:
+        fit: of the model.
+        cutoff: of the low pass [Hz]; by default as high as the noise allows. Two pictures compare only at the same one.
+    """
+    cutoff = noise_cutoff(fit) if cutoff is None else cutoff
     parts = []
     for run in fit.log.runs:
         motion = filtered_motion(run, cutoff, fit.model)

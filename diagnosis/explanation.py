@@ -1,0 +1,94 @@
+"""A diagnosis explained: sentences for a control engineer, each with its number, and the pictures to them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from diagnosis.reasons import Reason, reason_for, reason_for_none
+from diagnosis.result import Diagnosis
+from diagnosis.wording import listed, percent
+
+if TYPE_CHECKING:
+    from diagnosis.experiment import Experiment
+
+
+_CARRIES = 0.1  # share of the missing torque's variance from which it is said to depend on a variable
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Explanation:
+    """A diagnosis explained; as text it is everything in paragraphs.
+
+    Attributes:
+        missing: what was missing, and over which variable it shows.
+        reasons: why each name won, or why there is none.
+        outcome: what the names brought on data that nothing has seen, and what remains.
+        short: the first sentence of each reason: by what margin.
+    """
+
+    missing: tuple[str, ...]
+    reasons: tuple[Reason, ...]
+    outcome: tuple[str, ...]
+    short: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Everything, in paragraphs."""
+        parts = [("What was missing", self.missing), *((r.title, r.sentences) for r in self.reasons)]
+        parts.append(("What it brought, and what remains", self.outcome))
+        return "\n\n".join(f"{title}. {' '.join(sentences)}" for title, sentences in parts if sentences)
+
+
+def explain(diagnosis: Diagnosis, experiment: Experiment | None = None) -> Explanation:
+    """Say why a diagnosis is what it is.
+
+    Args:
+        diagnosis: to be explained.
+        experiment: that has been designed to tell its rivals apart, if any.
+    """
+    causes = tuple(reason_for(diagnosis, cause, experiment) for cause in diagnosis.causes)
+    reasons = causes or (reason_for_none(diagnosis),)
+    short = tuple(reason.sentences[0] for reason in reasons)
+    return Explanation(missing=_missing(diagnosis), reasons=reasons, outcome=_outcome(diagnosis), short=short)
+
+
+def _missing(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """What was missing and where it shows."""
+    lacked, base, extended = diagnosis.missing_before, diagnosis.base, diagnosis.extended
+    noise = float(lacked.band.mean()) / 1.96
+    lines = [
+        f"Below {lacked.cutoff:.2g} Hz the base model lacks a torque of {lacked.rms:.3g} {lacked.unit} rms; "
+        f"measurement noise alone would make {noise:.3g} of it."
+    ]
+    most = lacked.curves[0]
+    if most.share >= _CARRIES:
+        lines.append(f"It depends on {most.variable}, which carries {percent(most.share)} of its variance.")
+    else:
+        lines.append(f"No single variable carries much of it; the most is {most.variable}, {percent(most.share)}.")
+    if base.bandwidth > 0.0:
+        needs = "none" if extended.bandwidth == 0.0 else f"one of {extended.bandwidth:.3g} rad/s"
+        then = "" if extended is base else f"; the extended model needs {needs}"
+        lines.append(
+            f"To follow the log the base model needs an observer of {base.bandwidth:.3g} rad/s, so there is more than "
+            f"noise of the measurement{then}."
+        )
+    return tuple(lines)
+
+
+def _outcome(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """What the names brought, and what remains."""
+    gain, left, lines = diagnosis.gain, diagnosis.unexplained, []
+    extended = diagnosis.extended is not diagnosis.base
+    if gain is not None:
+        floor = f"{gain.held_out_rms_after / gain.noise_floor:#.3g} times the noise floor" if gain.noise_floor else ""
+        change = f"{'cut' if gain.cut >= 0.0 else 'raised'} by {percent(abs(gain.cut))}, from "
+        came = f"{change}{gain.held_out_rms_before:.3g} to " if extended else ""
+        rms = f"{gain.held_out_rms_after:.3g} {gain.unit} rms"
+        lines.append(f"On held-out data the simulation error is {', '.join(filter(None, (came + rms, floor)))}.")
+    if extended:
+        lines.append(f"Of the error power above the noise floor {percent(left.share)} remains.")
+    if left.depends_on:
+        lines.append(f"What has no name depends on {listed(left.depends_on)}.")
+    past = percent(diagnosis.whiteness)
+    lines.append(f"Of the one-step errors that remain, {past} can still be predicted from their own past.")
+    return tuple(lines)

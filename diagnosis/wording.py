@@ -1,0 +1,63 @@
+"""How the numbers and names of a diagnosis are put into words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from plant.effects import Effect, catalogue
+
+if TYPE_CHECKING:
+    from diagnosis.result import Diagnosis, Estimate
+
+_SPOKEN = 12.0  # log odds up to which a number says more than a power of e
+
+
+def percent(share: float) -> str:
+    """A probability or share; never rounded up to certainty."""
+    if share >= 0.9995:
+        return "> 99.9 %"
+    if share < 0.0005:
+        return "< 0.1 %"
+    return f"{100.0 * share:.3g} %"
+
+
+def power(log_odds: float) -> str:
+    """Odds, or a ratio of likelihoods, from their logarithm: e^2.25 (9.5)."""
+    said = f"e^{log_odds:.3g}" if abs(log_odds) < 1000.0 else f"e^{log_odds:.0f}"
+    if abs(log_odds) >= _SPOKEN:
+        return said
+    number = float(f"{np.exp(log_odds):.2g}")
+    return f"{said} ({number:g})" if number < 1000.0 else f"{said} ({number:,.0f})".replace(",", " ")
+
+
+def size(parameters: Iterable[tuple[str, Estimate]]) -> str:
+    """Parameters with their standard errors and units, the standard error to one digit."""
+    return ", ".join(
+        f"{name.replace('_', ' ')} {e.value:.4g}{'' if e.std is None else f' ± {e.std:.1g}'} {e.unit}".rstrip(" -")
+        for name, e in parameters
+    )
+
+
+def sentence_case(text: str) -> str:
+    """The text with a capital first letter and the rest as it is."""
+    return text[:1].upper() + text[1:]
+
+
+def listed(names: Sequence[str], last: str = "and") -> str:
+    """A, B and C."""
+    return f" {last} ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else ""
+
+
+def effect_of(diagnosis: Diagnosis, name: str) -> type[Effect] | None:
+    """The class of an effect, from the catalogue or, if it is somebody's own, from the extended model."""
+    own = diagnosis.model.effect(name)
+    return catalogue.get(name) or (None if own is None else type(own))
+
+
+def title_of(name: str, diagnosis: Diagnosis | None = None) -> str:
+    """The effect's name as people write it."""
+    kind = catalogue.get(name) if diagnosis is None else effect_of(diagnosis, name)
+    return name.replace("_", " ") if kind is None else kind.title

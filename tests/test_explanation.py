@@ -1,0 +1,295 @@
+"""Why a name won: every sentence says what the diagnosis' numbers say, and the pictures show what was hidden."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import lru_cache
+from importlib import import_module
+
+import numpy as np
+import pytest
+from front_door import antidrive, columns, write_csv
+from machine import Machine, excitation, record
+from test_unknown import Windage
+
+from diagnosis import Diagnosis, Experiment, diagnose
+from diagnosis.contest import AGAIN, NAMED, Contest, contest_of
+from diagnosis.detectable import detectable
+from diagnosis.evidence_picture import gathered, shown
+from diagnosis.odds import NONE
+from diagnosis.result import Candidate
+from diagnosis.signal_families import Signal
+from diagnosis.wording import percent, power
+from identification.log import Log
+from plant import ServoModel
+
+FRICTION = 0.1  # N m
+FEW = ("coulomb_friction", "stribeck_friction", "cogging", "input_delay")
+
+
+def log_of(seed: int = 0, **hidden: dict[str, float]) -> Log:
+    return record(Machine().hiding(**hidden), excitation(1, duration=30.0), seed=seed).log()
+
+
+@lru_cache
+def friction() -> Diagnosis:
+    return diagnose(log_of(coulomb_friction={"torque": FRICTION}), candidates=FEW)
+
+
+@lru_cache
+def several() -> Diagnosis:
+    hidden = {"coulomb_friction": {"torque": 0.2}, "cogging": {"amplitude": 0.2, "order": 11.0, "phase": 0.7}}
+    return diagnose(log_of(**hidden), candidates=FEW)
+
+
+@lru_cache
+def late() -> Diagnosis:
+    return diagnose(log_of(input_delay={"time": 0.0007}), candidates=("input_delay", "sensor_lag"))
+
+
+@lru_cache
+def clean() -> Diagnosis:
+    return diagnose(log_of(), candidates=("torque_offset", "quadratic_drag"))
+
+
+@lru_cache
+def nameless() -> Diagnosis:
+    return diagnose(log_of(quadratic_drag={"drag": 0.03}), candidates=("coulomb_friction", "asymmetric_friction"))
+
+
+def numbers(text: str) -> list[float]:
+    """The exponents of e and the signed log-likelihoods in a sentence, in order."""
+    return [float(n) for n in re.findall(r"(?:e\^|log-likelihood |against )([+-]?\d[\d.e+-]*\d|\d)", text)]
+
+
+def test_the_margin_is_that_of_the_round() -> None:
+    found = friction()
+    (reason,) = found.explain().reasons
+    tried = {c.effect: c for c in found.candidates if c.round == 1}
+    first, second = tried["coulomb_friction"], tried["stribeck_friction"]
+    contest = reason.contest
+    assert contest is not None
+    assert [c.effect for c in (contest.leader, *contest.rivals)][:2] == ["coulomb_friction", "stribeck_friction"]
+    assert found.explain().short == (reason.sentences[0],)
+    said = numbers(reason.sentences[0])
+    expected = [first.evidence - second.evidence, first.evidence, second.evidence, first.score - second.score]
+    assert said == pytest.approx([abs(expected[0]), *expected[1:]], rel=0.01)
+    pays = float(re.search(r"as Stribeck friction pays ([\d.]+) more", reason.sentences[0])[1])
+    assert pays == pytest.approx(expected[3] - expected[0], rel=0.01)
+    assert contest.leader.probability + sum(c.probability for c in contest.rivals) == pytest.approx(1.0)
+
+
+def test_a_name_without_a_rival_stands_against_none_and_a_better_rival_is_admitted() -> None:
+    found = friction()
+    (cause,) = found.causes
+    alone = replace(found, candidates=tuple(c for c in found.candidates if c.effect == "coulomb_friction"))
+    said = alone.explain().short[0]
+    assert "no other effect came near" in said
+    first = next(c for c in alone.candidates if c.round == 1)
+    assert numbers(said) == pytest.approx([first.evidence, first.score], rel=0.01)
+    rival = replace(first, effect="stribeck_friction", evidence=first.evidence + 3.0, score=first.score - 4.0)
+    said = replace(found, candidates=(first, rival)).explain().short[0]
+    assert "likelier with the runner-up, Stribeck friction, than with Coulomb friction" in said
+    assert numbers(said)[0] == pytest.approx(3.0, rel=0.01)
+    assert "as Stribeck friction pays 7 more" in said
+    assert "e^4 (55) to 1 for Coulomb friction" in said
+    weighed = replace(cause, evidence=123.0, probability=0.8, alternatives=(("stribeck_friction", 0.2),))
+    again = contest_of(replace(found, causes=(weighed,)), weighed)
+    assert again.round == AGAIN
+    said = replace(found, causes=(weighed,)).explain().short[0]
+    assert numbers(said) == pytest.approx([123.0, np.log(4.0)], rel=0.01)
+
+
+def test_size_gain_and_rest_are_the_numbers_of_the_diagnosis() -> None:
+    found = friction()
+    told = str(found.explain())
+    size = found.causes[0].parameters["torque"]
+    assert f"torque {size.value:.4g} ± {size.std:.1g} N m" in told
+    gain = found.gain
+    assert f"cut by {percent(gain.cut)}, from {gain.held_out_rms_before:.3g} to {gain.held_out_rms_after:.3g}" in told
+    assert f"{gain.held_out_rms_after / gain.noise_floor:#.3g} times the noise floor" in told
+    assert f"lacks a torque of {found.missing_before.rms:.3g} N m rms" in told
+    assert f"{percent(found.whiteness)} can still be predicted" in told
+    worse = replace(gain, held_out_rms_after=1.5 * gain.held_out_rms_before)
+    assert "raised by 50 %" in str(replace(found, gain=worse).explain())
+
+
+def test_the_evidence_adds_up_and_its_moments_are_told() -> None:
+    found = friction()
+    (reason,) = found.explain().reasons
+    total = found.extended.log_likelihood - found.base.log_likelihood
+    assert reason.gathered is not None
+    assert reason.gathered.evidence[-1] == pytest.approx(total, rel=1e-3)
+    assert reason.gathered.densest[0] < 0.2
+    assert "comes from the whole log" in str(found.explain())
+    extended, base = found.extended, found.base
+    moment = (reason.gathered.time > 9.0) & (reason.gathered.time < 10.0)
+    lone = replace(base, innovations=np.where(moment, 4.0, 1.0) * extended.innovations, noise_std=extended.noise_std)
+    share, when = gathered(lone, extended).densest
+    assert share > 0.5
+    assert when == pytest.approx(9.5, abs=1.5)
+    assert "look there for a fault of the data" in str(replace(found, base=lone).explain())
+
+
+def test_the_missing_torque_shows_the_jump_that_was_hidden() -> None:
+    found = friction()
+    seen = found.explain().reasons[0].shown
+    assert seen is not None
+    assert (seen.variable, seen.unit, seen.torque_unit) == ("velocity", "rad/s", "N m")
+    np.testing.assert_allclose(seen.predicted, seen.before - seen.after, atol=1e-12)
+    slow = np.abs(seen.centre) < 0.7
+    below, above = (float(seen.predicted[slow & side].mean()) for side in (seen.centre < 0, seen.centre > 0))
+    assert 0.5 * FRICTION < below - above < 2.5 * FRICTION  # 2 F_c, less what viscous friction and filter take
+    assert 0 < seen.standing_out < seen.centre.size
+
+
+def test_a_model_that_leaves_more_torque_missing_shows_nothing() -> None:
+    assert shown(friction().base, friction().extended) is not None
+    assert shown(friction().extended, friction().base) is None
+
+
+def test_what_lags_or_bends_shows_over_no_variable() -> None:
+    (reason,) = late().explain().reasons
+    assert reason.shown is None
+    assert "shows it over no single variable" in " ".join(reason.sentences)
+
+
+def test_each_of_several_causes_is_weighed_beside_the_others() -> None:
+    found = several()
+    together = found.extended.log_likelihood - found.base.log_likelihood
+    assert {cause.effect for cause in found.causes} == {"coulomb_friction", "cogging"}
+    for cause, reason in zip(found.causes, found.explain().reasons, strict=True):
+        assert reason.effect == cause.effect
+        assert reason.contest is not None
+        assert not {c.effect for c in reason.contest.rivals} & {other.effect for other in found.causes}
+        assert reason.gathered is not None
+        assert 100.0 < reason.gathered.evidence[-1] < together - 10.0
+        costs = re.search(r"costs ([\d.]+) in log-likelihood", " ".join(reason.sentences))
+        if reason.contest.round != AGAIN:
+            assert costs is not None
+            assert float(costs[1]) == pytest.approx(reason.gathered.evidence[-1], rel=0.01)
+
+
+def test_rivals_that_the_log_cannot_tell_apart_are_told_with_their_marks_and_the_experiment() -> None:
+    found = late()
+    assert found.verdict == "ambiguous"
+    experiment = Experiment(
+        rivals=("input_delay", "sensor_lag"),
+        time=np.arange(2.0),
+        torque=np.zeros(2),
+        start=0.0,
+        signal=Signal(family="chirp", numbers={}, amplitude=1.0, bias=0.0),
+        separation=7.0,
+        absorbed=0.1,
+        chirp_separation=1.0,
+        chirp_absorbed=0.9,
+        predictions=(np.zeros(2), np.zeros(2)),
+        axis="rotary",
+    )
+    explained = found.explain(experiment)
+    text = str(explained)
+    assert "this log does not tell " in text
+    assert "the reading trails by a time" in text
+    assert "phase falls with frequency" in text
+    assert "the two are known to look alike" in text
+    assert str(experiment) in text
+    assert str(experiment) not in str(found.explain())
+    assert "does not tell" not in str(friction().explain())
+
+
+def test_sizes_that_could_hide_are_those_at_which_something_begins_to_be_noticed() -> None:
+    found = clean()
+    sizes = detectable(found.base, [c for c in found.candidates if c.round == 1])
+    assert set(sizes) == {"torque_offset", "quadratic_drag"}
+    assert f"torque offset {sizes['torque_offset'].value:.2g} N m" in str(found.explain())
+    for factor, verdicts in ((0.4, {"nothing_missing"}), (1.8, {"named", "ambiguous"})):
+        hidden = {"quadratic_drag": {"drag": factor * sizes["quadratic_drag"].value}}
+        again = diagnose(log_of(seed=1, **hidden), candidates=("torque_offset", "quadratic_drag"))
+        assert again.verdict in verdicts
+
+
+def test_nothing_is_said_to_hide_where_it_cannot_be_said() -> None:
+    tried = [replace(c, effect="backlash") for c in clean().candidates[:1]]
+    assert detectable(clean().base, tried) == {}
+
+
+def test_names_that_are_not_believed_are_told_with_their_odds() -> None:
+    found = nameless()
+    assert found.verdict == "unknown"
+    (reason,) = found.explain().reasons
+    assert reason.effect is None
+    contest = Contest.of_round(found.candidates, 1)
+    assert contest.something == pytest.approx(np.log(1 / contest_none(contest) - 1), rel=1e-6)
+    if contest.something < NAMED:
+        assert f"are {power(contest.something)} to 1, and {power(NAMED)} to 1 is needed" in reason.sentences[0]
+    assert "curve over velocity without a name" in " ".join(reason.sentences)
+    dearer = tuple(replace(c, score=c.score + 100.0) for c in found.candidates)
+    assert "did not hold up" in replace(found, candidates=dearer).explain().short[0]
+
+
+def contest_none(contest: Contest) -> float:
+    return next(c.probability for c in (contest.leader, *contest.rivals) if c.effect == NONE)
+
+
+def candidate(effect: str, evidence: float, score: float, **more: object) -> Candidate:
+    given = {"round": 1, "probability": 0.5, "refitted": True, "parameters": {}} | more
+    return Candidate(effect=effect, evidence=evidence, score=score, **given)
+
+
+def test_who_took_part_is_told() -> None:
+    found = friction()
+    (cause,) = found.causes
+    tried = (
+        candidate("stribeck_friction", cause.evidence, 90.0),
+        candidate("asymmetric_friction", 111.0, -np.inf),
+        candidate("cogging", 50.0, 40.0),
+        candidate("input_delay", 7.25, 3.0, refitted=False),
+    )
+    text = str(replace(found, candidates=tried).explain())
+    assert "It won as Stribeck friction; beside what was found later, only this special case" in text
+    assert "Asymmetric friction fits as well but says no more" in text
+    assert "In round 1 of the search 3 of 4 effects earned a full fit" in text
+    assert "input delay promised most (+7.25)" in text
+
+
+class Ducts(Windage):
+    name = "duct_air"
+    title = "air in the ducts"
+    trace = "a roar"
+
+
+def test_an_effect_of_ones_own_has_its_title_and_its_mark() -> None:
+    found = friction()
+    model = ServoModel.paper().with_effect(Ducts(drag=0.01))
+    cause = replace(found.causes[0], effect="duct_air", parameters={})
+    text = str(replace(found, causes=(cause,), extended=replace(found.extended, model=model)).explain())
+    assert "Why air in the ducts. The data are" in text
+    assert "Its mark: a roar." in text
+
+
+@pytest.mark.parametrize(("log_odds", "said"), [(0.0, "e^0 (1)"), (2.25, "e^2.25 (9.5)"), (10.6, "e^10.6 (40 000)")])
+def test_odds_in_words(log_odds: float, said: str) -> None:
+    assert power(log_odds) == said
+    assert power(314.159) == "e^314"
+    assert power(12345.6) == "e^12346"
+
+
+def test_the_command_prints_the_margin_and_the_report_explains_it_all(monkeypatch, tmp_path) -> None:
+    found = friction()
+    monkeypatch.setattr(import_module("diagnosis.diagnose"), "diagnose", lambda *_, **__: found)
+    log = write_csv(tmp_path / "log.csv", columns(duration=4.0))
+    spoken = antidrive("diagnose", log, "--out", tmp_path / "out")
+    assert spoken.code == 0, spoken.err
+    explained = found.explain()
+    lines = [line.strip() for line in spoken.out.splitlines()]
+    assert lines.index(explained.short[0]) == 2  # behind headline and cause
+    page = (tmp_path / "out" / "report.html").read_text()
+    for sentence in (*explained.missing, *explained.reasons[0].sentences, *explained.outcome):
+        assert sentence.replace("<", "&lt;").replace(">", "&gt;") in page
+    pictures = page.split("Its name, and how sure")[1].split("Before and after")[0].split("application/json")[1:]
+    assert [("no effect more" in p, "log-likelihood gained" in p, "what it predicts" in p) for p in pictures] == [
+        (True, False, False),
+        (False, True, False),
+        (False, False, True),
+    ]
