@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import block_diag
 
-from diagnosis.odds import schwarz_cost, score
+from diagnosis.odds import schwarz_cost, search_charge
+from diagnosis.refit import evidence_of, refit
 from diagnosis.screen import Screen
-from diagnosis.search import evidence_of, holds_up, refit
+from diagnosis.unseen import holds_up
 from identification.fit_result import Fit
 from plant.effects import CoulombFriction, Trace
 from plant.effects.curve import KNOTS, Curve, curves
@@ -29,7 +30,7 @@ def unnamed_dependence(fit: Fit) -> tuple[tuple[str, float, Curve], ...]:
         tried = [_with_jump(trace, screen) if variable == "velocity" else trace for variable, trace in traces]
         answers = screen.regress(tried, discounted=True)
         for (variable, trace), (evidence, coefficients) in zip(traces, answers, strict=True):
-            value = score(evidence - loss, cost=0.0, searched=1, catalogue=len(asked))
+            value = evidence - loss - search_charge(searched=1, catalogue=len(asked))
             curve = trace.start(coefficients[: trace.columns.shape[1]])
             if value > max(_CLEARS, found[variable][0] if variable in found else 0.0) and isinstance(curve, Curve):
                 found[variable] = value, curve

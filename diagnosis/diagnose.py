@@ -12,8 +12,11 @@ from diagnosis.curves import carried, unnamed_dependence
 from diagnosis.holdout import inverse_errors, measure_gain, remaining, split
 from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
 from diagnosis.odds import NONE, parameter_cost
+from diagnosis.refit import estimates, evidence_of
+from diagnosis.repeated_runs import repeats
 from diagnosis.result import Cause, Diagnosis, Verdict
-from diagnosis.search import Addition, Outcome, estimates, evidence_of, search
+from diagnosis.round import Addition
+from diagnosis.search import Outcome, search
 from identification.fit import base_model, fit
 from identification.fit_result import Fit
 from identification.log import Log
@@ -71,13 +74,17 @@ def diagnose(
     outcome, more = _believed(outcome)
     missing = missing_torque(outcome.fit)
     depends_on = _depends_on(outcome.fit, missing)
-    unnamed = bool(more or depends_on) or missing.excess > _NOISE
+    again = repeats(outcome.fit)
+    unnamed = bool(more or depends_on) or missing.excess > _NOISE or (again is not None and again.deterministic)
     if unnamed and not more:
         more = carried(outcome.fit)
     path = [null, *(addition.fit for addition in outcome.additions), *more]
     tell("measuring the gain on held-out data")
     gain, errors, replays = measure_gain(holdout, path)
     final = path[-1]
+    left = repeats(final)
+    if left is not None:
+        warnings.append(str(left))
     return Diagnosis(
         verdict=_verdict(outcome, unnamed),
         causes=_causes(outcome, errors),

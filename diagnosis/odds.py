@@ -23,16 +23,9 @@ MISSING = 0.99  # probability of "something is missing" that a name needs
 _SCALES = 9  # sizes of a curve that are tried
 
 
-def score(evidence: float, *, cost: float, searched: int, catalogue: int) -> float:
-    """Penalised evidence of one explanation.
-
-    Args:
-        evidence: rise of the log-likelihood.
-        cost: of its parameters, from `schwarz_cost` or `parameter_cost`.
-        searched: shapes that were compared inside the explanation.
-        catalogue: explanations that were asked for.
-    """
-    return evidence - cost - 2.0 * float(np.log(searched)) - float(np.log(max(catalogue, 1)))
+def search_charge(*, searched: int, catalogue: int) -> float:
+    """What an explanation pays for having been searched for: `searched` shapes inside it, among `catalogue` rivals."""
+    return 2.0 * float(np.log(searched)) + float(np.log(max(catalogue, 1)))
 
 
 def schwarz_cost(parameters: int, samples: int) -> float:

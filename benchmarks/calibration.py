@@ -1,0 +1,249 @@
+"""Many diagnoses of synthetic logs: are names right, odds honest, and clean logs left alone?
+
+    python benchmarks/calibration.py sizes
+    python benchmarks/calibration.py run PART COUNT [processes]     PART: hidden, clean or several
+    python benchmarks/calibration.py table
+
+`run` adds diagnoses to benchmarks/results/calibration.jsonl, one line each; what is there is not run again, so it may
+be stopped and taken up. `table` reads that file and writes calibration.txt. A line depends on its key alone.
+
+The size of an effect is given as lambda: twice the log-likelihood by which the model with the true effect beats the
+nearest without it (see tests/hidden.py), each with the process noise that suits it best. `sizes` measures which size
+has which lambda, on one log of each effect; other logs of that size scatter about it.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent / "tests"))
+
+from calibration_table import table  # noqa: E402
+from hidden import CASES, Hidden, evidence, oracle  # noqa: E402
+from machine import (  # noqa: E402
+    Follower,
+    Machine,
+    Record,
+    excitation,
+    load_fluctuation,
+    record,
+    wandering_reference,
+)
+
+from diagnosis import Diagnosis, diagnose  # noqa: E402
+from identification.fit_result import Fit  # noqa: E402
+from identification.log import Log  # noqa: E402
+from identification.simulation import free_simulation  # noqa: E402
+from plant import BadParameter  # noqa: E402
+
+STORE = HERE / "results" / "calibration.jsonl"
+SIZES = HERE / "results" / "sizes.json"
+DURATION, HELD_OUT, NOISE = 30.0, 15.0, 1e-3
+LAMBDAS = (30.0, 100.0, 400.0)
+CLEAN = (
+    "plain",
+    "load 0.01",
+    "load 0.05",
+    "slow load",
+    "coloured",
+    "10 bit",
+    "1 ms",
+    "20 ms",
+    "jitter",
+    "closed",
+    "closed, load",
+)
+BY_NAME = {case.effect: case for case in CASES}
+# Pairs and triples: effects whose traces lie apart, the tooth gap among them.
+SEVERAL = (
+    ("coulomb_friction", "gravity_offset"),
+    ("coulomb_friction", "cogging"),
+    ("torque_offset", "input_delay"),
+    ("quadratic_drag", "cable_stiffness"),
+    ("asymmetric_friction", "compliance"),
+    ("backlash", "coulomb_friction"),
+    ("backlash", "gravity_offset"),
+    ("encoder_eccentricity", "presliding_hysteresis"),
+    ("periodic_disturbance", "load_dependent_friction"),
+    ("coulomb_friction", "gravity_offset", "cogging"),
+    ("backlash", "torque_offset", "cable_stiffness"),
+    ("input_delay", "stribeck_friction", "payload_change"),
+)
+
+
+def lines(part: str, count: int) -> Iterator[tuple[str, int, int]]:
+    """Keys of the diagnoses of a part: (part, number of the case, seed)."""
+    cases = {"hidden": len(CASES) * len(LAMBDAS), "clean": len(CLEAN), "several": len(SEVERAL)}[part]
+    for place in range(count):
+        yield part, place % cases, 5000 + place // cases
+
+
+def sizes_of(number: int) -> list[tuple[float, float]]:
+    """(size, lambda) of one effect, from small to large, on the log of one seed."""
+    case, seed = CASES[number], 4000
+    commands = excitation(2 * seed, duration=DURATION)
+    known: list[tuple[float, float]] = []
+    for size in np.geomspace(case.sizes[0] / 100.0, case.sizes[-1], 21):
+        try:
+            log = record(case.machine(float(size)), commands, seed=seed, noise=NOISE).log()
+            known.append((float(size), evidence(case, float(size), log)))
+        except BadParameter:
+            continue
+        if known[-1][1] > 2.0 * LAMBDAS[-1]:
+            break
+    return known
+
+
+def size_for(case: Hidden, wanted: float) -> float:
+    """The size at which lambda first reaches what is wanted, on a line through the measured sizes in logarithms."""
+    known = json.loads(SIZES.read_text())[case.effect]
+    for (a, below), (b, above) in pairwise(known):
+        if above >= wanted:
+            low, high = np.log(max(below, 1.0)), np.log(above)
+            share = np.clip((np.log(wanted) - low) / max(high - low, 1e-9), 0.0, 1.0)
+            return float(a * (b / a) ** share)
+    return float(known[-1][0])
+
+
+def hidden(number: int, seed: int) -> dict[str, Any]:
+    """One effect hidden at a lambda."""
+    case, wanted = CASES[number // len(LAMBDAS)], LAMBDAS[number % len(LAMBDAS)]
+    commands = excitation(2 * seed, duration=DURATION)
+    size = size_for(case, wanted)
+    log = record(case.machine(size), commands, seed=seed, noise=NOISE).log()
+    held = record(case.machine(size), excitation(2 * seed + 1, duration=HELD_OUT), seed=seed + 1, noise=NOISE).log()
+    begin = time.perf_counter()
+    found = diagnose(log, case.base, held)
+    told = answer(found, time.perf_counter() - begin)
+    best = oracle(case, size, log)
+    own = [c for c in found.candidates if c.effect == case.effect and c.round == 1]
+    errors = [held_out_error(model, held) for model in (found.base, found.extended, best)]
+    return {
+        "truth": [case.effect],
+        "wanted": wanted,
+        "size": size,
+        **told,
+        "own": own[0].evidence if own and own[0].refitted else None,
+        "oracle": best.log_likelihood - found.base.log_likelihood,
+        "errors": errors,
+    }
+
+
+def several(number: int, seed: int) -> dict[str, Any]:
+    """Two or three effects at once, each at the largest of its sizes (gap: at the middle one)."""
+    names = SEVERAL[number]
+    machine = Machine()
+    for name in names:
+        case = BY_NAME[name]
+        machine = machine.hiding(**{name: case.at(case.sizes[1 if name == "backlash" else 2])})
+    log = record(machine, excitation(2 * seed, duration=DURATION), seed=seed, noise=NOISE).log()
+    held = record(machine, excitation(2 * seed + 1, duration=HELD_OUT), seed=seed + 1, noise=NOISE).log()
+    begin = time.perf_counter()
+    found = diagnose(log, None, held)
+    return {"truth": list(names), **answer(found, time.perf_counter() - begin)}
+
+
+def clean(number: int, seed: int) -> dict[str, Any]:
+    """Nothing hidden, and everything else that a log may suffer from."""
+    kind = CLEAN[number]
+    begin = time.perf_counter()
+    found = diagnose(clean_log(kind, seed), None)
+    return {"truth": [], "kind": kind, **answer(found, time.perf_counter() - begin)}
+
+
+def clean_log(kind: str, seed: int) -> Log:
+    """The paper's machine, recorded in one way or another."""
+    options: dict[str, Any] = {"sample_time": 0.005, "noise": NOISE}
+    if kind in ("1 ms", "20 ms"):
+        options["sample_time"] = float(kind.split()[0]) * 1e-3
+    if kind == "10 bit":
+        options["bits"] = 10
+    if kind == "coloured":
+        options["noise"] = 0.0
+    dt = options["sample_time"]
+    played: Any = excitation(2 * seed, duration=DURATION, sample_time=dt)
+    if kind.startswith("closed"):
+        played = Follower(reference=wandering_reference(2 * seed, duration=DURATION))
+    if kind.endswith(("load", "load 0.01", "load 0.05")):
+        rms = 0.05 if kind == "load 0.05" else 0.01
+        slow = 5.0 if kind == "slow load" else 0.02
+        shape = (round(DURATION / dt), 1)
+        options["load_torque"] = load_fluctuation(seed, rms, shape, correlation_time=slow)
+    out: Record = record(Machine(), played, seed=seed, **options)
+    log = out.log()
+    (run,) = log.runs
+    rng = np.random.default_rng([seed, 9])
+    if kind == "coloured":
+        noise = NOISE * np.sqrt(1.0 - 0.9**2) * lfilter([1.0], [1.0, -0.9], rng.standard_normal(len(run)))
+        run = replace(run, output=run.output + noise)
+    if kind == "jitter":
+        # The clock that is written down is late by up to a tenth of a sample, at random.
+        run = replace(run, time=run.time + 0.1 * dt * rng.uniform(size=len(run)))
+    return Log(runs=(run,), axis="rotary")
+
+
+def answer(found: Diagnosis, seconds: float) -> dict[str, Any]:
+    """What a diagnosis said, as plain values."""
+    return {
+        "verdict": found.verdict,
+        "causes": [
+            {"effect": c.effect, "probability": c.probability, "rivals": dict(c.alternatives)} for c in found.causes
+        ],
+        "depends_on": list(found.unexplained.depends_on),
+        "bandwidth": found.base.bandwidth,
+        "seconds": seconds,
+    }
+
+
+def held_out_error(found: Fit, log: Log) -> float:
+    """RMS error of a free simulation of the held-out run [rad]."""
+    simulated = free_simulation(log, found.model)[0]
+    return float(np.sqrt(np.mean((simulated - log.runs[0].output) ** 2)))
+
+
+def one(key: tuple[str, int, int]) -> dict[str, Any]:
+    part, number, seed = key
+    told = {"hidden": hidden, "clean": clean, "several": several}[part](number, seed)
+    return {"key": list(key), **told}
+
+
+def stored() -> list[dict[str, Any]]:
+    return [json.loads(line) for line in STORE.read_text().splitlines()] if STORE.exists() else []
+
+
+def main() -> None:
+    if sys.argv[1] == "sizes":
+        with multiprocessing.get_context("spawn").Pool(2) as pool:
+            known = dict(zip(BY_NAME, pool.imap(sizes_of, range(len(CASES))), strict=True))
+        SIZES.write_text(json.dumps(known, indent=1) + "\n")
+        return
+    if sys.argv[1] == "run":
+        part, count = sys.argv[2], int(sys.argv[3])
+        done = {tuple(line["key"]) for line in stored()}
+        keys = [key for key in lines(part, count) if key not in done]
+        STORE.parent.mkdir(exist_ok=True)
+        with multiprocessing.get_context("spawn").Pool(int(sys.argv[4]) if len(sys.argv) > 4 else 2) as pool:
+            for place, told in enumerate(pool.imap_unordered(one, keys), start=1):
+                with STORE.open("a") as file:
+                    file.write(json.dumps(told) + "\n")
+                names = ", ".join(c["effect"] for c in told["causes"])
+                print(f"{place}/{len(keys)} {told['truth'] or told['kind']}: {told['verdict']} {names}", flush=True)
+    text = table(stored())
+    (HERE / "results" / "calibration.txt").write_text(text + "\n")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,153 @@
+"""What many diagnoses say together: rates with intervals, reliability of the odds, confusions, losses by cause."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.stats import beta
+
+Told = dict[str, Any]
+_BINS = (0.0, 0.5, 0.9, 0.99, 0.999, 0.9999, 1.0000001)
+
+
+def rate(good: int, of: int) -> str:
+    """A share with its 95 % interval (Clopper and Pearson)."""
+    if not of:
+        return "-"
+    low = beta.ppf(0.025, good, of - good + 1) if good else 0.0
+    high = beta.ppf(0.975, good + 1, of - good) if good < of else 1.0
+    return f"{good} of {of} = {100 * good / of:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+
+
+def names(told: Told) -> list[str]:
+    return [cause["effect"] for cause in told["causes"]]
+
+
+def alone(told: Told) -> bool:
+    """Whether exactly the truth is named."""
+    return told["verdict"] == "named" and set(names(told)) == set(told["truth"])
+
+
+def honest(told: Told) -> bool:
+    """Whether the truth is named, or among at most three that are said to be rivals."""
+    if alone(told):
+        return True
+    if told["verdict"] != "ambiguous" or len(told["causes"]) != 1:
+        return False
+    rivals = told["causes"][0]["rivals"]
+    return len(rivals) <= 2 and told["truth"][0] in [*names(told), *rivals]
+
+
+def loss(told: Told) -> str:
+    """Why a hidden effect was not named: the search missed it, the noise took it, or statistics preferred another."""
+    if told["own"] is None or told["own"] < told["oracle"] - 3.0:
+        return "search" if told["oracle"] > 15.0 else "noise model"
+    return "statistics"
+
+
+def table(stored: Sequence[Told]) -> str:
+    parts = {part: [t for t in stored if t["key"][0] == part] for part in ("hidden", "clean", "several")}
+    pages = [_hidden(parts["hidden"]), _reliability(stored), _clean(parts["clean"]), _several(parts["several"])]
+    return "\n\n".join(page for page in pages if page)
+
+
+def _hidden(told: list[Told]) -> str:
+    if not told:
+        return ""
+    sizes = sorted({t["wanted"] for t in told})
+    lines = [
+        f"{'effect':26}" + "".join(f"{f'lambda {size:.0f}':>16}" for size in sizes),
+        "(named alone + honestly ambiguous + else named + unknown + nothing)",
+    ]
+    for effect in dict.fromkeys(t["truth"][0] for t in sorted(told, key=lambda t: t["key"][1])):
+        cells = []
+        for size in sizes:
+            cell = [t for t in told if t["truth"] == [effect] and t["wanted"] == size]
+            right = sum(alone(t) for t in cell)
+            fair = sum(honest(t) for t in cell) - right
+            rest = Counter(t["verdict"] for t in cell if not honest(t))
+            wrong = rest["named"] + rest["ambiguous"]
+            cells.append(f"{right}+{fair}+{wrong}+{rest['unknown']}+{rest['nothing_missing']}")
+        lines.append(f"{effect:26}" + "".join(f"{cell:>16}" for cell in cells))
+    for size in sizes:
+        at = [t for t in told if t["wanted"] == size]
+        lines.append(f"lambda {size:.0f}: alone or honestly ambiguous {rate(sum(map(honest, at)), len(at))}")
+        lines.append(f"lambda {size:.0f}: named alone {rate(sum(map(alone, at)), len(at))}")
+        seen = sum(t["verdict"] != "nothing_missing" for t in at)
+        lines.append(f"lambda {size:.0f}: detected {rate(seen, len(at))}")
+    certain = [t for t in told if any(c["probability"] > 0.99 and c["effect"] not in t["truth"] for c in t["causes"])]
+    lines.append(f"a wrong name with more than 99 %: {rate(len(certain), len(told))}")
+    lines.append(f"seconds: median {np.median([t['seconds'] for t in told]):.1f}, 95 % {_p95(told):.1f}")
+    ratios = [(t["errors"][1] / t["errors"][2]) for t in told if alone(t)]
+    if ratios:
+        middle, most = np.median(ratios), np.quantile(ratios, 0.95)
+        lines.append(f"held-out error over the oracle's, named alone: median {middle:.4f}, 95 % {most:.4f}")
+    lost = [t for t in told if not honest(t)]
+    lines += ["", "losses: " + (", ".join(f"{k} {v}" for k, v in Counter(map(loss, lost)).items()) or "none")]
+    for t in sorted(lost, key=lambda t: t["key"][1:]):
+        said = ", ".join(f"{c['effect']} {c['probability']:.3f}" for c in t["causes"]) or t["verdict"]
+        own = "-" if t["own"] is None else f"{t['own']:.1f}"
+        over = ", ".join(t["depends_on"])
+        lines.append(
+            f"  {t['truth'][0]} {t['size']:.4g} lambda {t['wanted']:.0f} seed {t['key'][2]}: {t['verdict']} {said}"
+            f" ({over}); evidence of the truth {own}, of the oracle {t['oracle']:.1f}: {loss(t)}"
+        )
+    return "\n".join(lines)
+
+
+def _p95(told: list[Told]) -> float:
+    return float(np.quantile([t["seconds"] for t in told], 0.95))
+
+
+def _reliability(stored: Sequence[Told]) -> str:
+    """Of names given with some probability, how many were right."""
+    pairs = []
+    for t in stored:
+        for cause in t["causes"]:
+            pairs += [(cause["probability"], cause["effect"] in t["truth"])]
+            pairs += [(share, rival in t["truth"]) for rival, share in cause["rivals"].items()]
+    if not pairs:
+        return ""
+    lines, error = ["reliability of the odds: probability said, share right"], 0.0
+    for low, high in pairwise(_BINS):
+        inside = [(p, right) for p, right in pairs if low <= p < high]
+        if inside:
+            said, right = float(np.mean([p for p, _ in inside])), sum(r for _, r in inside)
+            error += abs(said - right / len(inside)) * len(inside) / len(pairs)
+            lines.append(f"  {low:.4g} to {min(high, 1.0):.4g}: said {said:.4f}, right {rate(right, len(inside))}")
+    lines.append(f"expected calibration error {error:.4f}, over {len(pairs)} names")
+    return "\n".join(lines)
+
+
+def _clean(told: list[Told]) -> str:
+    if not told:
+        return ""
+    lines = ["nothing hidden: names or doubts, and unknown"]
+    for kind in dict.fromkeys(t["kind"] for t in told):
+        of = [t for t in told if t["kind"] == kind]
+        named = [t for t in of if t["causes"]]
+        unknown = sum(t["verdict"] == "unknown" for t in of)
+        said = Counter(name for t in named for name in names(t))
+        lines.append(f"  {kind:14}{rate(len(named), len(of)):44} unknown {unknown}   {dict(said) or ''}")
+    lines.append(f"  a name: {rate(sum(bool(t['causes']) for t in told), len(told))}")
+    lines.append(f"  anything but nothing: {rate(sum(t['verdict'] != 'nothing_missing' for t in told), len(told))}")
+    return "\n".join(lines)
+
+
+def _several(told: list[Told]) -> str:
+    if not told:
+        return ""
+    exact = sum(set(names(t)) == set(t["truth"]) for t in told)
+    found = sum(set(t["truth"]) <= set(names(t)) for t in told)
+    lines = [
+        f"several at once: exact set {rate(exact, len(told))}",
+        f"  all true ones found {rate(found, len(told))}",
+    ]
+    for t in told:
+        if set(names(t)) != set(t["truth"]):
+            lines.append(f"  {' + '.join(t['truth'])} seed {t['key'][2]}: {t['verdict']} {', '.join(names(t))}")
+    return "\n".join(lines)

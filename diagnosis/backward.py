@@ -1,0 +1,93 @@
+"""Backward: what earlier additions are still needed for, and whether each is still the best in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from diagnosis.odds import NONE, parameter_cost, probabilities
+from diagnosis.refit import evidence_of, is_its_special_case
+from diagnosis.round import Addition
+from identification.fit_result import Fit
+from identification.problem import Problem
+from plant.effects import Effect
+from plant.servo import ServoModel
+
+
+def without_superfluous(base: Fit, additions: list[Addition], progress: Callable[[str], None] | None) -> list[Addition]:
+    """Take out of each earlier addition what no longer pays beside the last: all of it, or down to a special case."""
+    for addition in additions[:-1]:
+        fit = additions[-1].fit
+        effect = fit.model.effect(addition.effect)
+        if effect is None:  # the last addition contains it
+            additions = [a for a in additions if a is not addition]
+            continue
+        if progress is not None:
+            progress(f"is {effect.title} still needed?")
+        simpler = _simplest_that_does(fit, effect)
+        if simpler is None:
+            continue
+        place, special, leaner = additions.index(addition), *simpler
+        additions = [*additions[:-1], replace(additions[-1], fit=leaner)]
+        if special is None:
+            del additions[place]
+        else:
+            additions[place] = replace(additions[place], effect=special.name, odds=_handed_over(addition, special))
+    return additions
+
+
+def _simplest_that_does(fit: Fit, effect: Effect) -> tuple[Effect | None, Fit] | None:
+    """The model without an effect, or with a special case of it instead, if that costs less evidence than it saves."""
+    without = fit.model.without_effect(effect.name)
+    variants: list[tuple[Effect | None, ServoModel]] = [(None, without)]
+    variants += [(special, without.with_effect(special)) for special in effect.reduced()]
+    for special, model in variants:
+        leaner = _fitted_near(fit, model)
+        says_no_less = special is not None and is_its_special_case(fit, effect.name)
+        if says_no_less or evidence_of(fit, leaner) < parameter_cost(fit, leaner):
+            return special, leaner
+    return None
+
+
+def _handed_over(addition: Addition, special: Effect) -> dict[str, float]:
+    """The odds of an addition after a special case of it has taken its place."""
+    odds = {name: share for name, share in addition.odds.items() if name != addition.effect}
+    odds[special.name] = odds.get(special.name, 0.0) + addition.odds[addition.effect]
+    return dict(sorted(odds.items(), key=lambda item: -item[1]))
+
+
+def with_best_names(additions: list[Addition], progress: Callable[[str], None] | None) -> list[Addition]:
+    """Weigh each addition once more against those that it was chosen from, beside all the others.
+
+    The first of several effects was found while the others were still missing: its rivals may fit better now.
+    """
+    if len(additions) < 2:
+        return additions
+    for place, addition in enumerate(additions):
+        final = additions[-1].fit
+        rest = final.model.without_effect(addition.effect)
+        rivals = {rival.effect.name: rival for rival in addition.contest if _fits_in(rest, rival.effect)}
+        if len(rivals) < 2:
+            continue
+        if progress is not None:
+            progress(f"is it still {addition.effect.replace('_', ' ')}?")
+        less = _fitted_near(final, rest)
+        fits = {
+            name: final if name == addition.effect else _fitted_near(final, rest.with_effect(rival.effect))
+            for name, rival in rivals.items()
+        }
+        odds = probabilities({name: rival.score(fits[name], less) for name, rival in rivals.items()})
+        best = next(name for name in odds if name != NONE)
+        changed = replace(addition, effect=best, odds=odds, evidence=evidence_of(fits[best], less))
+        additions = [*additions[:place], changed, *additions[place + 1 :]]
+        additions[-1] = replace(additions[-1], fit=fits[best])
+    return additions
+
+
+def _fits_in(model: ServoModel, effect: Effect) -> bool:
+    """Whether an effect can be added without anything else having to go."""
+    return len(model.with_effect(effect).effects) == len(model.effects) + 1
+
+
+def _fitted_near(fit: Fit, model: ServoModel) -> Fit:
+    return Problem.of(fit.log, model, fixed=[name for name in fit.fixed if name in model.names]).descend(fit)

@@ -1,0 +1,85 @@
+"""Runs that repeat one another: a test of what a model leaves that needs no catalogue.
+
+Two runs under the same command have the same physics and different noise. Where what the model leaves of them
+correlates, it is not noise; where it does not, nothing deterministic is left to be named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from identification.fit_result import Fit
+from identification.log import Log
+from identification.run import Run
+
+_ALIKE = 0.01  # rms by which the commands of repeated runs may differ, of the rms command
+_SHIFTS = 40  # by which one run is moved against the other, to see how far chance makes them correlate
+_SIGNIFICANT = 4.0  # standard deviations of chance
+_WORTH_SAYING = 0.05  # share of the variance
+
+
+@dataclass(frozen=True, kw_only=True)
+class Repeats:
+    """What repeated runs say about the innovations of a fit.
+
+    Attributes:
+        pairs: labels of the runs that repeat one another.
+        share: of the innovations' variance that is the same in both, by their correlation [-].
+        chance: standard deviation of what it would be by chance, from the same runs shifted against each other [-].
+    """
+
+    pairs: tuple[tuple[str, str], ...]
+    share: float
+    chance: float
+
+    @property
+    def deterministic(self) -> bool:
+        """Whether what is left repeats, beyond chance and worth saying."""
+        return self.share > max(_SIGNIFICANT * self.chance, _WORTH_SAYING)
+
+    def __str__(self) -> str:
+        """One sentence."""
+        first, second = self.pairs[0]
+        more = f" and {len(self.pairs) - 1} pairs more" if len(self.pairs) > 1 else ""
+        band = f"{100 * self.share:.0f} +- {200 * self.chance:.0f} %"
+        end = "so something that is not noise is still missing" if self.deterministic else "as noise does"
+        return f"{second} repeats {first}{more}: {band} of what the model leaves is the same in both, {end}."
+
+
+def repeated_pairs(log: Log) -> tuple[tuple[int, int], ...]:
+    """Places of the runs of a log that were driven by the same command and are about as long."""
+    return tuple((a, b) for a, b in combinations(range(len(log.runs)), 2) if _same_command(log.runs[a], log.runs[b]))
+
+
+def _same_command(a: Run, b: Run) -> bool:
+    if abs(len(a) - len(b)) > 0.1 * max(len(a), len(b)) or not np.isclose(a.sample_time, b.sample_time, rtol=0.01):
+        return False
+    count = min(len(a), len(b))
+    level = float(np.sqrt(np.mean(a.command[:count] ** 2)))
+    apart = float(np.sqrt(np.mean((a.command[:count] - b.command[:count]) ** 2)))
+    same_loop = np.allclose(a.servo_gain[:count], b.servo_gain[:count])
+    return bool(same_loop and np.std(a.command) > 0.0 and apart <= _ALIKE * level)
+
+
+def repeats(fit: Fit) -> Repeats | None:
+    """What repeated runs of the fitted log say about its innovations; None where no run repeats another."""
+    pairs = repeated_pairs(fit.log)
+    if not pairs:
+        return None
+    ends = np.cumsum([len(run) for run in fit.log.runs])
+    pieces = np.split(fit.innovations, ends[:-1])
+    product, power = np.zeros(_SHIFTS + 1), 0.0
+    for a, b in pairs:
+        count = min(len(pieces[a]), len(pieces[b]))
+        first, second = pieces[a][:count], pieces[b][:count]  # zero where masked
+        steps = np.linspace(0, count, _SHIFTS + 2)[:-1].astype(int)
+        product += [float(first @ np.roll(second, step)) for step in steps]
+        power += 0.5 * float(first @ first + second @ second)
+    if power <= 0.0:
+        return None
+    labels = tuple((fit.log.runs[a].label, fit.log.runs[b].label) for a, b in pairs)
+    share, *shifted = product / power
+    return Repeats(pairs=labels, share=float(share), chance=float(np.sqrt(np.mean(np.square(shifted)))))

@@ -1,0 +1,158 @@
+"""One round of the search: screen all effects, refit the leading ones, and weigh them against one another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.odds import CLEAR, MISSING, NONE, parameter_cost, probabilities, schwarz_cost, search_charge
+from diagnosis.refit import estimates, evidence_of, is_its_special_case, refit
+from diagnosis.result import Candidate
+from diagnosis.screen import Screen, Suspect
+from identification.fit_result import Fit
+from identification.problem import Problem
+from plant.effects import Effect
+
+_REFITS = 5  # effects refitted in one round because they are close to the leader of the screen
+_WORTH = 0.2  # share of the leader's evidence that counts as close
+_PROMISING = -5.0  # screened score below which a refit cannot clear the bar
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Contestant:
+    """An effect as it was refitted in a round, and the charge for the search that found it and for the catalogue."""
+
+    effect: Effect
+    charge: float
+
+    def score(self, fit: Fit, than: Fit) -> float:
+        """Of a fit with it over one without."""
+        return evidence_of(fit, than) - parameter_cost(fit, than) - self.charge
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Addition:
+    """One effect that the search added: the fit with it, its odds, what it was worth, and whom it was chosen from."""
+
+    effect: str
+    fit: Fit
+    odds: Mapping[str, float]
+    evidence: float
+    contest: tuple[Contestant, ...]
+
+    @property
+    def clear(self) -> bool:
+        """Whether the name stands alone."""
+        return self.odds[self.effect] >= CLEAR
+
+
+def one_round(
+    fit: Fit,
+    effects: Mapping[str, type[Effect]],
+    number: int,
+    candidates: list[Candidate],
+    progress: Callable[[str], None] | None,
+) -> Addition | None:
+    """Ask every effect that the model does not hold; the winner if something is missing."""
+    asked = {name: kind for name, kind in effects.items() if _would_add(fit, kind)}
+    if not asked:
+        return None
+    suspects = _screened(fit, asked)
+
+    charges = {s.name: search_charge(searched=s.searched, catalogue=len(asked)) for s in suspects}
+    scores = {s.name: s.evidence - schwarz_cost(s.columns, fit.samples) - charges[s.name] for s in suspects}
+    refits: dict[str, Fit] = {}
+    for suspect in _worth_a_refit(suspects, scores, refits):
+        if progress is not None:
+            progress(f"round {number}: refitting with {suspect.starts[0].title}")
+        refits[suspect.name] = refit(fit, *suspect.starts)
+        scores[suspect.name] = _contestant(suspect.name, refits, charges).score(refits[suspect.name], fit)
+    for name, simpler in _reduced_leaders(fit, asked, refits, scores):
+        refits[name], charges[name] = simpler, search_charge(searched=1, catalogue=len(asked))
+        scores[name] = _contestant(name, refits, charges).score(simpler, fit)
+    for name, tried in refits.items():
+        if is_its_special_case(tried, name):
+            scores[name] = -np.inf
+    odds = probabilities({name: value for name, value in scores.items() if name in refits or not refits})
+    for suspect in suspects:
+        own = refits.get(suspect.name)
+        candidates.append(
+            Candidate(
+                round=number,
+                effect=suspect.name,
+                evidence=evidence_of(own, fit) if own else suspect.evidence,
+                score=scores[suspect.name],
+                probability=odds.get(suspect.name, 0.0),
+                refitted=own is not None,
+                parameters=estimates(own, suspect.name) if own else {},
+            )
+        )
+    if not refits or odds[NONE] > 1.0 - MISSING:
+        return None
+    winner = max(refits, key=lambda name: odds[name])
+    return Addition(
+        effect=winner,
+        fit=refits[winner],
+        odds=odds,
+        evidence=evidence_of(refits[winner], fit),
+        contest=tuple(_contestant(name, refits, charges) for name in refits),
+    )
+
+
+def _contestant(name: str, refits: Mapping[str, Fit], charges: Mapping[str, float]) -> Contestant:
+    effect = refits[name].model.effect(name)
+    assert effect is not None
+    return Contestant(effect=effect, charge=charges[name])
+
+
+def _screened(fit: Fit, asked: Mapping[str, type[Effect]]) -> list[Suspect]:
+    """What the screen says at the fit's bandwidth and of the free simulation, whichever promises more."""
+    (screen, _), *more = Screen.views(fit)
+    suspects = screen.ask(asked)
+    lead = {suspect.name: suspect for suspect in suspects}
+    for free, loss in more:
+        for suspect in free.ask(asked):
+            if suspect.evidence - loss > lead[suspect.name].evidence:
+                lead[suspect.name] = replace(suspect, evidence=suspect.evidence - loss)
+    return sorted(lead.values(), key=lambda suspect: -suspect.score)
+
+
+def _worth_a_refit(
+    suspects: list[Suspect], scores: Mapping[str, float], refits: Mapping[str, Fit]
+) -> Iterator[Suspect]:
+    """Suspects to refit: the leaders of the screen, and on as long as it promises more than the refits delivered."""
+    waiting = sorted(suspects, key=lambda suspect: -scores[suspect.name])
+    leader = max((suspect.evidence for suspect in suspects), default=0.0)
+    for suspect in waiting:
+        promise = scores[suspect.name]
+        delivered = max((scores[name] for name in refits), default=-np.inf)
+        close = suspect.evidence >= _WORTH * leader and len(refits) < _REFITS
+        # The screen understates what a long search has found: here it is charged for once, in the odds twice.
+        if promise + float(np.log(suspect.searched)) > _PROMISING and (close or promise > delivered):
+            yield suspect
+
+
+def _reduced_leaders(
+    fit: Fit, asked: Mapping[str, type[Effect]], refits: Mapping[str, Fit], scores: Mapping[str, float]
+) -> list[tuple[str, Fit]]:
+    """Special cases of the leading effect, fitted from its optimum, where that is better than their own refit was."""
+    leader = max(refits, key=lambda name: scores[name], default=None)
+    effect = refits[leader].model.effect(leader) if leader is not None else None
+    if leader is None or effect is None:
+        return []
+    better = []
+    for special in effect.reduced():
+        if special.name in asked:
+            model = fit.model.with_effect(special)
+            again = Problem.of(fit.log, model, fixed=fit.fixed).descend(refits[leader])
+            if special.name not in refits or again.log_likelihood > refits[special.name].log_likelihood:
+                better.append((special.name, again))
+    return better
+
+
+def _would_add(fit: Fit, kind: type[Effect]) -> bool:
+    """Whether an effect makes sense on this axis and is neither in the model nor a special case of one that is."""
+    held = {name for effect in fit.model.effects for name in (effect.name, *effect.contains)}
+    return kind.name not in held and fit.model.axis in kind.axes

@@ -1,0 +1,44 @@
+"""Whether a better model is better on what it has not seen, before it is believed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.holdout import simulation_gain, standard_errors
+from identification.fit_result import Fit
+from identification.problem import Problem
+from plant.effects.effect import Array
+
+_SIGNIFICANT = 2.0  # standard errors
+_UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
+
+
+def holds_up(before: Fit, after: Fit) -> bool:
+    """Whether an extended model stands beside its predecessor on what neither was chosen by.
+
+    The odds have decided on one-step predictions of the whole record. The free simulation must not get significantly
+    worse; and predictions of the last part of each run, after a fit to the first part, neither, unless the simulation
+    gets significantly better.
+    """
+    simulation = simulation_gain(before, after)
+    if simulation < -_SIGNIFICANT:
+        return False
+    bandwidth = max(before.bandwidth, after.bandwidth)
+    unseen = standard_errors(_unseen(after, bandwidth) - _unseen(before, bandwidth))
+    return unseen > -_SIGNIFICANT or simulation > _SIGNIFICANT
+
+
+def _unseen(fit: Fit, bandwidth: float) -> Array:
+    """(U,) log-likelihood of each sample in the last part of the runs, after a fit to the first part."""
+    seen = replace(fit.log, runs=tuple(run.slice(0, int(len(run) * (1.0 - _UNSEEN))) for run in fit.log.runs))
+    problem = Problem.of(seen, fit.model, fixed=fit.fixed)
+    best = problem.minimise(problem.pack(fit.model.values, fit.initial), bandwidth, 0.0, iterations=5)
+    values, initial = problem.unpack(best.point)
+    variance = best.equations.cost / problem.samples
+    whole = replace(problem.predictor, runs=fit.log.runs, free=())
+    predictions = whole.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
+    pairs = zip(seen.runs, predictions, strict=True)
+    unseen = np.concatenate([prediction.innovations[len(part) :] for part, prediction in pairs])
+    return np.asarray(-0.5 * unseen**2 / variance - 0.5 * np.log(variance))

@@ -1,0 +1,49 @@
+"""Several effects at once: one after another, past a first step that only the second makes right, and weighed again."""
+
+from __future__ import annotations
+
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis import Diagnosis, diagnose
+from identification.log import Log
+
+
+def log_of(seed: int, **hidden: dict[str, float]) -> Log:
+    return record(Machine().hiding(**hidden), excitation(seed, duration=30.0), seed=seed // 2).log()
+
+
+def named(found: Diagnosis) -> set[str]:
+    return {cause.effect for cause in found.causes}
+
+
+def test_the_first_of_two_may_simulate_worse_than_none() -> None:
+    """Friction alone sends the simulation astray as long as the offset of gravity is missing."""
+    log = log_of(10000, coulomb_friction={"torque": 0.18}, gravity_offset={"beta": 0.17})
+    found = diagnose(log, candidates=["coulomb_friction", "gravity_offset", "torque_offset"])
+    assert found.verdict == "named"
+    assert named(found) == {"coulomb_friction", "gravity_offset"}
+    assert found.gain.cut > 0.9
+    sizes = {cause.effect: cause.parameters for cause in found.causes}
+    assert sizes["coulomb_friction"]["torque"].value == pytest.approx(0.18, rel=0.01)
+    assert sizes["gravity_offset"]["beta"].value == pytest.approx(0.17, rel=0.01)
+
+
+def test_a_name_found_beside_what_was_still_missing_is_weighed_again() -> None:
+    """While the offset is missing the sensor lag leads; beside the offset nobody can tell it from a delay."""
+    log = log_of(10000, torque_offset={"torque": 0.15}, input_delay={"time": 0.005})
+    found = diagnose(log, candidates=["torque_offset", "input_delay", "sensor_lag"])
+    assert found.verdict == "ambiguous"
+    odds = {cause.effect: {cause.effect: cause.probability, **dict(cause.alternatives)} for cause in found.causes}
+    (late,) = (shares for name, shares in odds.items() if name != "torque_offset")
+    assert min(late["input_delay"], late["sensor_lag"]) > 0.1
+    assert odds["torque_offset"]["torque_offset"] > 0.999
+
+
+def test_a_law_stays_where_one_of_its_parameters_is_not_needed() -> None:
+    log = log_of(10000, asymmetric_friction={"forward": 0.3, "backward": 0.2, "viscous_difference": 0.0})
+    found = diagnose(log, candidates=["coulomb_friction", "asymmetric_friction"])
+    (cause,) = found.causes
+    assert cause.effect == "asymmetric_friction"
+    assert cause.parameters["forward"].value == pytest.approx(0.3, rel=0.02)
+    assert cause.parameters["backward"].value == pytest.approx(0.2, rel=0.02)
