@@ -8,14 +8,15 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve_discrete_are
 
 from allocation import Bounds, least_effort
 from mpc.box_qp import solve_box_qp
-from mpc.dead_zone import DeadZoneInverse
+from mpc.drive import DriveInverse
 from mpc.estimator import Estimator
 from mpc.governor import Governor
 from mpc.prediction import Predictor, Trajectory, sensitivities
+from mpc.preview import Preview, prolonged
+from mpc.weights import rate_weight, terminal_weight
 from plant.errors import BadParameter
 from plant.gears import GearTrain
 from plant.servo import ServoModel
@@ -58,7 +59,7 @@ class Controller:
     """Model predictive control of a preloaded pair of drives.
 
         minimise    sum_k (x[k] - r[k])^2 + s sum_k ((tau[k] - tau[k-1])/Ts)^2 + (z[N] - r[N])' P (z[N] - r[N])
-        subject to  the servo model with all its effects and an estimated disturbance
+        subject to  the servo model with its effects and an estimated disturbance
                     xi1[k] >= min_torque,  xi2[k] <= -min_torque,  |xi_i[k]| <= max_torque,  flank torques >= min_torque
 
     The preload lambda moves nothing (equation 3), so tracking depends on the follower torque tau alone, and the least
@@ -67,17 +68,19 @@ class Controller:
     predicted pair of pinion torques satisfies the bounds.
 
     One quadratic programme a sample: the model is linearised along the last solution, shifted (real-time iteration;
-    Diehl, Bock, Schloeder 2005). s = 1/(J^2 w^6) puts the unconstrained poles of the rigid servo on a Butterworth
-    pattern of bandwidth w. P solves the Riccati equation of the rigid servo; the torque at the end of the horizon is
-    left free, because what the reference needs later is not known.
+    Diehl, Bock, Schloeder 2005). s and P are those of the rigid servo (`mpc.weights`); the torque at the end of the
+    horizon is left free, because what the reference needs later is not known.
 
     The controller remembers: its estimate, its last solution, the torques under way. One object serves one machine.
 
     A reference that the torques cannot follow is approached in least time instead (`Governor`), because a horizon this
     short cannot see how long it takes to brake.
 
+    Two things that a model may have learnt from its log do not hold here: the log's clock (`ServoModel.without_clock`),
+    and a tooth gap, for the preload never lets it open.
+
     Attributes:
-        model: the servo, on a rotary axis, torques on the follower; kept as `ServoModel.without_clock` leaves it.
+        model: the servo, on a rotary axis, torques on the follower.
         gears: the gear train.
         sample_time: Ts [s].
         horizon: N, samples looked ahead.
@@ -126,8 +129,7 @@ class Controller:
             raise BadParameter(
                 f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."
             )
-        self.model = self.model.without_clock()
-        self.model = self.model.without_clock()
+        self.model = self.model.without_clock().without_effect("backlash")
         self.bounds = Bounds(
             gears=self.gears,
             min_torque=self.min_torque,
@@ -136,9 +138,9 @@ class Controller:
         )
         delay = float(self.model.delay())
         self._whole_delay = int(np.floor(delay / self.sample_time + 1e-9))
-        self._dead_zone = DeadZoneInverse.of(self.model)
+        self._drive, behind = DriveInverse.of(self.model)
         self._predictor = Predictor(
-            model=self.model.without_effect("dead_zone"),
+            model=behind,
             sample_time=self.sample_time,
             switch=max(delay - self._whole_delay * self.sample_time, 0.0),
             width=FRICTION_WIDTH,
@@ -151,25 +153,19 @@ class Controller:
             disturbance_rate=self.disturbance_rate,
         )
         self.governor = Governor(sample_time=self.sample_time)
+        attainable = 2.0 * self._greatest / self.model.inertia * self.sample_time**2
+        self._preview = Preview(horizon=self.horizon, attainable=attainable)
         self._load_torque = 0.0
-        self._numbers: deque[float] = deque(maxlen=3)
         # Effective torques under way, oldest first: those of a delay, and the two that acted around the last sample.
         self._past: deque[float] = deque([0.0] * (self._whole_delay + 2), maxlen=self._whole_delay + 2)
 
     @cached_property
     def _rate_weight(self) -> float:
-        """s/Ts^2, weight of a change of torque from sample to sample [rad^2/(N m)^2]."""
-        w = 2 * np.pi * self.bandwidth
-        return float(1.0 / (self.model.inertia**2 * w**6 * self.sample_time**2))
+        return rate_weight(self.model, self.bandwidth, self.sample_time)
 
     @cached_property
     def _terminal_weight(self) -> Array:
-        """P of the rigid servo for angle and velocity (2, 2), the torque minimised away."""
-        dt, J, K = self.sample_time, self.model.inertia, self.model.viscous_friction
-        A = np.array([[1.0, dt, dt**2 / (2 * J)], [0.0, 1.0 - K * dt / J, dt / J], [0.0, 0.0, 1.0]])
-        B = np.array([[dt**2 / (2 * J)], [dt / J], [1.0]])
-        P = solve_discrete_are(A, B, np.diag([1.0, 0.0, 0.0]), np.array([[self._rate_weight]]))
-        return np.asarray(P[:2, :2] - np.outer(P[:2, 2], P[2, :2]) / P[2, 2])
+        return terminal_weight(self.model, self._rate_weight, self.sample_time)
 
     @cached_property
     def _greatest(self) -> float:
@@ -200,25 +196,11 @@ class Controller:
             if not np.all(np.isfinite(wanted)):
                 troubles.append("the reference is not a number, the angle is held")
                 wanted = np.asarray(state[0])
-            return self._plan_ahead(state, self._governed(self._preview(wanted), state), troubles)
-
-    def _preview(self, wanted: Array) -> Array:
-        """The wanted angle (N + 1,) [rad]; a single number goes on at its speed if it has been moving smoothly."""
-        if wanted.ndim == 1:
-            self._numbers.clear()
-            return wanted
-        self._numbers.append(float(wanted))
-        speed = 0.0
-        if len(self._numbers) == 3:
-            first, second, third = self._numbers
-            attainable = 2.0 * self._greatest / self.model.inertia * self.sample_time**2
-            if abs(third - 2.0 * second + first) <= attainable:
-                speed = third - second
-        return np.asarray(wanted + speed * np.arange(self.horizon + 1))
+            return self._plan_ahead(state, self._governed(self._preview.over(wanted), state), troubles)
 
     def _governed(self, wanted: Array, state: Array) -> Array:
         """What of the wanted angle (N + 1,) [rad] can be followed, see `Governor`."""
-        least, greatest = self._dead_zone.effective(self.bounds.reachable())
+        least, greatest = self._drive.effective(self.bounds.reachable(), state[1])
         floor = 0.1 * self._greatest
         backward = max(_USED_BY_GOVERNOR * (self._load_torque - least), floor) / self.model.inertia
         forward = max(_USED_BY_GOVERNOR * (greatest - self._load_torque), floor) / self.model.inertia
@@ -234,10 +216,10 @@ class Controller:
         under_way = np.array(self._past)[1:]
         course = self._predictor.look_ahead(state, np.concatenate((under_way, guess)), self.estimator.disturbance)
         # What is decided now acts after the delay: the first samples are fate, and the reference must reach further.
-        beyond = wanted[-1] + (wanted[-1] - wanted[-2]) * np.arange(1, late + 1)
-        ahead = np.append(wanted, beyond)[late:]
+        ahead = prolonged(wanted, late + 1)[late:]
+        pace = course.states[late:-1, 1]
         acceleration = np.diff(course.states[late:, 1]) / self.sample_time
-        reach = self._dead_zone.effective(self.bounds.reachable(acceleration))
+        reach = self._drive.effective(self.bounds.reachable(acceleration), pace[:, None])
         solution, response = self._optimise(course, ahead, guess, reach)
         if solution is None:
             troubles.append("no solution of the quadratic programme was certified, the last plan is followed")
@@ -252,25 +234,29 @@ class Controller:
         if not np.all(np.isfinite(acceleration)) or not np.all(np.isfinite(effective)):
             return self._hold(troubles)
         self._load_torque = float(effective[0] - self.model.inertia * acceleration[0])
-        torques = least_effort(self.bounds, self._dead_zone.command(effective), acceleration)
+        torques = least_effort(self.bounds, self._drive.command(effective, pace), acceleration)
         margin = float(np.min(self.bounds.margin(torques, acceleration)))
         if margin < -1e-9 * self.max_torque:
             troubles.append("max_torque cannot hold the teeth together at the predicted acceleration")
         angles = course.states[late:, 0] + np.append(0.0, change[:, 0])
-        return self._hand_out(torques, troubles, margin=margin, angles=angles, residual=residual)
+        return self._hand_out(torques, troubles, speed=pace[0], margin=margin, angles=angles, residual=residual)
 
     def _optimise(
         self, course: Trajectory, wanted: Array, guess: Array, reach: Array
     ) -> tuple[tuple[Array, float] | None, Array]:
-        """Condense the programme around a course and solve it; (torques, residual) or None, and (N, n, N) responses."""
+        """Condense the programme around a course and solve it, towards wanted angles (N + 2,) [rad].
+
+        Returns:
+            (torques, residual) or None, and (N, n, N) responses.
+        """
         N, late = self.horizon, self._whole_delay
         S = sensitivities(course, late)
         unit = float(np.max(np.abs(reach)))
         angle, speed = S[:, 0, :] * unit, S[:, 1, :] * unit
         final = np.stack((angle[-1], speed[-1]))
         free = course.states[late + 1 :, :2]
-        miss = free[:, 0] - wanted[1:]
-        end_miss = np.array([miss[-1], free[-1, 1] - (wanted[-1] - wanted[-2]) / self.sample_time])
+        miss = free[:, 0] - wanted[1:-1]
+        end_miss = np.array([miss[-1], free[-1, 1] - (wanted[-1] - wanted[-3]) / (2 * self.sample_time)])
         D = (np.eye(N) - np.eye(N, k=-1)) * unit
         before = np.append(self._past[-1], np.zeros(N - 1))
         rates = D @ (guess / unit) - before
@@ -288,12 +274,12 @@ class Controller:
         torques = np.tile(least_effort(self.bounds, 0.0), (self.horizon, 1))
         margin = float(np.min(self.bounds.margin(torques)))
         unknown = np.full(self.horizon + 1, np.nan)
-        return self._hand_out(torques, troubles, margin=margin, angles=unknown, residual=float("inf"))
+        return self._hand_out(torques, troubles, speed=0.0, margin=margin, angles=unknown, residual=float("inf"))
 
     def _hand_out(
-        self, torques: Array, troubles: list[str], *, margin: float, angles: Array, residual: float
+        self, torques: Array, troubles: list[str], *, speed: float, margin: float, angles: Array, residual: float
     ) -> Control:
-        self._past.append(float(self._dead_zone.effective(self.gears.follower_torque(torques[0]))))
+        self._past.append(float(self._drive.effective(self.gears.follower_torque(torques[0]), speed)))
         reasons = "; ".join(trouble for trouble in troubles if trouble)
         return Control(
             torques=torques[0],

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from mpc.prediction import Predictor
 from plant.effects import State
 from plant.errors import BadParameter
+from plant.servo import ServoModel
 from plant.simulation import beginning
 
 Array = NDArray[np.float64]
@@ -19,6 +20,9 @@ _OUTLIER = 10.0
 
 _PATIENCE = 3
 """After so many of them in a row it is the estimate that is not believed."""
+
+_ITERATIONS = 20
+"""In search of the angle at which the sensor shows a reading; each one divides the error by ten and more."""
 
 
 @dataclass(eq=False, kw_only=True)
@@ -65,7 +69,7 @@ class Estimator:
 
     def start(self, reading: float, torque: float) -> None:
         """Begin anew at rest at a reading [rad], with actuators settled at a torque [N m] and no disturbance."""
-        self.state = beginning(self.predictor.model, angle=reading, torque=torque)
+        self.state = _at_rest(self.predictor.model, reading, torque)
         self.disturbance = 0.0
         level = self.torque_noise + self.disturbance_rate
         known = {State.ANGLE: np.sqrt(self._sensor_variance), State.VELOCITY: 1.0}
@@ -125,3 +129,22 @@ class Estimator:
         self.disturbance += float(gain[n] * innovation)
         self._covariance = keep @ self._covariance @ keep.T + np.outer(gain, gain) * self._sensor_variance
         return np.asarray(state + gain[:n] * innovation)
+
+
+def _at_rest(model: ServoModel, reading: float, torque: float) -> Array:
+    """(n,) state at rest in which the sensor has settled at a reading [rad], by fixed-point iteration.
+
+    A sensor that errs by a part of a degree errs by many times its noise: to take its reading for the angle would be
+    a contradiction that the filter never overcomes.
+    """
+    angle = reading
+    for _ in range(_ITERATIONS):
+        state, shown = beginning(model, angle=angle, torque=torque), angle
+        place = 2
+        for effect in model.effects:
+            if State.ANGLE in effect.states and not effect.flexible:
+                state[place] = shown
+            shown = float(effect.reading(shown, shown))
+            place += len(effect.states)
+        angle += reading - shown
+    return state

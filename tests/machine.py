@@ -7,6 +7,7 @@ it moves in `machine_motion`, what is played into it in `machine_inputs`; here i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from machine_inputs import chirp, chirp_and_steps, excitation, load_fluctuation, random_steps, wandering_reference
@@ -23,6 +24,7 @@ __all__ = [
     "Drivetrain",
     "Effects",
     "Follower",
+    "Loop",
     "Machine",
     "Record",
     "chirp",
@@ -75,19 +77,38 @@ class Record:
         return Log(runs=tuple(self.run(b, number=b) for b in range(self.command.shape[1])), axis="rotary")
 
 
+@runtime_checkable
+class Loop(Protocol):
+    """What is closed over the measured angle and makes the torque, to follow a reference (T,) [rad]."""
+
+    @property
+    def reference(self) -> Array: ...
+
+    def torque(self, measured: Array, sample_time: float) -> Array:
+        """(B,) torque [N m], from the measured angles up to now (k + 1, B) [rad]."""
+        ...
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Follower:
-    """A PD loop around a reference (T,) [rad], closed over the measured angle as a drive would."""
+    """A PD loop as a drive would close it."""
 
     reference: Array
     stiffness: float = 80.0
     damping: float = 20.0
     limit: float = 15.0
 
+    def torque(self, measured: Array, sample_time: float) -> Array:
+        k = measured.shape[0] - 1
+        before = max(k - 4, 0)
+        error = self.reference[k] - measured[k]
+        rate = (error - self.reference[before] + measured[before]) / (4 * sample_time)
+        return np.asarray(np.clip(self.stiffness * error + self.damping * rate, -self.limit, self.limit))
+
 
 def record(
     machine: Machine,
-    command: ArrayLike | Follower,
+    command: ArrayLike | Loop,
     *,
     seed: int = 0,
     sample_time: float = 0.005,
@@ -97,16 +118,18 @@ def record(
     bits: int | None = 17,
     load_torque: ArrayLike = 0.0,
     steps: int = 4,
+    begin: float = 0.0,
 ) -> Record:
     """Drive a batch and record it.
 
-    command: (T,) or (T, B) torque held over each sample [N m], or a `Follower` that makes it.
+    command: (T,) or (T, B) torque held over each sample [N m], or a `Loop` that makes it.
     noise: standard deviation of the measured angle [rad]; bits: resolution of its encoder.
     load_torque: further torque on the load, (T, B), held over each sample [N m].
     steps: integration steps in one sample (in each half of a sample that a delay splits); more are taken where a
         drivetrain, a stop or bristles swing faster than these can follow.
+    begin: time of the first sample on the machine's clock [s].
     """
-    loop = command if isinstance(command, Follower) else None
+    loop = command if isinstance(command, Loop) else None
     given = np.zeros_like(loop.reference) if loop else np.asarray(command, dtype=float)
     given = given[:, None] if given.ndim == 1 else given
     count = given.shape[0]
@@ -131,24 +154,20 @@ def record(
         angles[k], velocities[k], motors[k] = state.motion[0], state.motion[1], state.motion[-2]
         measured[k] = _encoded(state.seen + shake[k], bits)
         if loop:
-            before = max(k - 4, 0)
-            error = loop.reference[k] - measured[k]
-            rate = (error - loop.reference[before] + measured[before]) / (4 * sample_time)
-            torque = loop.stiffness * error + loop.damping * rate
-            given[k] = np.clip(torque, -loop.limit, loop.limit)
+            given[k] = loop.torque(measured[: k + 1], sample_time)
         if k == 0:  # the drive has settled at its first command
             state = State.settled(machine, x, v, given[0])
         stretches = [(given[np.maximum(k - whole, 0), columns], sample_time - late)]
         if np.any(late > 0.0):
             stretches.insert(0, (given[np.maximum(k - whole - 1, 0), columns], late))
-        now = np.full(size, k * sample_time)
+        now = np.full(size, begin + k * sample_time)
         for torque, length in stretches:
             h = length / steps
             for _ in range(steps):
                 state = advance(machine, state, torque, extra[k], now, h)
                 now = now + h
     return Record(
-        time=np.arange(count) * sample_time,
+        time=begin + np.arange(count) * sample_time,
         command=given,
         angle=angles,
         velocity=velocities,

@@ -1,6 +1,8 @@
-"""The parts of the controller: prediction, bounded programme, estimator, governor, dead-zone inverse."""
+"""The parts of the controller: prediction, bounded programme, estimator, governor, preview, inverse drive."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,12 +15,24 @@ from scipy.optimize import lsq_linear
 
 import mpc.box_qp
 from mpc.box_qp import optimality_residual, solve_box_qp
-from mpc.dead_zone import DeadZoneInverse
+from mpc.drive import DriveInverse
 from mpc.estimator import Estimator
 from mpc.governor import Governor
 from mpc.prediction import Predictor, sensitivities
+from mpc.preview import prolonged
 from plant import ServoModel, simulate
-from plant.effects import ActuatorLag, Cogging, CoulombFriction, InputDelay, StribeckFriction
+from plant.effects import (
+    ActuatorLag,
+    BackEmf,
+    Cogging,
+    CoulombFriction,
+    DeadZone,
+    EncoderEccentricity,
+    InputDelay,
+    SensorLag,
+    StribeckFriction,
+    TorqueSaturation,
+)
 from plant.errors import BadParameter
 
 Array = NDArray[np.float64]
@@ -205,6 +219,19 @@ def test_a_fresh_start_forgets_the_disturbance_and_settles_the_actuator() -> Non
     assert filter_.state == pytest.approx([0.2, 0.0, 0.5])
 
 
+@pytest.mark.parametrize("lag", [None, SensorLag(time_constant=0.02)])
+def test_it_starts_at_the_angle_that_the_sensor_shows(lag: SensorLag | None) -> None:
+    model = ServoModel(gravity=0.0).with_effect(EncoderEccentricity(amplitude=0.05, order=3.0, phase=0.4))
+    model = model if lag is None else model.with_effect(lag)
+    true = 0.3
+    reading = true + 0.05 * np.sin(3.0 * true + 0.4)
+    filter_ = estimator(model)
+    for _ in range(5):
+        assert filter_.advance(reading, 0.0, 0.0) == ""
+    assert filter_.state is not None
+    assert filter_.state[0] == pytest.approx(true, abs=1e-9)
+
+
 def test_it_needs_a_sensor_with_some_error() -> None:
     with pytest.raises(BadParameter):
         Estimator(predictor=predictor(), resolution=0.0, noise=0.0, torque_noise=0.1, disturbance_rate=1.0)
@@ -257,11 +284,38 @@ def test_what_can_be_followed_is_followed_exactly() -> None:
         assert governor.govern(wanted[k : k + 31], (1.0, 1.0)) == pytest.approx(wanted[k : k + 31], abs=1e-12)
 
 
-# The inverse of the dead zone.
+# What the reference will be.
 
 
-@given(st.floats(0, 2), st.floats(-5, 5))
-def test_what_is_commanded_comes_out(half_width: float, torque: float) -> None:
-    inverse = DeadZoneInverse(half_width=half_width)
-    out = inverse.effective(inverse.command(torque))
+@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.integers(0, 30))
+def test_a_prolonged_path_keeps_its_acceleration(level: float, speed: float, bend: float, count: int) -> None:
+    k = np.arange(5 + count)
+    parabola = level + speed * k + bend * k**2
+    assert prolonged(parabola[:5], count) == pytest.approx(parabola, abs=1e-10 * (1 + count**2))
+
+
+# The inverse of the drive.
+
+quantity = st.floats(0, 2)
+
+
+@given(quantity, quantity, st.floats(1, 10), st.floats(-5, 5), st.floats(-3, 3))
+def test_what_is_commanded_comes_out(
+    half_width: float, back_emf: float, limit: float, torque: float, velocity: float
+) -> None:
+    inverse = DriveInverse(half_width=half_width, back_emf=back_emf, limit=limit)
+    least, greatest = inverse.effective(np.array([-1e3, 1e3]), velocity)
+    torque = float(np.clip(torque, least, greatest))
+    out = inverse.effective(inverse.command(torque, velocity), velocity)
     assert abs(float(out) - torque) <= max(0.1 * half_width if abs(torque) < 0.1 * half_width else 0.0, 1e-12)
+
+
+def test_the_drive_is_the_plants_actuator() -> None:
+    effects = (DeadZone(half_width=0.4), BackEmf(constant=0.3), TorqueSaturation(limit=2.0))
+    inverse, behind = DriveInverse.of(RICH.with_effect(effects[0]).with_effect(effects[1]).with_effect(effects[2]))
+    assert behind == RICH
+    for torque, velocity in ((0.5, 0.0), (5.0, 1.0), (-5.0, 1.0), (1.0, 2.0), (-0.5, -0.7)):
+        out = torque
+        for effect in replace(RICH, effects=effects).effects:  # in the order of the catalogue
+            out = float(effect.command(out, 0.0, velocity))
+        assert float(inverse.effective(torque, velocity)) == pytest.approx(out)

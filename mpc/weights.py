@@ -1,0 +1,29 @@
+"""The weights of the predictive controller, from the bandwidth that its loop is to have."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from plant.servo import ServoModel
+
+Array = NDArray[np.float64]
+
+
+def rate_weight(model: ServoModel, bandwidth: float, sample_time: float) -> float:
+    """s/Ts^2, weight of a change of torque from sample to sample [rad^2/(N m)^2].
+
+    s = 1/(J^2 w^6) puts the unconstrained poles of the rigid servo on a Butterworth pattern of bandwidth w = 2 pi f.
+    """
+    w = 2 * np.pi * bandwidth
+    return float(1.0 / (model.inertia**2 * w**6 * sample_time**2))
+
+
+def terminal_weight(model: ServoModel, rate: float, sample_time: float) -> Array:
+    """P of the rigid servo for angle and velocity (2, 2), from its Riccati equation, the torque minimised away."""
+    dt, J, K = sample_time, model.inertia, model.viscous_friction
+    A = np.array([[1.0, dt, dt**2 / (2 * J)], [0.0, 1.0 - K * dt / J, dt / J], [0.0, 0.0, 1.0]])
+    B = np.array([[dt**2 / (2 * J)], [dt / J], [1.0]])
+    P = solve_discrete_are(A, B, np.diag([1.0, 0.0, 0.0]), np.array([[rate]]))
+    return np.asarray(P[:2, :2] - np.outer(P[:2, 2], P[2, :2]) / P[2, 2])
