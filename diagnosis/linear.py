@@ -2,13 +2,14 @@
 
     s[k+1] = A[k] (s[k] + gain[k] de[k]) + B[k] d[k],      de[k] = -C[k] s[k] - r[k],
 
-with d a torque on the load and r an error of the reading. The recursion is cut into blocks that are followed side by
-side, so that a long log takes a few hundred array operations instead of one for every sample.
+with d a torque on the load and r an error of the reading. Many of them are followed side by side.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,11 +17,13 @@ from numpy.typing import NDArray
 
 from identification.log import Run
 from identification.predictor import Prediction, moves_with, run_inputs
-from plant.discrete import INPUTS, sample_reading, sample_step
+from plant.discrete import INPUTS, Structure, sample_reading
 from plant.effects.effect import Array, Effect, Expression, Moment, parameter
+from plant.recursion import Recursion
+from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
 
-_AT_ONCE = 32  # columns that are followed together, to bound the memory
+AT_ONCE = 16  # columns that are followed side by side
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,49 +46,58 @@ class Linear:
 
     def response(self, columns: Array, on_reading: NDArray[np.bool_]) -> Array:
         """(T, M) change of the innovations by torques, or errors of the reading where marked (M,), of (T, M)."""
-        path = np.where(on_reading, self.by_reading[:, :, None], self.by_torque[:, :, None])
-        states = recursion(self.closed_loop, path * columns[:, None, :])
-        shown = np.einsum("kn,knm->km", self.seen, states) + columns * on_reading
-        return np.asarray(-self.weight[:, None] * shown)
+        found = np.empty_like(columns)
+        for marked, path in ((False, self.by_torque), (True, self.by_reading)):
+            places = np.flatnonzero(on_reading == marked)
+            for first in range(0, places.size, AT_ONCE):
+                some = places[first : first + AT_ONCE]
+                shown = follow(self.closed_loop, path, self.seen, columns[:, some])
+                found[:, some] = -self.weight[:, None] * (shown + columns[:, some] if marked else shown)
+        return found
 
     def score(self, innovations: Array) -> tuple[Array, Array]:
         """(T,) see the function `score`."""
         push = self.weight * innovations
-        backwards = self.closed_loop.transpose(0, 2, 1)[::-1]
-        later = recursion(backwards, (push[:, None] * self.seen)[::-1, :, None])[::-1, :, 0]
-        return (self.by_torque * later).sum(axis=1), push + (self.by_reading * later).sum(axis=1)
+        backwards, seen = self.closed_loop.transpose(0, 2, 1)[::-1], self.seen[::-1]
+        torque, reading = (
+            follow(backwards, seen, path[::-1], push[::-1, None])[::-1, 0] for path in (self.by_torque, self.by_reading)
+        )
+        return torque, push + reading
 
 
-def recursion(transition: Array, push: Array) -> Array:
-    """(T, n, M) states z[k] of z[k+1] = A[k] z[k] + b[k] from z[0] = 0, with A (T, n, n) and b (T, n, M)."""
-    samples, n, columns = push.shape
-    length = int(np.ceil(np.sqrt(samples)))
-    blocks = int(np.ceil(samples / length))
-    short = blocks * length - samples
-    A = np.concatenate((transition, np.zeros((short, n, n)))).reshape(blocks, length, n, n)
-    b = np.concatenate((push, np.zeros((short, n, columns)))).reshape(blocks, length, n, columns)
-    state, through = np.zeros((blocks, n, columns)), np.tile(np.eye(n), (blocks, 1, 1))
-    for k in range(length):
-        state = A[:, k] @ state + b[:, k]
-        through = A[:, k] @ through
-    begin = np.zeros((blocks, n, columns))
-    for block in range(blocks - 1):
-        begin[block + 1] = through[block] @ begin[block] + state[block]
-    states, state = np.empty_like(b), begin
-    for k in range(length):
-        states[:, k] = state
-        state = A[:, k] @ state + b[:, k]
-    return states.reshape(-1, n, columns)[:samples]
+def follow(transition: Array, path: Array, seen: Array, columns: Array) -> Array:
+    """(T, M) what is seen, C[k] z[k], of z[k+1] = A[k] z[k] + B[k] u[k] from z[0] = 0.
+
+    Args:
+        transition: (T, n, n) A.
+        path: (T, n) B.
+        seen: (T, n) C.
+        columns: (T, M) inputs u, at most `AT_ONCE`.
+    """
+    samples, n = path.shape
+    rows = np.zeros((samples, n * n + 2 * n + AT_ONCE))
+    rows[:, : n * n] = transition.reshape(samples, n * n)
+    rows[:, n * n : n * n + n], rows[:, n * n + n : n * n + 2 * n] = path, seen
+    rows[:, n * n + 2 * n :][:, : columns.shape[1]] = columns
+    _, (shown,) = _side_by_side(n)((np.zeros(n * AT_ONCE),), rows)
+    return shown[:, : columns.shape[1]]
+
+
+@lru_cache(maxsize=16)
+def _side_by_side(n: int) -> Recursion:
+    """The recursion of `follow` for n states."""
+    z, row = ca.SX.sym("z", n, AT_ONCE), ca.SX.sym("row", n * n + 2 * n + AT_ONCE)
+    flat, path, seen, columns = ca.vertsplit(row, [0, n * n, n * n + n, n * n + 2 * n, row.numel()])
+    following = ca.mtimes(ca.reshape(flat, n, n).T, z) + ca.mtimes(path, columns.T)
+    return Recursion(ca.Function("follow", [z, row], [following, ca.mtimes(seen.T, z)]), carried=1)
 
 
 def response(runs: tuple[Linear, ...], columns: Array, on_reading: NDArray[np.bool_]) -> Array:
     """(T, M) change of the innovations of all runs by torques, or where marked (M,) errors of the reading, (T, M)."""
     parts, row = [], 0
     for linear in runs:
-        rows = columns[row : row + linear.weight.size]
+        parts.append(linear.response(columns[row : row + linear.weight.size], on_reading))
         row += linear.weight.size
-        pieces = [slice(first, first + _AT_ONCE) for first in range(0, columns.shape[1], _AT_ONCE)]
-        parts.append(np.hstack([linear.response(rows[:, piece], on_reading[piece]) for piece in pieces]))
     return np.vstack(parts)
 
 
@@ -121,26 +133,35 @@ class _Push(Effect):
 def linearised(model: ServoModel, run: Run, prediction: Prediction, bandwidth: float, *, substeps: int) -> Linear:
     """A run's predictor linearised along its path, with a torque on the load as its input."""
     probe = model.with_effect(_Push(torque=0.0))
-    place = probe.names.index("push.torque")
-    n, count = len(probe.states), len(probe.names)
-    state, inputs, parameters = ca.SX.sym("z", n), ca.SX.sym("u", len(INPUTS)), ca.SX.sym("p", count)
-    following = sample_step(probe, substeps=substeps)(state, inputs, parameters)
-    shown = sample_reading(probe)(state, parameters)
-    by_state, by_offset = ca.jacobian(following, state), ca.jacobian(following, parameters[place])
-    outputs = [ca.densify(by_state), ca.densify(by_offset), ca.densify(ca.jacobian(shown, state)).T]
-    slopes = ca.Function("slopes", [state, inputs, parameters], outputs, {"cse": True})
-    data, values = run_inputs(run, probe, probe.values, bandwidth, 0.0)
-    gain = moves_with(probe) @ data[-2:]
-    corrected = prediction.states + gain * prediction.innovations
-    samples = data.shape[1]
-    found = slopes.map(samples)(corrected, data[: len(INPUTS)], values)
-    transition = np.array(found[0]).reshape(n, -1, n).transpose(1, 0, 2)
-    seen = np.array(found[2]).T
-    by_reading = np.einsum("kij,jk->ki", transition, gain)
+    n = len(probe.states)
+    rows, values = run_inputs(run, probe, probe.values, bandwidth, 0.0)
+    gain = rows[:, -2:] @ moves_with(probe).T
+    corrected = prediction.states.T + gain * prediction.innovations[:, None]
+    _, (slopes, seen) = _slopes(Structure(probe), substeps)((), np.hstack((corrected, rows[:, : len(INPUTS)])), values)
+    by_torque, transition = slopes[:, :n], slopes[:, n:].reshape(-1, n, n).transpose(0, 2, 1)
+    by_reading = np.einsum("kij,kj->ki", transition, gain)
     return Linear(
         closed_loop=transition - by_reading[:, :, None] * seen[:, None, :],
-        by_torque=np.array(found[1]).T,
+        by_torque=by_torque,
         by_reading=-by_reading,
         seen=seen,
         weight=run.valid.astype(float),
     )
+
+
+@lru_cache(maxsize=128)
+def _slopes(structure: Structure, substeps: int) -> Recursion:
+    """(state, inputs) at each sample, parameters -> derivative of the next state by torque and state, of the reading.
+
+    It carries nothing: each sample stands alone.
+    """
+    probe = structure.model
+    n, torque = len(probe.states), probe.names.index("push.torque")
+    step = step_with_slopes(probe, (torque,), 1 + n, substeps=substeps)
+    kind: Any = ca.SX if step.is_a("SXFunction") else ca.MX
+    row, parameters = kind.sym("row", n + len(INPUTS)), kind.sym("parameters", len(probe.names))
+    _, slopes = step(row[:n], kind(np.hstack((np.zeros((n, 1)), np.eye(n)))), row[n:], parameters)
+    state, own = ca.SX.sym("state", n), ca.SX.sym("parameters", len(probe.names))
+    shown = ca.densify(ca.jacobian(sample_reading(probe)(state, own), state))
+    seen = ca.Function("seen", [state, own], [shown])(row[:n], parameters)
+    return Recursion(ca.Function("slopes", [row, parameters], [slopes, seen]), carried=0)

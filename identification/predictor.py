@@ -22,15 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.log import Run
-from plant.discrete import INPUTS, sample_reading, sample_step
+from plant.discrete import INPUTS, Structure, sample_reading
 from plant.effects import State
 from plant.effects.effect import Array
 from plant.effects.goal_rate_limit import goals
-from plant.machine_code import MachineCode
+from plant.recursion import Recursion
+from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
 from plant.simulation import beginning, held_commands
-
-CHUNK = 250  # samples that one compiled call covers; a run is a few such calls
 
 
 def observer_gain(bandwidth: float, dt: Array) -> Array:
@@ -100,53 +99,45 @@ class Predictor:
     def _predict_run(
         self, run: Run, values: Array, start: Array, bandwidth: float, width: float, sensitivities: bool
     ) -> Prediction:
-        model, size = self.model, run.time.size
-        data, values = run_inputs(run, model, values, bandwidth, width)
-        states = len(model.states)
+        model = self.model
+        rows, values = run_inputs(run, model, values, bandwidth, width)
         columns = len(self.free) + 2 if sensitivities else 0
         begin = beginning(
             model,
             angle=start[0],
             velocity=start[1],
-            torque=data[0, 0] - data[2, 0] * start[0],
-            command=data[0, 0],
+            torque=rows[0, 0] - rows[0, 2] * start[0],
+            command=rows[0, 0],
             goal=float(goals(run.command, run.servo_gain)[0]),
         )
-        spread = np.zeros((columns, states))
+        slopes = np.zeros((columns, len(model.states)))
         if sensitivities:
-            spread[-2:] = moves_with(model).T
-        code = _code(_Key(model, self.free, self.substeps, sensitivities))
-        chunk = _Chunk(code.function, states, columns, values)
-        errors, slopes, path = np.empty(size), np.empty((size, columns)), np.empty((states, size))
-        for first in range(0, size, CHUNK):
-            rows = slice(first, min(first + CHUNK, size))
-            begin, spread = chunk.advance(begin, spread, data[:, rows])
-            kept = rows.stop - first
-            errors[rows], path[:, rows] = chunk.errors[:kept], chunk.before[:kept].T
-            slopes[rows] = chunk.slopes[:kept]
-        weight = run.valid.astype(float)
-        return Prediction(
-            innovations=errors * weight,
-            jacobian=slopes * weight[:, None],
-            states=path,
-            output=data[len(INPUTS)] - errors,
-        )
+            slopes[-2:] = moves_with(model).T
+        follow = _prediction(Structure(model), self.free if sensitivities else None, self.substeps)
+        _, (errors, jacobian, states) = follow((begin, slopes), rows, values)
+        output = rows[:, len(INPUTS)] - errors[:, 0]
+        if not run.valid.all():
+            errors *= run.valid[:, None]
+            jacobian *= run.valid[:, None]
+        return Prediction(innovations=errors[:, 0], jacobian=jacobian, states=states.T, output=output)
 
 
 def run_inputs(run: Run, model: ServoModel, values: Array, bandwidth: float, width: float) -> tuple[Array, Array]:
-    """(10, T) inputs of each step with measurement and gain, and the parameters with the delay inside a sample."""
+    """(T, 10) inputs of each step with measurement and gain, and the parameters with the delay inside a sample."""
     dt = np.diff(run.time)
     dt = np.append(dt, dt[-1])
-    place = model.names.index("input_delay.time") if "input_delay.time" in model.names else None
-    now, before, switch = held_commands(run.command, dt, 0.0 if place is None else float(values[place]))
-    if place is not None:
+    delay = model.names.index("input_delay.time") if "input_delay.time" in model.names else None
+    now, before, switch = held_commands(run.command, dt, 0.0 if delay is None else float(values[delay]))
+    if delay is not None:
         values = values.copy()
-        values[place] = switch
+        values[delay] = switch
     gain = observer_gain(bandwidth, dt) * run.valid
-    limit = np.full(dt.size, run.command_limit)
     output = np.where(run.valid, run.output, 0.0)
-    inputs = (now, before, run.servo_gain, limit, run.time, dt, np.full(dt.size, width))
-    return np.vstack((*inputs, output, gain)), values
+    rows = np.empty((dt.size, len(INPUTS) + 3))
+    columns = (now, before, run.servo_gain, run.command_limit, run.time, dt, width, output, *gain)
+    for place, column in enumerate(columns):
+        rows[:, place] = column
+    return rows, values
 
 
 def moves_with(model: ServoModel) -> Array:
@@ -154,81 +145,33 @@ def moves_with(model: ServoModel) -> Array:
     return np.array([[kind is State.ANGLE, kind is State.VELOCITY] for kind in model.kinds], dtype=float)
 
 
-class _Key:
-    """What a compiled predictor depends on."""
-
-    def __init__(self, model: ServoModel, free: Sequence[int], substeps: int, sensitivities: bool) -> None:
-        self.model = model
-        self.rest = (tuple(free), substeps, sensitivities)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and (self.model.structure, self.rest) == (other.model.structure, other.rest)
-
-    def __hash__(self) -> int:
-        return hash((self.model.structure, self.rest))
-
-
-class _Chunk:
-    """The compiled prediction of `CHUNK` samples with its memory: CasADi reads and writes these arrays in place."""
-
-    def __init__(self, function: Any, states: int, columns: int, values: Array) -> None:
-        self.begin, self.spread = np.zeros(states), np.zeros((columns, states))
-        self.data = np.zeros((CHUNK, len(INPUTS) + 3))
-        self.values = np.tile(np.asarray(values, dtype=float), (CHUNK, 1))
-        self.states, self.spreads = np.zeros((CHUNK, states)), np.zeros((CHUNK, columns, states))
-        self.errors, self.slopes, self.before = np.zeros(CHUNK), np.zeros((CHUNK, columns)), np.zeros((CHUNK, states))
-        self.buffer, self.evaluate = function.buffer()
-        for place, array in enumerate((self.begin, self.spread, self.data, self.values)):
-            self.buffer.set_arg(place, memoryview(array.ravel()))  # type: ignore[arg-type]
-        for place, array in enumerate((self.states, self.spreads, self.errors, self.slopes, self.before)):
-            self.buffer.set_res(place, memoryview(array.ravel()))  # type: ignore[arg-type]
-
-    def advance(self, begin: Array, spread: Array, data: Array) -> tuple[Array, Array]:
-        """Predict up to `CHUNK` samples, data (10, k); returns state and spread behind the last one."""
-        kept = data.shape[1]
-        self.begin[:], self.spread[:] = begin, spread
-        self.data[:kept], self.data[kept:] = data.T, 0.0
-        self.evaluate()
-        return self.states[kept - 1].copy(), self.spreads[kept - 1].copy()
-
-
 @lru_cache(maxsize=512)
-def _code(key: _Key) -> MachineCode:
-    """Function (state, spread, data, parameters) -> states, spreads, innovations, slopes, predicted states."""
-    free, substeps, sensitivities = key.rest
-    step = sample_step(key.model, substeps=substeps)
-    n, count, columns = len(key.model.states), len(key.model.names), len(free) + 2 if sensitivities else 0
-    state, spread = ca.SX.sym("state", n), ca.SX.sym("spread", n, columns)
-    data, parameters = ca.SX.sym("data", len(INPUTS) + 3), ca.SX.sym("parameters", count)
-    inputs, measured, gain = data[: len(INPUTS)], data[len(INPUTS)], data[len(INPUTS) + 1 :]
+def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: int) -> Recursion:
+    """(state, slopes), rows of `run_inputs`, parameters -> innovation, its slopes, predicted state, at each sample.
 
-    reading = sample_reading(key.model)
-    error = measured - reading(state, parameters)
-    correction = ca.mtimes(ca.DM(moves_with(key.model)), gain)
-    corrected = state + correction * error
-    if not sensitivities:
-        outputs = [ca.densify(step(corrected, inputs, parameters)), spread, error, ca.SX(1, 0), state]
-        one = ca.Function("predict", [state, spread, data, parameters], outputs, {"cse": True})
-        return MachineCode(one.mapaccum("chunk", CHUNK, [0, 1], [0, 1]))
+    Without `free` there are no slopes.
+    """
+    model = structure.model
+    n, columns = len(model.states), 0 if free is None else len(free) + 2
+    step = step_with_slopes(model, free or (), columns, substeps=substeps)
+    state, slopes = ca.SX.sym("state", n), ca.SX.sym("slopes", n, columns)
+    row, parameters = ca.SX.sym("row", len(INPUTS) + 3), ca.SX.sym("parameters", len(model.names))
+    shown = sample_reading(model)(state, parameters)
+    error = row[len(INPUTS)] - shown
+    error_slopes = -ca.mtimes(ca.jacobian(shown, state), slopes)
+    if free is not None:
+        error_slopes -= ca.horzcat(ca.jacobian(shown, parameters[list(free)]), ca.SX(1, 2))
+    correction = ca.mtimes(ca.DM(moves_with(model)), row[len(INPUTS) + 1 :])
+    corrected = [state + correction * error, slopes + ca.mtimes(correction, error_slopes)]
+    outputs = [ca.densify(value) for value in (*corrected, error, error_slopes, state)]
+    correct = ca.Function("correct", [state, slopes, row, parameters], outputs, {"cse": True})
 
-    at, moved = ca.SX.sym("at", n), ca.SX.sym("moved", count)
-    following = step(at, inputs, moved)
-    slopes = ca.Function(
-        "slopes",
-        [at, inputs, moved],
-        [following, ca.jacobian(following, at), ca.jacobian(following, moved[list(free)] if free else ca.SX(0, 1))],
-        {"cse": True},
-    )
-    moving = parameters[list(free)] if free else ca.SX(0, 1)
-    shown = reading(state, parameters)
-    error_slope = -ca.mtimes(ca.jacobian(shown, state), spread)
-    error_slope -= ca.horzcat(ca.jacobian(shown, moving), ca.SX(1, 2))
-    next_state, by_state, by_parameter = slopes(corrected, inputs, parameters)
-    following_spread = ca.mtimes(by_state, spread + ca.mtimes(correction, error_slope))
-    following_spread += ca.horzcat(by_parameter, ca.SX(n, 2))
-    outputs = [ca.densify(next_state), ca.densify(following_spread), error, error_slope, state]
-    one = ca.Function("predict", [state, spread, data, parameters], outputs, {"cse": True})
-    return MachineCode(one.mapaccum("chunk", CHUNK, [0, 1], [0, 1]))
+    kind: Any = ca.SX if step.is_a("SXFunction") else ca.MX
+    entering = [kind.sym("entering", *value.shape) for value in (state, slopes, row, parameters)]
+    *moved, seen, seen_slopes, before = correct(*entering)
+    following = step(*moved, entering[2][: len(INPUTS)], entering[3])
+    outputs = [*following, seen, seen_slopes, before]
+    return Recursion(ca.Function("predict", entering, outputs, {"cse": kind is ca.SX}), carried=2)
 
 
 def stack(predictions: Sequence[Prediction]) -> tuple[Array, NDArray[np.float64]]:

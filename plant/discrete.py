@@ -55,19 +55,22 @@ def sample_step(model: ServoModel, *, substeps: int = 1, method: Method = "rk4")
         raise BadParameter(f"method must be 'rk4' or 'backward_difference', not {method!r}.")
     if method == "backward_difference" and (len(model.states) > 2 or model.slides):
         raise BadParameter("Equation (5) knows no dry friction and no states of effects; use the method 'rk4'.")
-    return _build(_Structure(model), substeps, method)
+    return _build(Structure(model), substeps, method)
 
 
-class _Structure:
+class Structure:
     """A model seen as the key of a cache: equal when the equations are."""
 
     def __init__(self, model: ServoModel) -> None:
+        """Of any model with those equations."""
         self.model = model
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Structure) and self.model.structure == other.model.structure
+        """Whether the equations are the same, whatever the numbers."""
+        return isinstance(other, Structure) and self.model.structure == other.model.structure
 
     def __hash__(self) -> int:
+        """Of the equations."""
         return hash(self.model.structure)
 
 
@@ -83,38 +86,47 @@ def sample_reading(model: ServoModel) -> Any:
 
 
 @lru_cache(maxsize=256)
-def _build(structure: _Structure, substeps: int, method: Method) -> Any:
+def _build(structure: Structure, substeps: int, method: Method) -> Any:
     template = structure.model
     state = ca.SX.sym("state", len(template.states))
     inputs = ca.SX.sym("inputs", len(INPUTS))
     parameters = ca.SX.sym("parameters", len(template.names))
     model = template.bound(parameters)
-    command, previous, gain, limit, time, dt, width = ca.vertsplit(inputs)
+    _, _, gain, limit, time, _, width = ca.vertsplit(inputs)
 
     one_step = advance if method == "rk4" else _backward_difference
-    has_delay = any(effect.name == "input_delay" for effect in model.effects)
-    # A delay inside the sample splits it at the instant at which the new command arrives.
-    late = ca.fmin(model.delay(), dt)
-    stretches = [(previous, late), (command, dt - late)] if has_delay else [(command, dt)]
     end = state
-    for held, length in stretches:
-        for h in _steps(model, end, held, gain, length, substeps):
-            step = Step(command=held, gain=gain, limit=limit, time=time, length=h, width=width)
-            end, time = one_step(model, end, step), time + h
+    for held, length in stretches(model, inputs):
+        for h, count in division(model, end, held, gain, length, substeps):
+            for _ in range(count):
+                step = Step(command=held, gain=gain, limit=limit, time=time, length=h, width=width)
+                end, time = one_step(model, end, step), time + h
     names = (["state", "inputs", "parameters"], ["next_state"])
     return ca.Function("sample_step", [state, inputs, parameters], [end], *names, {"cse": True})
 
 
-def _steps(
+def stretches(model: ServoModel, inputs: Any) -> list[tuple[Expression, Expression]]:
+    """Commands that are held within a sample, and how long: a delay splits it where the new command arrives."""
+    command, previous, dt = inputs[0], inputs[1], inputs[5]
+    if not any(effect.name == "input_delay" for effect in model.effects):
+        return [(command, dt)]
+    late = ca.fmin(model.delay(), dt)
+    return [(previous, late), (command, dt - late)]
+
+
+def division(
     model: ServoModel, state: Any, command: Expression, gain: Expression, length: Expression, substeps: int
-) -> list[Expression]:
-    """Integration steps over a stretch of constant command: finer while a fast actuator settles behind its change."""
+) -> list[tuple[Expression, int]]:
+    """Lengths of the integration steps over a stretch of constant command, and how many steps have each.
+
+    They are finer while a fast actuator settles behind the command's change.
+    """
     settling = settling_time(model, model.own_states(state), command, gain)
     if settling is None:
-        return [length / substeps] * substeps
+        return [(length / substeps, substeps)]
     early = ca.fmin(settling, length)
     count = max(3, substeps)
-    return [early / count] * count + [(length - early) / substeps] * substeps
+    return [(early / count, count), ((length - early) / substeps, substeps)]
 
 
 def _backward_difference(model: ServoModel, state: Any, step: Step) -> Any:

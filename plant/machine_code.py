@@ -1,4 +1,4 @@
-"""Machine code for the functions that run over whole logs: CasADi's C code, if the machine has a compiler.
+"""Machine code for what runs over whole logs: C code, if the machine has a compiler.
 
 CasADi's virtual machine is about ten times slower. The compiler works beside the program, which goes on with the
 virtual machine until it is done; both give the same numbers to the last bit, since nothing may be contracted or
@@ -7,61 +7,64 @@ reordered. What has been compiled is kept in the user's cache folder and found a
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import os
 import shlex
 import shutil
 import subprocess
 import tempfile
+import threading
 import weakref
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
-import casadi as ca
 from platformdirs import user_cache_path
 
 _FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
 
 class MachineCode:
-    """A CasADi function with its machine code, once there is some.
+    """C code as a library, once it is compiled.
 
-    Nothing of this can fail: without a compiler, a writable cache or patience it is the function itself.
+    Nothing of this can fail: without a compiler, a writable cache or patience there is no library.
     """
 
-    def __init__(self, function: Any) -> None:
-        """Look for the machine code of a function, and start the compiler if there is none yet."""
-        self._function, self._build = function, None
+    def __init__(self, name: str, source: str) -> None:
+        """Look for the library of a source, and start the compiler if there is none yet."""
+        self._lock = threading.Lock()
+        self._library: ctypes.CDLL | None = None
+        self._build: _Build | None = None
         command = compiler()
         if command is None:
             return
-        name = function.name()
-        source = _c_source(function)
-        mark = hashlib.sha256("\n".join((ca.CasadiMeta.version(), *command, *_FLAGS, source)).encode()).hexdigest()
-        self._library = _cache() / f"{name}-{mark[:24]}.so"
+        mark = hashlib.sha256("\n".join((*command, *_FLAGS, source)).encode()).hexdigest()
+        self._path = _cache() / f"{name}-{mark[:24]}.so"
         if not self._adopt():
             self._build = _Build.start(command, name, source)
 
     @property
-    def function(self) -> Any:
-        """The fastest form there is at this moment."""
-        if self._build is not None and self._build.finished:
-            build, self._build = self._build, None
-            if build.deliver(self._library):
-                self._adopt()
-        return self._function
+    def library(self) -> ctypes.CDLL | None:
+        """The machine code, or None at this moment."""
+        with self._lock:
+            build = self._build
+            if build is not None and build.finished:
+                self._build = None
+                if build.deliver(self._path):
+                    self._adopt()
+            return self._library
 
     def wait(self) -> bool:
         """Wait for the compiler; whether there is machine code."""
-        if self._build is not None:
-            self._build.process.wait()
-        return bool(self.function.is_a("External"))
+        build = self._build
+        if build is not None:
+            build.process.wait()
+        return self.library is not None
 
     def _adopt(self) -> bool:
         try:
-            self._function = ca.external(self._function.name(), str(self._library))
-        except RuntimeError:  # not there, or of another machine
+            self._library = ctypes.CDLL(str(self._path))
+        except OSError:  # not there, or of another machine
             return False
         return True
 
@@ -97,7 +100,7 @@ class _Build:
             if self.process.returncode != 0:
                 return False
             library.parent.mkdir(parents=True, exist_ok=True)
-            beside = library.with_suffix(f".{os.getpid()}")
+            beside = library.with_suffix(f".{os.getpid()}-{id(self)}")
             shutil.copyfile(self.folder / "code.so", beside)
             os.replace(beside, library)
         except OSError:
@@ -124,9 +127,3 @@ def compiler() -> tuple[str, ...] | None:
 
 def _cache() -> Path:
     return user_cache_path("antidrive")
-
-
-def _c_source(function: Any) -> str:
-    generator = ca.CodeGenerator(f"{function.name()}.c")
-    generator.add(function)
-    return str(generator.dump())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from machine import Machine, excitation, load_fluctuation, record
 
-from diagnosis.linear import Linear, linearised, recursion
+from diagnosis.linear import AT_ONCE, Linear, follow, linearised
 from identification.fit import fit
 from identification.problem import Problem
 from plant import ServoModel
@@ -25,14 +25,24 @@ def random_linear(samples: int, n: int) -> Linear:
 
 
 @pytest.mark.parametrize("samples", [1, 2, 50, 997])
-def test_blocks_follow_the_recursion(samples: int) -> None:
-    rng = np.random.default_rng(1)
-    A, b = 0.4 * rng.normal(size=(samples, 3, 3)), rng.normal(size=(samples, 3, 2))
-    state, path = np.zeros((3, 2)), []
+def test_columns_side_by_side_follow_the_recursion(samples: int) -> None:
+    rng, linear = np.random.default_rng(1), random_linear(samples, 3)
+    columns = rng.normal(size=(samples, 2))
+    state, seen = np.zeros((3, 2)), []
     for k in range(samples):
-        path.append(state)
-        state = A[k] @ state + b[k]
-    assert recursion(A, b) == pytest.approx(np.array(path), rel=1e-12, abs=1e-12)
+        seen.append(linear.seen[k] @ state)
+        state = linear.closed_loop[k] @ state + np.outer(linear.by_torque[k], columns[k])
+    found = follow(linear.closed_loop, linear.by_torque, linear.seen, columns)
+    assert found == pytest.approx(np.array(seen), rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("columns", [1, AT_ONCE, 2 * AT_ONCE + 3])
+def test_torques_and_readings_of_any_number_keep_their_places(columns: int) -> None:
+    linear, rng = random_linear(60, 2), np.random.default_rng(4)
+    inputs, on_reading = rng.normal(size=(60, columns)), rng.random(columns) > 0.5
+    together = linear.response(inputs, on_reading)
+    alone = [linear.response(inputs[:, [k]], on_reading[[k]])[:, 0] for k in range(columns)]
+    assert together == pytest.approx(np.array(alone).T, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize("on_reading", [False, True])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import casadi as ca
@@ -10,10 +11,13 @@ import pytest
 
 from identification import predictor
 from plant import ServoModel, machine_code
-from plant.effects import StribeckFriction
-from plant.machine_code import MachineCode
+from plant.discrete import Structure
+from plant.effects import Compliance, StribeckFriction
+from plant.effects.effect import Array
+from plant.recursion import CHUNK, Recursion
 
 with_compiler = pytest.mark.skipif(machine_code.compiler() is None, reason="no C compiler here")
+ROWS = 2 * CHUNK + 7
 
 
 @pytest.fixture(autouse=True)
@@ -21,19 +25,49 @@ def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine_code, "_cache", lambda: tmp_path / "cache")
 
 
-def example() -> ca.Function:
-    x = ca.SX.sym("x", 3)
-    return ca.Function("example", [x], [ca.sin(x) * ca.exp(-x[0]) / (1 + x**2), ca.dot(x, x)])
+def example(factor: float = 1.0) -> Recursion:
+    """A matrix that turns by each row, and what is seen of it."""
+    z, row, constant = ca.SX.sym("z", 2, 3), ca.SX.sym("row", 2), ca.SX.sym("constant")
+    turned = ca.vertcat(ca.cos(row[0]) * z[0, :] - z[1, :], ca.sin(row[1]) * z[1, :] + constant * z[0, :])
+    seen = factor * ca.sumsqr(z)
+    return Recursion(ca.Function("example", [z, row, constant], [turned, seen, z[0, :]]), carried=1)
+
+
+def followed(recursion: Recursion) -> list[Array]:
+    rng = np.random.default_rng(0)
+    carried, shown = recursion((rng.normal(size=6),), 0.3 * rng.normal(size=(ROWS, 2)), np.array([0.2]))
+    return [*carried, *shown]
+
+
+def written_out(factor: float = 1.0) -> list[Array]:
+    rng = np.random.default_rng(0)
+    z = rng.normal(size=6).reshape((2, 3), order="F")
+    seen, first = [], []
+    for a, b in 0.3 * rng.normal(size=(ROWS, 2)):
+        seen.append([factor * np.sum(z**2)])
+        first.append(z[0])
+        z = np.stack((np.cos(a) * z[0] - z[1], np.sin(b) * z[1] + 0.2 * z[0]))
+    return [z.ravel(order="F"), np.array(seen), np.array(first)]
+
+
+def is_right(recursion: Recursion, factor: float = 1.0) -> bool:
+    pairs = zip(followed(recursion), written_out(factor), strict=True)
+    return all(np.allclose(found, expected, rtol=1e-12, atol=1e-12) for found, expected in pairs)
 
 
 @with_compiler
-def test_both_forms_agree_to_the_last_bit() -> None:
-    model = ServoModel.paper().with_effect(StribeckFriction(coulomb=0.1, excess=0.1, velocity=0.3))
-    code = predictor._code.__wrapped__(predictor._Key(model, (0, 1, 2, 3), 1, True))
-    time = 0.005 * np.arange(predictor.CHUNK)
+@pytest.mark.parametrize(
+    "effect",
+    [StribeckFriction(coulomb=0.1, excess=0.1, velocity=0.3), Compliance(frequency=80.0, damping=0.1, motor_share=0.3)],
+    ids=["one integration step", "several"],
+)
+def test_both_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = ServoModel.paper().with_effect(effect)
+    substeps = 5 if isinstance(effect, Compliance) else 1
+    time = 0.005 * np.arange(ROWS)
     command, measured = 5.0 * np.sin(8.0 * time), 0.1 * np.sin(7.0 * time)
     constant = np.ones_like(time)
-    rows = (
+    columns = (
         command,
         command,
         0 * time,
@@ -45,31 +79,58 @@ def test_both_forms_agree_to_the_last_bit() -> None:
         0.1 * constant,
         constant,
     )
-    parameters = np.tile(model.values[:, None], predictor.CHUNK)
-    arguments = (np.array([0.1, -0.3]), np.eye(2, 6), np.stack(rows), parameters)
-    by_machine = code.function(*arguments)
-    assert code.wait()
-    compiled = code.function(*arguments)
-    for slow, fast in zip(by_machine, compiled, strict=True):
-        assert np.isfinite(np.array(slow)).all()
-        assert np.array_equal(np.array(slow), np.array(fast))
+    begin = (np.resize([0.1, -0.3], len(model.states)), np.eye(6, len(model.states)))
+    forms = []
+    for compiled in (False, True):
+        with monkeypatch.context() as patch:
+            if not compiled:
+                patch.setattr(machine_code, "compiler", lambda: None)
+            follow = predictor._prediction.__wrapped__(Structure(model), (0, 1, 2, 3), substeps)
+            assert follow.wait() == compiled
+            carried, shown = follow(begin, np.column_stack(columns), model.values)
+            forms.append([*carried, *shown])
+    for slow, fast in zip(*forms, strict=True):
+        assert np.isfinite(slow).all()
+        assert np.array_equal(slow, fast)
+
+
+def test_rows_are_followed_one_after_the_other_while_the_compiler_works_and_behind_it() -> None:
+    recursion = example()
+    assert is_right(recursion)
+    recursion.wait()
+    assert is_right(recursion)
+
+
+def test_a_function_that_carries_nothing_is_mapped() -> None:
+    row = ca.SX.sym("row", 2)
+    mapped = Recursion(ca.Function("mapped", [row], [ca.sumsqr(row)]), carried=0)
+    rows = np.random.default_rng(1).normal(size=(ROWS, 2))
+    for _ in range(2):
+        assert mapped((), rows)[1][0][:, 0] == pytest.approx((rows**2).sum(axis=1), rel=1e-12)
+        mapped.wait()
+
+
+def test_threads_do_not_disturb_each_other() -> None:
+    recursion = example()
+    recursion.wait()
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(is_right, [recursion] * 40))
 
 
 @with_compiler
 def test_what_was_compiled_is_found_again() -> None:
-    first = MachineCode(example())
-    assert not first.function.is_a("External")  # the compiler has just begun
+    first = example()
+    assert first._code.library is None  # the compiler has just begun
     assert first.wait()
-    assert MachineCode(example()).function.is_a("External")
+    assert example()._code.library is not None
 
 
 @with_compiler
 def test_another_function_of_the_same_name_is_not_taken_for_it() -> None:
-    assert MachineCode(example()).wait()
-    x = ca.SX.sym("x", 3)
-    other = MachineCode(ca.Function("example", [x], [2 * x, ca.sum1(x)]))
+    assert example().wait()
+    other = example(factor=2.0)
     assert other.wait()
-    assert np.array(other.function(np.ones(3))[0]).ravel() == pytest.approx([2.0, 2.0, 2.0])
+    assert is_right(other, factor=2.0)
 
 
 @pytest.mark.parametrize("command", [None, ("/bin/false",), ("/nowhere/cc",)])
@@ -77,28 +138,30 @@ def test_without_a_working_compiler_the_function_serves(
     command: tuple[str, ...] | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(machine_code, "compiler", lambda: command)
-    code = MachineCode(example())
-    assert not code.wait()
-    assert float(code.function(np.ones(3))[1]) == 3.0
+    recursion = example()
+    assert not recursion.wait()
+    assert is_right(recursion)
 
 
 @with_compiler
 def test_a_cache_that_cannot_be_written_costs_only_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(machine_code, "_cache", lambda: tmp_path / "file" / "below")
-    code = MachineCode(example())
-    assert not code.wait()
-    assert float(code.function(np.ones(3))[1]) == 3.0
+    recursion = example()
+    assert not recursion.wait()
+    assert is_right(recursion)
 
 
 @with_compiler
 def test_a_spoilt_library_is_built_anew(tmp_path: Path) -> None:
-    assert MachineCode(example()).wait()
-    (library,) = (tmp_path / "cache").glob("example-*.so")
-    library.write_bytes(b"not a library")
-    code = MachineCode(example())
-    assert float(code.function(np.ones(3))[1]) == 3.0
-    assert code.wait()
+    path = example()._code._path
+    path.parent.mkdir()
+    path.write_bytes(b"not a library")
+    recursion = example()
+    assert recursion._code.library is None
+    assert is_right(recursion)
+    assert recursion.wait()
+    assert is_right(recursion)
 
 
 def test_the_environment_names_the_compiler(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,144 @@
+"""A function followed along a log: what it hands on goes round, what it shows is written down row by row.
+
+Predictions, linearisations and the traces of effects with memory are such recursions. They run as machine code where
+there is a compiler, and in CasADi's virtual machine where there is none or while it is at work.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.machine_code import MachineCode
+
+Array: TypeAlias = NDArray[np.float64]
+CHUNK = 250  # rows that one call of the virtual machine covers
+
+_LOOP = """
+#include <stdlib.h>
+#include <string.h>
+static const long long carried_size[] = {%(carried)s 0}, shown_size[] = {%(shown)s 0};
+CASADI_SYMBOL_EXPORT int follow(long long rows, double** carried, const double* row, const double** constants,
+                                double** shown) {
+  long long n_arg, n_res, n_iw, n_w, i, k, total = 0;
+  if (%(name)s_work(&n_arg, &n_res, &n_iw, &n_w)) return 1;
+  for (i = 0; i < %(handed)d; ++i) total += carried_size[i];
+  const double** arg = malloc((n_arg + 1) * sizeof(double*));
+  double** res = malloc((n_res + 1) * sizeof(double*));
+  long long* iw = malloc((n_iw + 1) * sizeof(long long));
+  double* w = malloc((n_w + total + 1) * sizeof(double));
+  int failed = !arg || !res || !iw || !w;
+  for (k = 0; k < rows && !failed; ++k) {
+    double* next = w + n_w;
+    for (i = 0; i < %(handed)d; next += carried_size[i++]) { arg[i] = carried[i]; res[i] = next; }
+    arg[%(handed)d] = row + k * %(width)d;
+    for (i = 0; i < %(fixed)d; ++i) arg[%(handed)d + 1 + i] = constants[i];
+    for (i = 0; i < %(written)d; ++i) res[%(handed)d + i] = shown[i] + k * shown_size[i];
+    failed = %(name)s(arg, res, iw, w, 0);
+    for (i = 0; i < %(handed)d; ++i) memcpy(carried[i], res[i], carried_size[i] * sizeof(double));
+  }
+  free(arg); free(res); free(iw); free(w);
+  return failed;
+}
+"""
+
+
+class Recursion:
+    """A CasADi function (carried ..., row, constants ...) -> (carried ..., shown ...), dense in all of them."""
+
+    def __init__(self, function: Any, carried: int) -> None:
+        """Prepare a function whose first `carried` outputs, of which there may be none, are its next first inputs."""
+        self._function, self._handed = function, carried
+        self._entering = [function.size_in(place) for place in range(function.n_in())]
+        self._leaving = [function.size_out(place) for place in range(function.n_out())]
+        self._code = MachineCode(function.name(), self._source())
+        self._chunk: Any = None
+
+    def __call__(self, begin: Sequence[Array], rows: Array, *constants: Array) -> tuple[list[Array], list[Array]]:
+        """Follow the function along `rows`; other threads run meanwhile.
+
+        Args:
+            begin: what is carried into the first row; of a matrix one column after another.
+            rows: (T, width).
+            constants: the function's further inputs.
+
+        Returns:
+            What is carried out of the last row, and (T, size) of each output that is shown.
+        """
+        rows = np.ascontiguousarray(rows, dtype=float)
+        carried = [np.array(value, dtype=float).ravel() for value in begin]
+        fixed = [np.ascontiguousarray(value, dtype=float).ravel() for value in constants]
+        shown = [np.empty((len(rows), a * b)) for a, b in self._leaving[self._handed :]]
+        first = 0
+        while first < len(rows):
+            library = self._code.library
+            last = len(rows) if library is not None else min(first + CHUNK, len(rows))
+            part, written = rows[first:last], [values[first:last] for values in shown]
+            if library is not None:
+                _in_machine_code(library, carried, part, fixed, written)
+            else:
+                carried = self._in_virtual_machine(carried, part, fixed, written)
+            first = last
+        return carried, shown
+
+    def wait(self) -> bool:
+        """Wait for the compiler; whether there is machine code."""
+        return self._code.wait()
+
+    def _in_virtual_machine(
+        self, carried: list[Array], rows: Array, fixed: list[Array], shown: list[Array]
+    ) -> list[Array]:
+        if self._chunk is None:
+            places = list(range(self._handed))
+            self._chunk = (
+                self._function.mapaccum("chunk", CHUNK, places, places) if places else self._function.map(CHUNK)
+            )
+        padded = np.zeros((CHUNK, rows.shape[1]))
+        padded[: len(rows)] = rows
+        before = [np.reshape(v, s, order="F") for v, s in zip(carried, self._entering, strict=False)]
+        after = [np.reshape(v, s, order="F") for v, s in zip(fixed, self._entering[self._handed + 1 :], strict=True)]
+        found = self._chunk.call([ca.DM(value) for value in (*before, padded.T, *after)])
+        flat = [np.array(v).T.reshape(CHUNK, a * b) for v, (a, b) in zip(found, self._leaving, strict=True)]
+        for values, written in zip(flat[self._handed :], shown, strict=True):
+            written[:] = values[: len(rows)]
+        return [values[len(rows) - 1].copy() for values in flat[: self._handed]]
+
+    def _source(self) -> str:
+        """C code of the function and of the loop around it."""
+        name = self._function.name()
+        generator = ca.CodeGenerator(f"{name}.c")
+        generator.add(self._function)
+        sizes = [a * b for a, b in self._leaving]
+        return str(generator.dump()) + _LOOP % {
+            "name": name,
+            "handed": self._handed,
+            "width": self._entering[self._handed][0],
+            "fixed": len(self._entering) - self._handed - 1,
+            "written": len(sizes) - self._handed,
+            "carried": "".join(f"{size}, " for size in sizes[: self._handed]),
+            "shown": "".join(f"{size}, " for size in sizes[self._handed :]),
+        }
+
+
+def _in_machine_code(
+    library: ctypes.CDLL, carried: list[Array], rows: Array, fixed: list[Array], shown: list[Array]
+) -> None:
+    """Follow in compiled code; what is carried is changed in place."""
+    failed = library.follow(
+        ctypes.c_longlong(len(rows)),
+        _pointers(carried),
+        ctypes.c_void_p(rows.ctypes.data),
+        _pointers(fixed),
+        _pointers(shown),
+    )
+    if failed:
+        raise MemoryError("There is no memory left to follow a log.")
+
+
+def _pointers(arrays: Sequence[Array]) -> Any:
+    return (ctypes.c_void_p * (len(arrays) + 1))(*(values.ctypes.data for values in arrays))

@@ -1,0 +1,74 @@
+"""One sample ahead with the derivatives of its end, for fits and for the search.
+
+The integration steps of a sample are calls of one function, whose code stands once however many there are: so it stays
+in the processor's cache, and is compiled in a fraction of the time. Small Jacobians carry the derivatives along.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import casadi as ca
+
+from plant.discrete import INPUTS, division, stretches
+from plant.integrator import Step, advance
+from plant.servo import ServoModel
+
+
+def step_with_slopes(model: ServoModel, free: Sequence[int], columns: int, *, substeps: int) -> Any:
+    """The step (state, slopes, inputs, parameters) -> (next state, next slopes), as a `casadi.Function`.
+
+    Args:
+        model: its structure is used, not its numbers.
+        free: (F,) places of parameters.
+        columns: C derivatives are carried along; the first F are those by the free parameters, which act within the
+            sample too, the others come from before it.
+        substeps: integration steps in one sample.
+
+    Returns:
+        Function of (n,) state, (n, C) its derivatives, (7,) inputs (see `plant.discrete.INPUTS`), (P,) parameters.
+    """
+    kind: Any = ca.SX
+    state, slopes = kind.sym("state", len(model.states)), kind.sym("slopes", len(model.states), columns)
+    inputs, parameters = kind.sym("inputs", len(INPUTS)), kind.sym("parameters", len(model.names))
+    bound, moving = model.bound(parameters), parameters[list(free)]
+
+    def along(end: Any) -> Any:
+        """(m, C) derivatives of an expression (m,) of state and parameters."""
+        return ca.mtimes(ca.jacobian(end, state), slopes) + _beside(ca.jacobian(end, moving), columns)
+
+    gain, limit, width = inputs[2], inputs[3], inputs[6]
+    parts: list[tuple[Any, tuple[int, ...]]] = []
+    for command, stretch in stretches(bound, inputs):
+        lengths, counts = zip(*division(bound, state, command, gain, stretch, substeps), strict=True)
+        given = [command, ca.vertcat(*lengths), along(ca.vertcat(*lengths))]
+        parts.append((ca.Function("stretch", [state, slopes, inputs, parameters], given, {"cse": True}), counts))
+    clocked = any(part.nnz_out(2) for part, _ in parts)  # whether the steps' instants move with the parameters
+
+    held, clock = kind.sym("held"), kind.sym("clock", 2)
+    clock_slopes = kind.sym("clock_slopes", ca.Sparsity.dense(2, columns) if clocked else ca.Sparsity(2, columns))
+    step = Step(command=held, gain=gain, limit=limit, time=clock[0], length=clock[1], width=width)
+    end = advance(bound, state, step)
+    after = along(end) + ca.mtimes(ca.jacobian(end, clock), clock_slopes)
+    given = [state, slopes, inputs, parameters, held, clock, clock_slopes]
+    one = ca.Function("integration_step", given, [end, ca.densify(after)], {"cse": True})
+
+    if sum(sum(counts) for _, counts in parts) > 1:
+        kind = ca.MX  # keeps the calls
+    state, slopes = kind.sym("state", *state.shape), kind.sym("slopes", *slopes.shape)
+    inputs, parameters = kind.sym("inputs", *inputs.shape), kind.sym("parameters", *parameters.shape)
+    end, after, time, time_slopes = state, slopes, inputs[4], kind(1, columns)
+    for part, counts in parts:
+        command, lengths, length_slopes = part(end, after, inputs, parameters)
+        for row, count in enumerate(counts):
+            for _ in range(count):
+                now = ca.vertcat(time, lengths[row]), ca.vertcat(time_slopes, length_slopes[row, :])
+                end, after = one(end, after, inputs, parameters, command, *now)
+                time, time_slopes = time + lengths[row], time_slopes + length_slopes[row, :]
+    return ca.Function("step_with_slopes", [state, slopes, inputs, parameters], [end, after])
+
+
+def _beside(first: Any, columns: int) -> Any:
+    """A matrix with columns of zeros beside it, `columns` together."""
+    return ca.horzcat(first, ca.SX(first.shape[0], columns - first.shape[1]))
