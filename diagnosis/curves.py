@@ -29,7 +29,7 @@ def unnamed_dependence(fit: Fit) -> tuple[tuple[str, float, Curve], ...]:
         traces = [(variable, trace) for variable, kind in asked.items() for trace in kind.traces(screen.motion)]
         tried = [_with_jump(trace, screen) if variable == "velocity" else trace for variable, trace in traces]
         answers = screen.regress(tried, discounted=True)
-        for (variable, trace), (evidence, coefficients) in zip(traces, answers, strict=True):
+        for (variable, trace), (_, evidence, coefficients) in zip(traces, answers, strict=True):
             value = evidence - loss - search_charge(searched=1, catalogue=len(asked))
             curve = trace.start(coefficients[: trace.columns.shape[1]])
             if value > max(_CLEARS, found[variable][0] if variable in found else 0.0) and isinstance(curve, Curve):

@@ -89,7 +89,7 @@ def _side_by_side(n: int) -> Recursion:
     z, row = ca.SX.sym("z", n, AT_ONCE), ca.SX.sym("row", n * n + 2 * n + AT_ONCE)
     flat, path, seen, columns = ca.vertsplit(row, [0, n * n, n * n + n, n * n + 2 * n, row.numel()])
     following = ca.mtimes(ca.reshape(flat, n, n).T, z) + ca.mtimes(path, columns.T)
-    return Recursion(ca.Function("follow", [z, row], [following, ca.mtimes(seen.T, z)]), carried=1)
+    return Recursion(ca.Function("side_by_side", [z, row], [following, ca.mtimes(seen.T, z)]), carried=1)
 
 
 def response(runs: tuple[Linear, ...], columns: Array, on_reading: NDArray[np.bool_]) -> Array:

@@ -10,21 +10,26 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import lsq_linear
 
-from diagnosis.linear import Linear, linearised, response, score
+from diagnosis.linear import AT_ONCE, Linear, linearised, response, score
+from diagnosis.nuisance import Nuisance
 from diagnosis.odds import smooth_evidence
 from identification.fit_result import Fit
+from identification.least_squares import bounded_least_squares
 from identification.log import Run
 from identification.noise import coloured_information
-from identification.predictor import Prediction, observer_gain, stack
+from identification.predictor import Prediction, observer_gain
 from identification.problem import Problem
+from identification.side_by_side import side_by_side
+from plant.discrete import Structure
 from plant.effects import Effect, Motion, Trace
 from plant.effects.effect import Array
+from plant.recursion import Recursion
 from plant.servo import ServoModel
 
 _NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own, where there are many peaks
@@ -62,7 +67,7 @@ class Screen:
     fit: Fit
     motion: Motion
     innovations: Array
-    nuisance: Array
+    nuisance: Nuisance
     filters: tuple[Linear, ...]
 
     @classmethod
@@ -70,20 +75,17 @@ class Screen:
         """Linearise at the fit's parameters and an observer bandwidth [rad/s]."""
         values = fit.model.values
         predictions = problem.predictor.predict(values, fit.initial, bandwidth=bandwidth, width=0.0)
-        innovations, nuisance = stack(predictions)
+        innovations, nuisance = np.concatenate([p.innovations for p in predictions]), Nuisance.of(predictions)
         linear = tuple(
             linearised(fit.model, run, p, bandwidth, substeps=problem.predictor.substeps)
             for run, p in zip(problem.log.runs, predictions, strict=True)
         )
-        basis, triangle = np.linalg.qr(nuisance)
-        kept = np.abs(np.diag(triangle)) > 1e-10 * np.abs(np.diag(triangle)).max()
-        basis = basis[:, kept]
-        scores = score(linear, innovations - basis @ (basis.T @ innovations))
+        scores = score(linear, nuisance.beyond(innovations))
         return cls(
             fit=fit,
             motion=_motion(fit, problem, predictions, bandwidth, scores),
             innovations=innovations,
-            nuisance=basis,
+            nuisance=nuisance,
             filters=linear,
         )
 
@@ -103,64 +105,69 @@ class Screen:
 
     def ask(self, effects: Mapping[str, type[Effect]]) -> list[Suspect]:
         """What each effect would explain, with its best trace; the most promising first."""
-        asked = [(name, trace) for name, kind in effects.items() for trace in kind.traces(self.motion)]
-        shapes: dict[str, list[tuple[float, Trace, Effect]]] = {}
-        for (name, trace), (evidence, coefficients) in zip(asked, self.regress(t for _, t in asked), strict=True):
-            shapes.setdefault(name, []).append((evidence, trace, trace.start(coefficients)))
-        suspects = []
-        for name, tried in shapes.items():
-            tried.sort(key=lambda shape: -shape[0])
-            evidence, trace, _ = tried[0]
-            near = [start for e, _, start in tried if e > _NEAR * evidence] if effects[name].rugged else []
-            suspects.append(
-                Suspect(
-                    name=name,
-                    evidence=evidence,
-                    columns=0 if trace.prior is not None else trace.columns.shape[1],
-                    # A grid along which there is one peak has only helped to find it.
-                    searched=trace.searched if effects[name].rugged else 1,
-                    starts=tuple(near[:_STARTS]) or (tried[0][2],),
-                )
-            )
-        return sorted(suspects, key=lambda suspect: -suspect.score)
+        suspects = side_by_side(self._suspect, effects.values())
+        return sorted((suspect for suspect in suspects if suspect is not None), key=lambda suspect: -suspect.score)
 
-    def regress(self, traces: Iterable[Trace], *, discounted: bool = False) -> Iterator[tuple[float, Array]]:
-        """Evidence and coefficients of each trace; evidence discounted for the colour of the innovations on request."""
-        asked = list(traces)
-        if not asked:
-            return
-        on_reading = np.concatenate([np.full(t.columns.shape[1], t.acts_on == "reading") for t in asked])
-        responses = response(self.filters, np.hstack([trace.columns for trace in asked]), on_reading)
-        e = self.innovations - self.nuisance @ (self.nuisance.T @ self.innovations)
-        responses = responses - self.nuisance @ (self.nuisance.T @ responses)
-        n, first = self.fit.samples, 0
-        total = float(e @ e)
-        for trace in asked:
-            regressors = -responses[:, first : first + trace.columns.shape[1]]
-            first += trace.columns.shape[1]
-            size = np.sqrt(np.maximum((regressors**2).sum(axis=0), 1e-300))
-            if trace.prior is not None:
-                evidence, coefficients = smooth_evidence(regressors, e, trace.prior)
-            else:
-                coefficients = _coefficients(regressors / size, e, trace.positive) / size
-                left = float(((e - regressors @ coefficients) ** 2).sum())
-                evidence = 0.5 * n * float(np.log(total / max(left, 1e-300 + 1e-12 * total)))
-            yield (evidence / self._widening(regressors / size) if discounted else evidence), coefficients
+    def _suspect(self, kind: type[Effect]) -> Suspect | None:
+        """An effect with its best trace, None where it has none."""
+        tried: list[tuple[float, Effect]] = []
+        columns, searched = 0, 1
+        for trace, evidence, coefficients in self.regress(kind.traces(self.motion)):
+            if not tried or evidence > max(e for e, _ in tried):
+                # A grid along which there is one peak has only helped to find it.
+                columns, searched = trace.columns.shape[1], trace.searched if kind.rugged else 1
+                columns = 0 if trace.prior is not None else columns
+            tried.append((evidence, trace.start(coefficients)))
+        if not tried:
+            return None
+        tried.sort(key=lambda shape: -shape[0])
+        best = tried[0][0]
+        near = [start for evidence, start in tried if evidence > _NEAR * best] if kind.rugged else []
+        starts = tuple(near[:_STARTS]) or (tried[0][1],)
+        return Suspect(name=kind.name, evidence=best, columns=columns, searched=searched, starts=starts)
+
+    def regress(self, traces: Iterable[Trace], *, discounted: bool = False) -> Iterator[tuple[Trace, float, Array]]:
+        """Evidence and coefficients of each trace; evidence discounted for the colour of the innovations on request.
+
+        A few traces are drawn and followed at a time, for their columns are as long as the log.
+        """
+        e = self.nuisance.beyond(self.innovations)
+        for some in _handfuls(traces):
+            on_reading = np.concatenate([np.full(t.columns.shape[1], t.acts_on == "reading") for t in some])
+            columns = np.hstack([trace.columns for trace in some])
+            responses, first = self.nuisance.beyond(response(self.filters, columns, on_reading)), 0
+            for trace in some:
+                regressors = -responses[:, first : first + trace.columns.shape[1]]
+                first += trace.columns.shape[1]
+                evidence, coefficients = self._regression(regressors, e, trace)
+                yield trace, evidence / (self._widening(regressors) if discounted else 1.0), coefficients
+
+    def _regression(self, regressors: Array, e: Array, trace: Trace) -> tuple[float, Array]:
+        if trace.prior is not None:
+            return smooth_evidence(regressors, e, trace.prior)
+        coefficients = bounded_least_squares(regressors, e, trace.positive)
+        total, left = float(e @ e), float(((e - regressors @ coefficients) ** 2).sum())
+        evidence = 0.5 * self.fit.samples * float(np.log(total / max(left, 1e-300 + 1e-12 * total)))
+        return evidence, coefficients
 
     def _widening(self, regressors: Array) -> float:
         """Factor by which the innovations' colour widens the variance of regression coefficients, at least 1."""
-        white = float(np.mean(self.innovations**2)) * float((regressors**2).sum())
-        coloured = float(np.trace(coloured_information(regressors, self.innovations)))
+        scaled = regressors / np.sqrt(np.maximum((regressors**2).sum(axis=0), 1e-300))
+        white = float(np.mean(self.innovations**2)) * float((scaled**2).sum())
+        coloured = float(np.trace(coloured_information(scaled, self.innovations)))
         return max(coloured / max(white, 1e-300), 1.0)
 
 
-def _coefficients(regressors: Array, e: Array, positive: tuple[bool, ...]) -> Array:
-    """(m,) least-squares coefficients, some of which cannot be negative."""
-    if not any(positive):
-        return np.asarray(np.linalg.lstsq(regressors, e, rcond=1e-8)[0])
-    orthogonal, triangle = np.linalg.qr(regressors)
-    least = np.where(positive, 0.0, -np.inf)
-    return np.asarray(lsq_linear(triangle, orthogonal.T @ e, bounds=(least, np.inf)).x)
+def _handfuls(traces: Iterable[Trace]) -> Iterator[list[Trace]]:
+    """The traces a few at a time, with as many columns together as are followed at once, or one that has more."""
+    some: list[Trace] = []
+    for trace in traces:
+        if some and sum(t.columns.shape[1] for t in (*some, trace)) > AT_ONCE:
+            yield some
+            some = []
+        some.append(trace)
+    if some:
+        yield some
 
 
 def _motion(
@@ -198,10 +205,16 @@ def _motion(
 
 def _arriving(model: ServoModel, torque: Array, velocity: Array) -> Array:
     """(T,) what of a torque (T,) arrives at the load when every lag has settled [N m]."""
-    settled: Any = ca.DM(torque)
-    for effect in model.effects:
-        settled = effect.command(settled, settled, ca.DM(velocity))
-    return np.array(settled).ravel()
+    return _settled(Structure(model))((), np.column_stack((torque, velocity)), model.values)[1][0][:, 0]
+
+
+@lru_cache(maxsize=128)
+def _settled(structure: Structure) -> Recursion:
+    row, parameters = ca.SX.sym("row", 2), ca.SX.sym("parameters", len(structure.model.names))
+    torque: Any = row[0]
+    for effect in structure.model.bound(parameters).effects:
+        torque = effect.command(torque, torque, row[1])
+    return Recursion(ca.Function("settled", [row, parameters], [torque]), carried=0)
 
 
 def _acceleration(run: Run, prediction: Prediction, bandwidth: float) -> Array:

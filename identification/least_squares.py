@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import chain, combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,3 +160,24 @@ def uncertainty(residuals: Array, jacobian: Array, variance: float) -> Uncertain
         white=variance * inverse / size,
         undetermined=(np.abs(vectors[:, lost]) > 1e-3).any(axis=1) | (diagonal <= 0.0),
     )
+
+
+def bounded_least_squares(regressors: Array, values: Array, positive: tuple[bool, ...] = ()) -> Array:
+    """(m,) least-squares coefficients of regressors (T, m), those marked `positive` (m,) not below zero.
+
+    Those that are zero at the optimum are found by trying, for there are few (Lawson and Hanson 1974, ch. 23).
+    """
+    size = np.sqrt(np.maximum((regressors**2).sum(axis=0), 1e-300))
+    orthogonal, triangle = np.linalg.qr(regressors / size)
+    target, marked = orthogonal.T @ values, np.flatnonzero(positive)
+    best, least = np.zeros(size.size), np.inf
+    for zeros in chain.from_iterable(combinations(marked, count) for count in range(marked.size + 1)):
+        kept = [place for place in range(size.size) if place not in zeros]
+        found = np.zeros(size.size)
+        found[kept] = np.linalg.lstsq(triangle[:, kept], target, rcond=1e-8)[0]
+        left = float(((target - triangle @ found) ** 2).sum())
+        if np.all(found[marked] >= 0.0) and left < least:
+            best, least = found, left
+        if not zeros and np.isfinite(least):
+            break
+    return np.asarray(best / size)

@@ -23,7 +23,7 @@ _LOOP = """
 #include <stdlib.h>
 #include <string.h>
 static const long long carried_size[] = {%(carried)s 0}, shown_size[] = {%(shown)s 0};
-CASADI_SYMBOL_EXPORT int follow(long long rows, double** carried, const double* row, const double** constants,
+CASADI_SYMBOL_EXPORT int follow_rows(long long rows, double** carried, const double* row, const double** constants,
                                 double** shown) {
   long long n_arg, n_res, n_iw, n_w, i, k, total = 0;
   if (%(name)s_work(&n_arg, &n_res, &n_iw, &n_w)) return 1;
@@ -129,7 +129,7 @@ def _in_machine_code(
     library: ctypes.CDLL, carried: list[Array], rows: Array, fixed: list[Array], shown: list[Array]
 ) -> None:
     """Follow in compiled code; what is carried is changed in place."""
-    failed = library.follow(
+    failed = library.follow_rows(
         ctypes.c_longlong(len(rows)),
         _pointers(carried),
         ctypes.c_void_p(rows.ctypes.data),

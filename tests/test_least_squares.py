@@ -11,7 +11,7 @@ from scipy.linalg import toeplitz
 from scipy.optimize import lsq_linear
 from scipy.stats import norm
 
-from identification.least_squares import NormalEquations, minimise, uncertainty
+from identification.least_squares import NormalEquations, bounded_least_squares, minimise, uncertainty
 from identification.noise import autoregression, colour, coloured_information, log_likelihood, whiten
 
 Array = NDArray[np.float64]
@@ -165,3 +165,22 @@ def test_a_step_into_overflow_is_taken_back() -> None:
     found = minimise(evaluate, np.array([0.0]), np.array([-np.inf]), np.array([np.inf]), samples=2)
     assert 1.0 < found.point[0] < 2.0
     assert np.isfinite(found.equations.cost)
+
+
+@given(marks=st.lists(st.booleans(), min_size=1, max_size=4), seed=st.integers(0, 10**6))
+@settings(max_examples=100, deadline=None)
+def test_coefficients_that_cannot_be_negative_are_those_of_another_solver(marks: list[bool], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    regressors = rng.normal(size=(30, len(marks))) * 10.0 ** rng.integers(-6, 6, len(marks))
+    values = rng.normal(size=30)
+    found = bounded_least_squares(regressors, values, tuple(marks))
+    lower = np.where(marks, 0.0, -np.inf)
+    size = np.linalg.norm(regressors, axis=0)
+    theirs = lsq_linear(regressors / size, values, (lower, np.inf), method="bvls", tol=1e-14, max_iter=1000).x
+    assert np.all(found >= lower)
+    assert found * size == pytest.approx(theirs, rel=1e-8, abs=1e-8)
+
+
+def test_regressors_that_say_the_same_share_their_coefficient() -> None:
+    column = np.random.default_rng(5).normal(size=50)
+    assert bounded_least_squares(np.column_stack((column, column)), 3.0 * column) == pytest.approx([1.5, 1.5])

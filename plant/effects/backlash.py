@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from plant.effects.effect import Array, Effect, Expression, Motion, Stage, State, Trace, parameter, within
+from plant.recursion import Recursion
 
 _FREQUENCY = 400.0  # of two masses on the spring of a flank [rad/s]: stiff against what a log shows
 _DAMPING = 0.5
@@ -79,28 +81,33 @@ class Backlash(Effect):
 
 
 def _crossing(motion: Motion, torque: Array, rows: NDArray[np.intp], share: Array, gap: Array) -> Array:
-    """(T, G) torque on the whole inertia that a gap adds, from the load's own acceleration: nothing is fed back.
+    """(T, G) torque on the whole inertia that a gap adds, from the load's own acceleration: nothing is fed back."""
+    side = np.full(gap.size, 1.0 if torque[rows[0]] >= 0.0 else -1.0)
+    still = np.zeros(gap.size)
+    moved = np.column_stack((torque[rows], motion.acceleration[rows]))
+    follow, machine = _loose_motor(gap.size), np.array([motion.inertia, motion.sample_time])
+    return follow((side, side * gap / 2.0, still, still), moved, share, gap, machine)[1][0]
+
+
+@lru_cache(maxsize=8)
+def _loose_motor(count: int) -> Recursion:
+    """The motor in each of several gaps: (side in touch, lead before the load, its speed, whether loose).
 
     In touch the motor moves with the load and the flank carries torque - J_m a; when that changes sign the motor lets
     go. On landing both masses share their momentum.
     """
-    J, dt = motion.inertia, motion.sample_time
-    added = np.zeros((len(rows), gap.size))
-    side = np.where(torque[rows[0]] >= 0.0, 1.0, -1.0) * np.ones(gap.size)
-    lead, speed, loose = side * gap / 2.0, np.zeros(gap.size), np.zeros(gap.size, dtype=bool)
-    for k, row in enumerate(rows):
-        drive, acceleration = torque[row], motion.acceleration[row]
-        carried = drive - share * J * acceleration
-        loose |= carried * side < 0.0
-        if not loose.any():
-            continue
-        pull = drive / (share * J) - acceleration
-        lead = np.where(loose, lead + speed * dt + 0.5 * pull * dt**2, lead)
-        speed = np.where(loose, speed + pull * dt, 0.0)
-        free = (J * acceleration - drive) * share / (1.0 - share) - drive
-        lands = loose & (np.abs(lead) >= gap / 2.0) & (lead * speed >= 0.0)
-        added[k] = np.where(loose, free, 0.0) + np.where(lands, J * share * speed / dt, 0.0)
-        side = np.where(lands, np.sign(lead), side)
-        lead, speed = np.where(lands, side * gap / 2.0, lead), np.where(lands, 0.0, speed)
-        loose = loose & ~lands
-    return added
+    side, lead, speed, loose, share, gap = (ca.SX.sym(name, count) for name in ("s", "x", "v", "l", "share", "gap"))
+    moved, machine = ca.SX.sym("moved", 2), ca.SX.sym("machine", 2)
+    (drive, acceleration), (J, dt) = ca.vertsplit(moved), ca.vertsplit(machine)
+    flies = ca.logic_or(loose > 0, (drive - share * J * acceleration) * side < 0)
+    pull = drive / (share * J) - acceleration
+    ahead = ca.if_else(flies, lead + speed * dt + 0.5 * pull * dt**2, lead)
+    fast = ca.if_else(flies, speed + pull * dt, 0)
+    free = (J * acceleration - drive) * share / (1 - share) - drive
+    lands = ca.logic_and(flies, ca.logic_and(ca.fabs(ahead) >= gap / 2, ahead * fast >= 0))
+    added = ca.if_else(flies, free, 0) + ca.if_else(lands, J * share * fast / dt, 0)
+    touched = ca.if_else(lands, ca.sign(ahead), side)
+    after = [touched, ca.if_else(lands, touched * gap / 2, ahead), ca.if_else(lands, 0, fast)]
+    after.append(ca.logic_and(flies, ca.logic_not(lands)))
+    inputs = [side, lead, speed, loose, moved, share, gap, machine]
+    return Recursion(ca.Function("loose_motor", inputs, [*after, added]), carried=4)

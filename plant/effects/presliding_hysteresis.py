@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from plant.effects.coulomb_friction import CoulombFriction
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Stage, State, Trace, parameter, within
+from plant.recursion import Recursion
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,11 +74,15 @@ class PreslidingHysteresis(Effect):
 
 def _loops(angle: Array, travels: Array) -> Array:
     """(T, S) Dahl's force over its level along an angle (T,), for each travel to slide (S,)."""
-    force, path = np.zeros(travels.size), np.empty((angle.size, travels.size))
-    fading = np.exp(-np.abs(np.diff(angle, append=angle[-1]))[:, None] / travels)
-    way = np.sign(np.diff(angle, append=angle[-1]))
-    for k in range(angle.size):
-        after = way[k] + (force - way[k]) * fading[k]
-        path[k] = 0.5 * (force + after)
-        force = after
-    return path
+    travelled = np.diff(angle, append=angle[-1])[:, None]
+    return _contacts(travels.size)((np.zeros(travels.size),), travelled, travels)[1][0]
+
+
+@lru_cache(maxsize=8)
+def _contacts(count: int) -> Recursion:
+    """Several contacts side by side, and the mean of their force over a sample."""
+    force, travels, travelled = ca.SX.sym("force", count), ca.SX.sym("travels", count), ca.SX.sym("travelled")
+    way = ca.sign(travelled)
+    after = way + (force - way) * ca.exp(-ca.fabs(travelled) / travels)
+    outputs = [after, 0.5 * (force + after)]
+    return Recursion(ca.Function("contacts", [force, travelled, travels], outputs), carried=1)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from plant.effects.effect import Array, Effect, Expression, Motion, Trace
+from plant.recursion import Recursion
 
 _SAMPLES = np.array([2.0, 5.0, 12.0, 30.0, 75.0, 150.0])  # in which a rate that is tried crosses the whole range
 
@@ -59,13 +60,17 @@ class Ramp(Effect):
             )
 
 
-def _followed(wanted: Array, reach: Array) -> NDArray[np.float64]:
+def _followed(wanted: Array, reach: Array) -> Array:
     """(T, R) mean over each sample of what follows `wanted` (T,) by at most `reach` (R,) a sample."""
-    state, means = np.full(reach.size, wanted[0]), np.empty((wanted.size, reach.size))
-    for k, level in enumerate(wanted):
-        gap = level - state
-        step = np.clip(gap, -reach, reach)
-        share = np.minimum(np.abs(gap) / reach, 1.0)  # of the sample that is spent on the ramp
-        means[k] = state + step * (1.0 - share / 2.0)
-        state = state + step
-    return means
+    return _ramps(reach.size)((np.full(reach.size, wanted[0]),), wanted[:, None], reach)[1][0]
+
+
+@lru_cache(maxsize=8)
+def _ramps(count: int) -> Recursion:
+    """Several ramps side by side, and their means over a sample."""
+    state, reach, wanted = ca.SX.sym("state", count), ca.SX.sym("reach", count), ca.SX.sym("wanted")
+    gap = wanted - state
+    step = ca.fmax(ca.fmin(gap, reach), -reach)
+    share = ca.fmin(ca.fabs(gap) / reach, 1)  # of the sample that is spent on the ramp
+    outputs = [state + step, state + step * (1 - share / 2)]
+    return Recursion(ca.Function("ramps", [state, wanted, reach], outputs), carried=1)

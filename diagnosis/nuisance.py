@@ -1,0 +1,58 @@
+"""What the parameters at hand and the initial states can absorb of innovations, and what is beyond them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.predictor import Prediction
+from plant.effects.effect import Array
+
+_NOTHING = 1e-10  # of the largest direction, below which a direction is rounding
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Nuisance:
+    """Orthonormal directions of the innovations (T,) that a fit can follow.
+
+    Attributes:
+        own: for each run the directions (T_r, 0 to 2) of its initial state.
+        shared: (T, 0 to F) those of the parameters, beyond the initial states.
+    """
+
+    own: tuple[Array, ...]
+    shared: Array
+
+    @classmethod
+    def of(cls, predictions: Sequence[Prediction]) -> Nuisance:
+        """From the Jacobians of all runs."""
+        free = predictions[0].jacobian.shape[1] - 2
+        own = tuple(_basis(p.jacobian[:, free:]) for p in predictions)
+        shared = np.vstack([p.jacobian[:, :free] for p in predictions])
+        return cls(own=own, shared=_basis(_beyond(own, shared)))
+
+    def beyond(self, values: Array) -> Array:
+        """What no parameter and no initial state can follow of values (T,) or (T, M)."""
+        left = _beyond(self.own, values)
+        left -= self.shared @ (self.shared.T @ left)
+        return left
+
+
+def _beyond(own: Sequence[Array], values: Array) -> Array:
+    left, first = values.copy(), 0
+    for basis in own:
+        rows = slice(first, first + len(basis))
+        left[rows] -= basis @ (basis.T @ left[rows])
+        first = rows.stop
+    return left
+
+
+def _basis(columns: Array) -> Array:
+    """Orthonormal basis of what columns (T, n) span."""
+    if columns.shape[1] == 0:
+        return columns
+    basis, triangle = np.linalg.qr(columns)
+    size = np.abs(np.diag(triangle))
+    return np.ascontiguousarray(basis[:, size > _NOTHING * size.max()])

@@ -1,0 +1,85 @@
+"""The screen: what it projects out, and how much of the traces it holds at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis.nuisance import Nuisance
+from diagnosis.screen import Screen
+from identification.fit import fit
+from identification.predictor import Prediction, stack
+from identification.problem import Problem
+from identification.side_by_side import side_by_side
+from plant import ServoModel
+from plant.effects import CoulombFriction, Trace, catalogue
+
+
+def prediction(rng: np.random.Generator, samples: int, free: int) -> Prediction:
+    return Prediction(
+        innovations=rng.normal(size=samples),
+        jacobian=rng.normal(size=(samples, free + 2)),
+        states=np.zeros((2, samples)),
+        output=np.zeros(samples),
+    )
+
+
+@pytest.mark.parametrize("free", [0, 3])
+def test_each_run_has_an_initial_state_of_its_own_beside_the_shared_parameters(free: int) -> None:
+    rng = np.random.default_rng(0)
+    runs = [prediction(rng, samples, free) for samples in (40, 55, 30)]
+    values = rng.normal(size=(125, 4))
+    _, jacobian = stack(runs)
+    expected = values - jacobian @ np.linalg.lstsq(jacobian, values, rcond=None)[0]
+    nuisance = Nuisance.of(runs)
+    assert nuisance.beyond(values) == pytest.approx(expected, abs=1e-12)
+    assert nuisance.beyond(values[:, 0]) == pytest.approx(expected[:, 0], abs=1e-12)
+
+
+def test_a_parameter_without_a_trace_takes_nothing_away() -> None:
+    rng = np.random.default_rng(1)
+    run = prediction(rng, 50, 2)
+    silent = replace(run, jacobian=run.jacobian * np.array([1.0, 0.0, 1.0, 1.0]))
+    assert Nuisance.of([silent]).shared.shape == (50, 1)
+
+
+@pytest.fixture(scope="module")
+def screen() -> Screen:
+    log = record(Machine().hiding(coulomb_friction={"torque": 0.05}), excitation(1, duration=10.0)).log()
+    found = fit(log, ServoModel.paper())
+    return Screen.of(found, Problem.of(log, found.model), bandwidth=found.bandwidth)
+
+
+def test_traces_are_drawn_a_few_at_a_time(screen: Screen) -> None:
+    (trace,) = CoulombFriction.traces(screen.motion)
+    drawn = 0
+
+    def many() -> Iterator[Trace]:
+        nonlocal drawn
+        for _ in range(1000):
+            drawn += 1
+            yield trace
+
+    answers = [next(iter(screen.regress(many())))]
+    assert drawn < 50
+    (alone,) = screen.regress([trace])
+    assert answers[0][1] == pytest.approx(alone[1], rel=1e-12)
+
+
+def test_an_effect_is_told_the_same_alone_and_among_all(screen: Screen) -> None:
+    together = {suspect.name: suspect for suspect in screen.ask(catalogue)}
+    for name in ("coulomb_friction", "payload_change", "cogging", "backlash"):
+        (alone,) = screen.ask({name: catalogue[name]})
+        assert alone.evidence == pytest.approx(together[name].evidence, rel=1e-9, abs=1e-9)
+        assert alone.searched == together[name].searched
+    assert max(together.values(), key=lambda suspect: suspect.evidence).name.endswith("friction")
+
+
+def test_work_side_by_side_keeps_its_order_and_its_errors() -> None:
+    assert side_by_side(lambda item: item**2, range(20)) == [item**2 for item in range(20)]
+    with pytest.raises(ZeroDivisionError):
+        side_by_side(lambda item: 1 / item, [1, 0])
