@@ -7,15 +7,19 @@ J, alpha and K are linear in it, and the relative torque error in which inverse 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 from scipy import optimize, signal
 
 from identification.log import Log, Run
+from identification.side_by_side import side_by_side
+from plant.discrete import Structure
 from plant.effects import DeadZone, Moment, State
 from plant.effects.effect import Array
+from plant.recursion import Recursion
 from plant.servo import ServoModel
 from plant.simulation import actuator_torque
 
@@ -40,39 +44,46 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
 
     The torque is the command or, when a model is given, what arrives behind its actuator effects.
     """
-    good = run.valid
     time = np.linspace(run.time[0], run.time[-1], len(run))
     dt = float(time[1] - time[0])
-    output = np.interp(time, run.time[good], run.output[good])
-    low_pass = signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
-
-    def smooth(values: Array) -> Array:
-        return np.asarray(signal.sosfiltfilt(low_pass, values), dtype=float)
-
-    angle = smooth(output if model is None else _true_angle(model, output))
+    output = np.interp(time, run.time[run.valid], run.output[run.valid])
+    angle = _smooth(output if model is None else _true_angle(model, output), cutoff, dt)
     velocity = np.gradient(angle, dt)
-    drive = np.clip(run.command - run.servo_gain * run.output, -run.command_limit, run.command_limit)
-    if model is not None:
-        drive = actuator_torque(
-            model,
-            run.command,
-            np.append(np.diff(run.time), dt),
-            velocity=velocity,
-            angle=run.output,
-            servo_gain=run.servo_gain,
-            command_limit=run.command_limit,
-        )
-    # A command is held for the sample that follows; at a sampling instant half of the old and half of the new one act.
-    impulse = np.concatenate(([0.0], np.cumsum(drive[:-1] * np.diff(run.time))))
-    edges = np.clip(np.stack((time - dt / 2, time + dt / 2)), run.time[0], run.time[-1])
-    torque = np.diff(np.interp(edges, run.time, impulse), axis=0)[0] / np.diff(edges, axis=0)[0]
     return FilteredMotion(
         time=time,
         angle=angle,
         velocity=velocity,
         acceleration=np.gradient(velocity, dt),
-        torque=smooth(torque),
+        torque=_smooth(_mean_torque(run, model, velocity), cutoff, dt),
     )
+
+
+def _smooth(values: Array, cutoff: float, dt: float) -> Array:
+    low_pass = signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
+    return np.asarray(signal.sosfiltfilt(low_pass, values), dtype=float)
+
+
+def _mean_torque(run: Run, model: ServoModel | None, velocity: Array) -> Array:
+    """(T,) mean torque over the sample about each of T even instants.
+
+    A command is held for the sample that follows; at a sampling instant half of the old and half of the new one act.
+    """
+    time = np.linspace(run.time[0], run.time[-1], len(run))
+    dt, steps = float(time[1] - time[0]), np.diff(run.time)
+    drive = np.clip(run.command - run.servo_gain * run.output, -run.command_limit, run.command_limit)
+    if model is not None:
+        drive = actuator_torque(
+            model,
+            run.command,
+            np.append(steps, dt),
+            velocity=velocity,
+            angle=run.output,
+            servo_gain=run.servo_gain,
+            command_limit=run.command_limit,
+        )
+    impulse = np.concatenate(([0.0], np.cumsum(drive[:-1] * steps)))
+    edges = np.clip(np.stack((time - dt / 2, time + dt / 2)), run.time[0], run.time[-1])
+    return np.asarray(np.diff(np.interp(edges, run.time, impulse), axis=0)[0] / np.diff(edges, axis=0)[0])
 
 
 def starting_values(log: Log, model: ServoModel, cutoff: float) -> Array | None:
@@ -81,7 +92,8 @@ def starting_values(log: Log, model: ServoModel, cutoff: float) -> Array | None:
     A dead zone is not linear and a fit that starts from none can stay there; so the regression is done for several half
     widths and the best is kept (variable projection). None if there is nothing to stand on (no motion).
     """
-    found = [_regression(log, variant, cutoff) for variant in _with_dead_zones(log, model)]
+    motions = [filtered_motion(run, cutoff, model) for run in log.runs]
+    found = side_by_side(lambda variant: _regression(log, variant, motions, cutoff), _with_dead_zones(log, model))
     usable = [pair for pair in found if pair is not None]
     return min(usable, key=lambda pair: pair[0])[1] if usable else None
 
@@ -93,21 +105,24 @@ def _with_dead_zones(log: Log, model: ServoModel) -> list[ServoModel]:
     return [model.with_effect(DeadZone(half_width=share * largest)) for share in (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)]
 
 
-def _regression(log: Log, model: ServoModel, cutoff: float) -> tuple[float, Array] | None:
-    """Sum of squares that the regression leaves, and the values (P,)."""
+def _regression(
+    log: Log, model: ServoModel, motions: list[FilteredMotion], cutoff: float
+) -> tuple[float, Array] | None:
+    """Sum of squares that the regression leaves, and the values (P,); the motion is the same for every dead zone."""
     rows = []
-    for run in log.runs:
-        m = filtered_motion(run, cutoff, model)
+    for run, m in zip(log.runs, motions, strict=True):
+        torque = _smooth(_mean_torque(run, model, m.velocity), cutoff, float(m.time[1] - m.time[0]))
         gravity = np.cos(m.angle) if model.axis == "rotary" else np.zeros_like(m.angle)
         edge = min(m.time.size // 10, 100)
-        rows.append(np.column_stack((m.acceleration, gravity, m.velocity, m.torque))[edge : m.time.size - edge])
+        rows.append(np.column_stack((m.acceleration, gravity, m.velocity, torque))[edge : m.time.size - edge])
     table = np.vstack(rows)
-    regressors, torque = table[:, :3], table[:, 3]
-    scale = np.sqrt(np.mean(regressors**2, axis=0))
+    scale = np.sqrt(np.mean(table[:, :3] ** 2, axis=0))
     if scale[0] <= 0.0 or scale[2] <= 0.0:
         return None
     scale[1] = scale[1] or 1.0
-    solution = optimize.lsq_linear(regressors / scale, torque, bounds=([1e-9, -np.inf, 0.0], np.inf))
+    # The triangle says all that the table does of the squares that are left.
+    triangle = np.asarray(np.linalg.qr(table / np.append(scale, 1.0), mode="r"))
+    solution = optimize.lsq_linear(triangle[:, :3], triangle[:, 3], bounds=([1e-9, -np.inf, 0.0], np.inf))
     values = model.values
     values[:3] = np.maximum(solution.x / scale, [spec.lower for spec in model.parameters[:3]])
     return float(solution.cost), values
@@ -133,12 +148,23 @@ def torque_error(log: Log, model: ServoModel, *, cutoff: float) -> float:
 
 def needed_torque(model: ServoModel, motion: FilteredMotion) -> Array:
     """(T,) torque behind the actuator that the motion needs [N m]: eq. (4) solved for it, the drivetrain rigid."""
-    x, v, t, torque, travel = (ca.SX.sym(name) for name in ("x", "v", "t", "torque", "travel"))
-    dt = float(motion.time[1] - motion.time[0])
-    state = ca.SX.sym("state", len(model.states))
+    travels = np.diff(motion.angle, prepend=motion.angle[0])
+    rows = np.column_stack((motion.angle, motion.velocity, motion.time, motion.torque, travels))
+    step = np.array([motion.time[1] - motion.time[0]])
+    _, (torque, inertia) = _passive(Structure(model))((np.zeros(len(model.states)),), rows, model.values, step)
+    return inertia[:, 0] * motion.acceleration + torque[:, 0]
+
+
+@lru_cache(maxsize=128)
+def _passive(structure: Structure) -> Recursion:
+    """(state), rows of motion, parameters, time step -> torque that the motion needs without acceleration, inertia."""
+    template = structure.model
+    state, parameters = ca.SX.sym("state", len(template.states)), ca.SX.sym("parameters", len(template.names))
+    row, dt, model = ca.SX.sym("row", 5), ca.SX.sym("dt"), template.bound(parameters)
+    x, v, t, torque, travel = ca.vertsplit(row)
     own = model.own_states(state)
     at = Moment(angle=x, velocity=v, torque=torque, time=t, travel=travel, step=dt)
-    still = Moment(angle=x, velocity=v, torque=0.0, time=t, travel=travel, step=dt)
+    still = replace(at, torque=0.0)
     free = -model.load_inertia(still) * model.smooth_acceleration(still, own)
     levels = model.dry_friction(at)
     if levels is not None:
@@ -149,18 +175,22 @@ def needed_torque(model: ServoModel, motion: FilteredMotion) -> Array:
         for effect in model.effects
         for i, kind in enumerate(effect.states)
     ]
-    passive = ca.Function("passive", [state, x, v, t, torque, travel], [ca.vertcat(x, v, *slid), free, inertia])
-    travels = np.diff(motion.angle, prepend=motion.angle[0])
-    rows = (motion.angle, motion.velocity, motion.time, motion.torque, travels)
-    begin = np.zeros(len(model.states))
-    _, torques, inertias = passive.mapaccum(motion.time.size)(begin, *(row[None, :] for row in rows))
-    return np.array(inertias).ravel() * motion.acceleration + np.array(torques).ravel()
+    outputs = [ca.densify(value) for value in (ca.vertcat(x, v, *slid), ca.SX(free), ca.SX(inertia))]
+    return Recursion(ca.Function("passive", [state, row, parameters, dt], outputs, {"cse": True}), carried=1)
 
 
 def _true_angle(model: ServoModel, reading: Array) -> Array:
     """(T,) angle that a sensor of small error shows as a reading (T,), the sensor's lag aside."""
-    shown = reading
-    for effect in model.effects:
-        if not effect.states:
-            shown = np.array(effect.reading(ca.DM(shown), 0.0)).ravel()
+    shown = _shown(Structure(model))((), reading[:, None], model.values)[1][0][:, 0]
     return np.asarray(reading - (shown - reading))
+
+
+@lru_cache(maxsize=128)
+def _shown(structure: Structure) -> Recursion:
+    """Rows of an angle, parameters -> what sensors without memory show of it."""
+    angle, parameters = ca.SX.sym("angle"), ca.SX.sym("parameters", len(structure.model.names))
+    shown = angle
+    for effect in structure.model.bound(parameters).effects:
+        if not effect.states:
+            shown = effect.reading(shown, 0.0)
+    return Recursion(ca.Function("shown", [angle, parameters], [shown]), carried=0)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
 from plant.actuator import actuated, played
-from plant.discrete import Method, integration_steps, sample_step
+from plant.discrete import Method, Structure, integration_steps, sample_step
 from plant.effects import State
 from plant.effects.effect import Array
 from plant.effects.goal_rate_limit import goals
 from plant.integrator import Step
+from plant.recursion import Recursion
 from plant.servo import ServoModel
 
 
@@ -97,20 +101,29 @@ def actuator_torque(
     """
     now, before, switch = held_commands(command, dt, float(model.delay()))
     entering = before * np.minimum(switch / dt, 1.0) + now * (1.0 - np.minimum(switch / dt, 1.0))
-    state = ca.SX.sym("state", len(model.states))
-    names = ("command", "gain", "angle", "velocity", "h")
-    symbols = torque, gain, x, v, h = [ca.SX.sym(name) for name in names]
-    own = model.own_states(state)
-    step = Step(command=torque, gain=gain, limit=command_limit, time=0.0, length=h, width=0.0)
-    course, behind = actuated(model, own, step.drive(model, own, x), h, v)
-    following = {**own, **played(model, own, torque, gain, h)[1], **behind}
-    kept = [value for effect in model.effects for value in following[effect.name]]
-    one = ca.Function("actuator", [state, *symbols], [ca.vertcat(state[:2], *kept), course.mean])
     goal = float(goals(command, servo_gain)[0])
     first = float(np.clip(entering[0] - servo_gain[0] * angle[0], -command_limit, command_limit))
     begin = beginning(model, torque=first, command=float(entering[0]), goal=goal)
-    rows = (entering, servo_gain, angle, velocity, dt)
-    return np.array(one.mapaccum(command.size)(begin, *(row[None, :] for row in rows))[1]).ravel()
+    rows = np.column_stack((entering, servo_gain, angle, velocity, dt))
+    _, (torque,) = _actuator(Structure(model))((begin,), rows, model.values, np.array([command_limit]))
+    return torque[:, 0]
+
+
+@lru_cache(maxsize=128)
+def _actuator(structure: Structure) -> Recursion:
+    """(state), rows of command, gain, angle, velocity and time step, parameters, limit -> mean torque."""
+    template = structure.model
+    state, parameters = ca.SX.sym("state", len(template.states)), ca.SX.sym("parameters", len(template.names))
+    row, limit = ca.SX.sym("row", 5), ca.SX.sym("limit")
+    torque, gain, x, v, h = ca.vertsplit(row)
+    model = template.bound(parameters)
+    own = model.own_states(state)
+    step = Step(command=torque, gain=gain, limit=limit, time=0.0, length=h, width=0.0)
+    course, behind = actuated(model, own, step.drive(model, own, x), h, v)
+    following = {**own, **played(model, own, torque, gain, h)[1], **behind}
+    kept = [value for effect in model.effects for value in following[effect.name]]
+    outputs: list[Any] = [ca.densify(ca.vertcat(state[:2], *kept)), ca.densify(course.mean)]
+    return Recursion(ca.Function("actuator", [state, row, parameters, limit], outputs, {"cse": True}), carried=1)
 
 
 def beginning(
