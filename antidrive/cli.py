@@ -1,4 +1,4 @@
-"""The command line: `antidrive demo | identify | diagnose | predict | simulate | allocate`.
+"""The command line: `antidrive demo | identify | diagnose | predict | simulate | effects | allocate`.
 
 Heavy packages are imported inside the commands, so that `--help` answers at once.
 """
@@ -136,6 +136,23 @@ def simulate(
 
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
     commands.simulate(scenario, model=model, out=out, seed=seed, voice=voice)
+
+
+@app.command()
+def effects(
+    context: typer.Context,
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Only this effect, in words.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for gallery.html; antidrive-out, or none with a NAME.")
+    ] = None,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """List what a model may lack, and draw it: gallery.html."""
+    from antidrive import commands
+
+    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
+    commands.effects(name, out=out if name is not None else out or OUT, voice=voice)
 
 
 @app.command(context_settings={"ignore_unknown_options": True})

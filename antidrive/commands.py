@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from diagnosis.experiment import Experiment
     from diagnosis.result import Diagnosis
 
-__all__ = ["Voice", "allocate", "demo", "diagnose", "identify", "predict", "simulate"]
+__all__ = ["Voice", "allocate", "demo", "diagnose", "effects", "identify", "predict", "simulate"]
 
 _EXPERIMENT = "separating_experiment.csv"
 
@@ -181,6 +181,23 @@ def allocate(torques: list[float], *, min_torque: float, max_torque: float, voic
     widths = [max(len(row[place]) for row in (columns, units, *rows)) for place in range(len(columns))]
     lines = ["  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in (columns, units, *rows)]
     voice.result("\n".join(lines), {"unit": "N m", "splits": content})
+
+
+def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:
+    """Tell the catalogue, or one effect of it, and write gallery.html if there is a folder for it."""
+    from antidrive import gallery
+    from plant.effects import catalogue
+
+    if name is not None and name not in catalogue:
+        raise BadParameter(f"{name!r} is no effect; the catalogue has {', '.join(catalogue)}.")
+    told = [gallery.table() if name is None else gallery.sheet(catalogue[name])]
+    if out is not None:
+        with whole_folder(out) as draft, voice.progress("drawing every effect"):
+            page = gallery.gallery_page(Provenance.now(voice.words))
+            (draft / "gallery.html").write_text(page, encoding="utf-8")
+        told.append(_written(out, "gallery.html"))
+    shown = catalogue.values() if name is None else (catalogue[name],)
+    voice.result("\n".join(told), {"effects": [gallery.facts(kind) for kind in shown]})
 
 
 def demo(*, out: Path, seed: int, voice: Voice) -> None:

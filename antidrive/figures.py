@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -16,6 +16,9 @@ from diagnosis.evidence_picture import Gathered, Shown
 from diagnosis.missing_torque import Curve, MissingTorque
 from diagnosis.odds import CLEAR
 from diagnosis.result import Replay
+
+if TYPE_CHECKING:
+    from antidrive.signature import Signature
 
 Array = NDArray[np.float64]
 
@@ -142,6 +145,41 @@ def gain_figure(before: float, after: float | None, floor: float, unit: str) -> 
     figure.update_xaxes(title_text=f"rms error on held-out runs [{unit}]", rangemode="tozero")
     figure.update_yaxes(autorange="reversed", ticksuffix="  ")
     return _finish(figure, 130 + 40 * len(rows), legend=False)
+
+
+def signature_figure(found: Signature, variable: str, lacking: str) -> go.Figure:
+    """What a model lacks without an effect over the variable that tells; a line over time and where it makes loops.
+
+    Args:
+        found: the effect's signature.
+        variable, lacking: titles of the axes.
+    """
+    over, values = found.variables[found.variable], found.lacking
+    line = {"mode": "lines", "line": {"color": AFTER, "width": 1.4}}
+    points = {"mode": "markers", "marker": {"color": AFTER, "size": 3.5, "opacity": 0.55}}
+    style = line if found.loops or found.variable == "time" else points
+    figure = go.Figure(go.Scatter(x=_short(over), y=_short(values), hoverinfo="skip", **style))
+    figure.update_xaxes(title_text=variable)
+    figure.update_yaxes(title_text=lacking)
+    return _finish(figure, 340, legend=False)
+
+
+def change_figure(found: Signature) -> go.Figure:
+    """What the sensor shows without and with an effect, and the difference below."""
+    time = _short(found.variables["time"])
+    figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.07, row_heights=[0.55, 0.45])
+    figure.add_trace(_line(time, _short(found.without), "without it", MEASURED, width=3.5), 1, 1)
+    figure.add_trace(_line(time, _short(found.seen), "with it", AFTER), 1, 1)
+    figure.add_trace(_line(time, _short(found.change), "difference", BEFORE), 2, 1)
+    figure.update_yaxes(title_text="reading [rad]", row=1, col=1)
+    figure.update_yaxes(title_text="difference [rad]", row=2, col=1)
+    figure.update_xaxes(title_text="time [s]", row=2, col=1)
+    return _finish(figure, 340)
+
+
+def _short(values: Array) -> Any:
+    """The values in single precision, which a drawing needs no more than."""
+    return values.astype(np.float32)
 
 
 def fit_figure(time: Array, measured: Array, simulated: Array, unit: str) -> go.Figure:

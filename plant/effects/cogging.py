@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import as_wave, lines_over_angle, waves
+from plant.effects.order_lines import as_wave, eight_periods, lines_over_angle, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,3 +43,10 @@ class Cogging(Effect):
                 ),
                 searched=searched,
             )
+
+    @classmethod
+    def typical(cls, motion: Motion) -> Effect | None:
+        """Eight periods over the travel."""
+        order = eight_periods(motion.angle)
+        amplitude, phase = as_wave(motion.visible(waves(motion.angle, order)))
+        return cls(amplitude=amplitude, order=order, phase=phase)

@@ -235,3 +235,12 @@ class Effect:
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """Traces of the effect over a motion, one for each shape worth trying."""
         raise NotImplementedError(f"{cls.__name__} does not say how its trace looks.")
+
+    @classmethod
+    def typical(cls, motion: Motion) -> Effect | None:
+        """The effect at a size that shows along a motion: the middle one of its shapes; None where it has no trace."""
+        traces = list(cls.traces(motion))
+        if not traces:
+            return None
+        middle = traces[len(traces) // 2]
+        return middle.start(motion.visible(middle.columns, middle.acts_on))

@@ -44,3 +44,9 @@ class EncoderEccentricity(Effect):
                 searched=among,
                 acts_on="reading",
             )
+
+    @classmethod
+    def typical(cls, motion: Motion) -> Effect | None:
+        """A disc off its centre: one period a turn."""
+        amplitude, phase = as_wave(motion.visible(waves(motion.angle, 1.0), "reading"))
+        return cls(amplitude=amplitude, order=1.0, phase=phase)

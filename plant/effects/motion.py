@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,16 @@ class Motion:
     def sign(self) -> Array:
         """(T,) direction of motion, soft where the velocity is below its resolution."""
         return np.tanh(self.velocity / self.velocity_resolution)
+
+    def visible(self, columns: Array, acts_on: Literal["torque", "reading"] = "torque") -> Array:
+        """(m,) coefficients with which the columns (T, m) of a trace show: each half as much as the one before.
+
+        The first by a tenth of the rms torque, or as an error of the reading by a fiftieth of the angle's spread.
+        """
+        level = 0.1 * np.sqrt(np.mean(self.torque**2)) if acts_on == "torque" else 0.02 * np.std(self.angle)
+        rms = np.sqrt(np.mean(columns**2, axis=0))
+        share = 0.5 ** np.arange(columns.shape[1])
+        return np.asarray(level * np.divide(share, rms, out=np.zeros_like(rms), where=rms > 0.0))
 
     def by_run(self, follow: Callable[[NDArray[np.intp]], Array]) -> Array:
         """(T, ...) what `follow` gives for the samples of each run, one run after the other."""

@@ -32,6 +32,12 @@ def as_wave(coefficients: Array) -> tuple[float, float]:
     return float(np.hypot(*coefficients)), float(np.arctan2(coefficients[1], coefficients[0]))
 
 
+def eight_periods(place: Array) -> float:
+    """Rate [rad per unit] of eight periods over the range of a variable (T,); 1 where it has none."""
+    reach = float(np.ptp(place))
+    return 16.0 * np.pi / reach if reach > 0.0 else 1.0
+
+
 def strongest_lines(place: Array, score: Array, highest: float, count: int = 6) -> tuple[list[float], int]:
     """Peaks of the periodogram of a score (T,) over a variable (T,), and the number of frequencies looked at.
 

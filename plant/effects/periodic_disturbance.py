@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import as_wave, strongest_lines, waves
+from plant.effects.order_lines import as_wave, eight_periods, strongest_lines, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,3 +49,10 @@ class PeriodicDisturbance(Effect):
                 ),
                 searched=searched,
             )
+
+    @classmethod
+    def typical(cls, motion: Motion) -> Effect | None:
+        """Eight periods over the log."""
+        rate = eight_periods(motion.time)
+        amplitude, phase = as_wave(motion.visible(waves(motion.time, rate)))
+        return cls(amplitude=amplitude, frequency=rate / (2.0 * np.pi), phase=phase)

@@ -1,0 +1,64 @@
+"""What can be read from an effect's equations: how they look in print, and where they have a kink."""
+
+from __future__ import annotations
+
+import casadi as ca
+from latex2mathml.converter import convert
+from markupsafe import Markup
+
+from plant.effects import Effect, Moment
+
+_KINKS = {
+    ca.OP_FABS: "absolute value",
+    ca.OP_FMIN: "minimum",
+    ca.OP_FMAX: "maximum",
+    ca.OP_SIGN: "sign",
+    ca.OP_IF_ELSE_ZERO: "case",
+    ca.OP_FLOOR: "step",
+}
+_STEP = 0.01  # an integration step [s]; as a number, so that no guard against a step of zero counts as a kink
+
+
+def typeset(equation: str) -> Markup:
+    """LaTeX as MathML, which a browser prints by itself."""
+    try:
+        printed = convert(equation, display="block")
+    except Exception:  # somebody's own equation may be beyond the converter: then its source has to do
+        return Markup("<code>{}</code>").format(equation)
+    return Markup(printed.replace(' xmlns="http://www.w3.org/1998/Math/MathML"', ""))
+
+
+def kinks(effect: Effect) -> tuple[str, ...]:
+    """Kinks in the equations of an effect, its dry friction aside."""
+    x, v, w, torque, state, time = (ca.SX.sym(name) for name in ("x", "v", "w", "torque", "state", "time"))
+    symbols = [ca.SX.sym(spec.name) for spec in effect.parameters()]
+    law = effect.bound(symbols)
+    at = Moment(angle=x, velocity=v, torque=torque, time=time, travel=w, step=_STEP)
+    parts = [
+        law.advance(state, torque, _STEP),
+        law.command(torque, state, v),
+        law.coupling(x, v, 1.0),
+        law.load_torque(at, state),
+        law.added_inertia(at),
+        law.slide(state, w),
+        law.reading(x, state),
+        law.sense(state, x, w, _STEP),
+    ]
+    built = ca.Function("law", [x, v, w, torque, state, time, *symbols], [ca.vertcat(*parts)])
+    used = {built.instruction_id(place) for place in range(built.n_instructions())}
+    return tuple(name for operation, name in _KINKS.items() if operation in used)
+
+
+def forms(effect: Effect) -> str:
+    """The exact and the smooth form in words."""
+    found = kinks(effect)
+    if effect.dry_friction(Moment()) is not None:
+        more = f" What else has a kink ({', '.join(found)}) is exact in the fit too." if found else ""
+        return (
+            "Exact form, in which all is simulated and scored: at rest it holds up to its level, and a reversal is "
+            "found inside the step. Smooth form, from which a fit begins: it rises evenly with the velocity up to a "
+            f"width, which goes to zero in steps.{more}"
+        )
+    if found:
+        return f"Used as it stands in simulation and fit: its kinks ({', '.join(found)}) need no smooth form."
+    return "Smooth as it stands: simulation and fit use the same form."

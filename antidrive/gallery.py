@@ -1,0 +1,163 @@
+"""The gallery: each effect with its equation, parameters, picture and neighbours, all from the effect itself."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup, escape
+
+from antidrive import figures
+from antidrive.equations import forms, typeset
+from antidrive.likeness import mistaken, swallowed
+from antidrive.page import figure_json, page
+from antidrive.provenance import Provenance
+from antidrive.signature import Signature, signature
+from diagnosis.wording import listed, percent, sentence_case
+from plant.effects import Effect, Parameter, Stage, catalogue
+
+_FLOWS = {"torque": "N m", "angle": "rad", "velocity": "rad/s", "time": "s"}
+
+
+def gallery_page(provenance: Provenance, effects: Mapping[str, type[Effect]] = catalogue) -> str:
+    """The page of effects by name: the catalogue, or also somebody's own."""
+    shown = [_entry(kind, effects) for kind in effects.values()]
+    stages = [(stage.value, [entry for entry in shown if entry["stage"] == stage.value]) for stage in Stage]
+    title = f"{len(shown)} effects that a servo's model may lack"
+    return page("gallery", provenance, title, stages=[(stage, entries) for stage, entries in stages if entries])
+
+
+def facts(kind: type[Effect]) -> dict[str, Any]:
+    """What an effect says of itself, in plain types."""
+    return {
+        "name": kind.name,
+        "title": kind.title,
+        "stage": kind.stage.value,
+        "about": " ".join(paragraphs(kind)),
+        "equation": kind.equation,
+        "trace": kind.trace,
+        "parameters": [
+            {
+                "name": spec.name,
+                "meaning": spec.meaning,
+                "unit": spec.unit_on(_axis(kind)),
+                "lower": None if np.isinf(spec.lower) else spec.lower,
+                "upper": None if np.isinf(spec.upper) else spec.upper,
+            }
+            for spec in kind.parameters()
+        ],
+        "axes": list(kind.axes),
+        "confused_with": list(kind.confused_with),
+        "contains": list(kind.contains),
+    }
+
+
+def table(effects: Mapping[str, type[Effect]] = catalogue) -> str:
+    """Name, stage and mark of each effect, one a line."""
+    rows = [(kind.name, kind.stage.value, kind.trace) for kind in effects.values()]
+    wide = [max(len(row[place]) for row in rows) for place in (0, 1)]
+    return "\n".join(f"{name:<{wide[0]}}  {stage:<{wide[1]}}  {trace}" for name, stage, trace in rows)
+
+
+def sheet(kind: type[Effect]) -> str:
+    """One effect in plain text."""
+    lines = [f"{sentence_case(kind.title)} ({kind.stage.value})", *paragraphs(kind), f"  equation: {kind.equation}"]
+    for spec in kind.parameters():
+        lines.append(f"  {spec.name} [{units(kind, spec)}], {bounds(spec)}: {spec.meaning}")
+    lines.append(f"  shows as: {kind.trace}")
+    for label, names in (("confused with", kind.confused_with), ("contains", kind.contains)):
+        if names:
+            lines.append(f"  {label}: {', '.join(names)}")
+    return "\n".join(lines)
+
+
+def paragraphs(kind: type[Effect]) -> list[str]:
+    """What an effect is, from its class's docstring."""
+    return [" ".join(part.split()) for part in (inspect.getdoc(kind) or "").split("\n\n") if part.strip()]
+
+
+def bounds(spec: Parameter) -> str:
+    """The values that a parameter may have, in words."""
+    low, high = np.isfinite(spec.lower), np.isfinite(spec.upper)
+    if low and high:
+        return f"{spec.lower:g} to {spec.upper:g}"
+    if low:
+        return f"from {spec.lower:g}"
+    return f"to {spec.upper:g}" if high else "any"
+
+
+def _with_code(text: str) -> Markup:
+    """The text with what stands between backticks as code."""
+    return Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text))))
+
+
+def units(kind: type[Effect], spec: Parameter) -> str:
+    """The unit of a parameter, on either axis if they differ."""
+    return listed(list(dict.fromkeys(spec.unit_on(axis) for axis in kind.axes)), "or")
+
+
+def _axis(kind: type[Effect]) -> Any:
+    return "rotary" if "rotary" in kind.axes else "linear"
+
+
+def _entry(kind: type[Effect], effects: Mapping[str, type[Effect]]) -> dict[str, Any]:
+    """What the template shows of an effect."""
+    found = signature(kind)
+    return {
+        "name": kind.name,
+        "title": sentence_case(kind.title),
+        "stage": kind.stage.value,
+        "equation": typeset(kind.equation),
+        "about": [_with_code(part) for part in paragraphs(kind)],
+        "trace": kind.trace,
+        "parameters": [
+            (spec.name.replace("_", " "), spec.meaning, units(kind, spec), bounds(spec)) for spec in kind.parameters()
+        ],
+        "forms": "" if found is None else forms(found.effect),
+        "contains": [(name, effects[name].title) for name in kind.contains if name in effects],
+        "neighbours": [_neighbour(kind, effects[name]) for name in kind.confused_with if name in effects],
+        "size": "" if found is None else _size(found),
+        "swallowed": "" if found is None else percent(swallowed(found.effect, found.bench)),
+        "pictures": () if found is None else _pictures(found),
+    }
+
+
+def _neighbour(kind: type[Effect], other: type[Effect]) -> dict[str, str]:
+    share = mistaken(kind, other)
+    return {
+        "name": other.name,
+        "title": sentence_case(other.title),
+        "trace": other.trace,
+        "share": "" if share is None else percent(share),
+    }
+
+
+def _size(found: Signature) -> str:
+    """The size at which an effect is drawn, and on what."""
+    specs, axis = found.effect.parameters(), found.bench.model.axis
+    values = [
+        f"{spec.name.replace('_', ' ')} {value:.3g} {spec.unit_on(axis)}".removesuffix(" -")
+        for spec, value in zip(specs, found.effect.values, strict=True)
+    ]
+    return f"{listed(values)}, on a {'position servo' if found.bench.servo_gain else 'servo that is given a torque'}"
+
+
+def _pictures(found: Signature) -> Sequence[tuple[Any, str]]:
+    sensor = found.effect.stage is Stage.SENSOR
+    lacking = "error of the reading [rad]" if sensor else "missing torque [N m]"
+    variable = found.variable
+    what = "The error of the reading" if sensor else "The torque that the model lacks without it"
+    rms = float(np.sqrt(np.mean(found.change**2)))
+    return (
+        (
+            figure_json(figures.signature_figure(found, f"{variable} [{_FLOWS[variable]}]", lacking)),
+            f"{what}, over {variable}.",
+        ),
+        (
+            figure_json(figures.change_figure(found)),
+            f"The reading without it and with it, and the difference: {rms:.2g} rad rms.",
+        ),
+    )

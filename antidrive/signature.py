@@ -1,0 +1,96 @@
+"""The signature of an effect: what it changes under a standard excitation, in a simulation without any noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from antidrive.bench import SAMPLE_TIME, Bench, bench
+from plant.discrete import sample_reading, sample_step
+from plant.effects import Effect, Stage, State
+from plant.effects.effect import Array
+
+_TELLING = 0.6  # share of the signature that one variable must carry, to be drawn over it and not over time
+_BINS = 40
+_EVEN = 1e-2  # share of the power that varies, up to which a torque is constant and depends on nothing
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Signature:
+    """An effect seen at a size that shows.
+
+    Attributes:
+        effect: with its parameters.
+        bench: on which it is seen.
+        without, seen: (T,) what the sensor shows without and with the effect [rad].
+        lacking: (T,) torque that the model without it lacks along the motion with it [N m]; of a sensor's effect the
+            error of the reading [rad].
+        variables: (T,) velocity, angle and torque along the motion with it, and time.
+    """
+
+    effect: Effect
+    bench: Bench
+    without: Array
+    seen: Array
+    lacking: Array
+    variables: Mapping[str, Array]
+
+    @property
+    def change(self) -> Array:
+        """(T,) by how much the reading changes [rad]."""
+        return self.seen - self.without
+
+    @property
+    def loops(self) -> bool:
+        """Whether it follows the travel of the load, one way and another way back."""
+        return State.RELAXED in self.effect.states
+
+    @cached_property
+    def variable(self) -> str:
+        """The variable that carries it, to draw it over; "time" if none does, and the angle for what makes loops."""
+        if self.loops:
+            return "angle"
+        shares = {name: _carried(self.lacking, values) for name, values in self.variables.items()}
+        best = max(shares, key=lambda name: shares[name])
+        return best if shares[best] >= _TELLING else "time"
+
+
+def signature(kind: type[Effect]) -> Signature | None:
+    """The signature of an effect, given a torque or, if it shows only there, a goal; None if in neither."""
+    for on in (bench(False, kind), bench(True, kind)):
+        effect = kind.typical(on.motion)
+        if effect is not None:
+            return _simulated(effect, on)
+    return None
+
+
+def _simulated(effect: Effect, on: Bench) -> Signature:
+    model = on.model.with_effect(effect)
+    states = on.states(model)
+    angle, velocity, samples = states[:-1, 0], states[:-1, 1], on.command.size
+    seen = np.array(sample_reading(model).map(samples)(states[:-1].T, model.values)).ravel()
+    values, inputs = on.step_inputs(on.model)
+    following = np.array(sample_step(on.model).map(samples)(states[:-1, :2].T, inputs, values))
+    lacking = on.model.inertia * (states[1:, 1] - following[1]) / SAMPLE_TIME
+    torque = on.command - on.servo_gain * angle
+    return Signature(
+        effect=effect,
+        bench=on,
+        without=on.motion.angle,
+        seen=seen,
+        lacking=seen - angle if effect.stage is Stage.SENSOR else lacking,
+        variables={"velocity": velocity, "angle": angle, "torque": torque, "time": on.motion.time},
+    )
+
+
+def _carried(lacking: Array, values: Array) -> float:
+    """Share of the variance that the mean over each interval of a variable explains [-]."""
+    place = np.minimum((values - values.min()) / max(float(np.ptp(values)), 1e-300) * _BINS, _BINS - 1).astype(int)
+    count = np.maximum(np.bincount(place, minlength=_BINS), 1)
+    mean = np.bincount(place, weights=lacking, minlength=_BINS) / count
+    total = float(np.var(lacking))
+    even = total <= _EVEN * float(np.mean(lacking**2))
+    return 0.0 if even else 1.0 - float(np.mean((lacking - mean[place]) ** 2)) / total
