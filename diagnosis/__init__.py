@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from diagnosis.batch import diagnose_all
 from diagnosis.diagnose import diagnose
 from diagnosis.experiment import Experiment, Limits, rivals_of, separating_experiment
 from diagnosis.explanation import Explanation
@@ -15,6 +16,7 @@ __all__ = [
     "Gain",
     "Limits",
     "diagnose",
+    "diagnose_all",
     "rivals_of",
     "separating_experiment",
 ]

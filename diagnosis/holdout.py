@@ -64,7 +64,7 @@ def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[A
     """(T,) square of measured less simulated for all valid samples, and the simulations; what overflows is huge."""
     simulated = free_simulation(log, model, window=window)
     errors = np.concatenate([(r.output - s)[r.valid] for r, s in zip(log.runs, simulated, strict=True)])
-    return np.nan_to_num(np.clip(errors, -_HUGE, _HUGE), nan=_HUGE) ** 2, simulated
+    return bounded(errors) ** 2, simulated
 
 
 def simulation_gain(before: Fit, after: Fit) -> float:
@@ -84,7 +84,12 @@ def _squared_from_fit(fit: Fit) -> Array:
     predictor = Predictor(model=fit.model, runs=fit.log.runs, free=(), substeps=fit.substeps)
     runs = predictor.predict(fit.model.values, fit.initial, bandwidth=0.0, width=0.0, sensitivities=False)
     errors = np.concatenate([p.innovations for p in runs])
-    return np.asarray(np.nan_to_num(np.clip(errors, -_HUGE, _HUGE), nan=_HUGE) ** 2)
+    return bounded(errors) ** 2
+
+
+def bounded(errors: Array) -> Array:
+    """Errors (T,) of which the squares, and the variance of those, are numbers also where a simulation overflowed."""
+    return np.asarray(np.nan_to_num(np.clip(errors, -_HUGE, _HUGE), nan=_HUGE))
 
 
 def standard_errors(gained: Array) -> float:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.holdout import simulation_gain, standard_errors
+from diagnosis.holdout import bounded, simulation_gain, standard_errors
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects.effect import Array
@@ -40,5 +40,5 @@ def _unseen(fit: Fit, bandwidth: float) -> Array:
     whole = replace(problem.predictor, runs=fit.log.runs, free=())
     predictions = whole.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
     pairs = zip(seen.runs, predictions, strict=True)
-    unseen = np.concatenate([prediction.innovations[len(part) :] for part, prediction in pairs])
+    unseen = bounded(np.concatenate([prediction.innovations[len(part) :] for part, prediction in pairs]))
     return np.asarray(-0.5 * unseen**2 / variance - 0.5 * np.log(variance))

@@ -1,0 +1,61 @@
+"""Many logs: diagnoses on the workers of an executor, in the order of the logs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from concurrent.futures import Executor
+from functools import partial
+
+from diagnosis.candidates import Choice
+from diagnosis.diagnose import diagnose
+from diagnosis.result import Diagnosis
+from identification.log import Log
+from plant.servo import ServoModel
+
+
+def diagnose_all(
+    logs: Iterable[Log],
+    base: ServoModel | None = None,
+    *,
+    executor: Executor | None = None,
+    fixed: Collection[str] = (),
+    candidates: Sequence[Choice] | None = None,
+    exclude: Collection[str] = (),
+    progress: Callable[[str], None] | None = None,
+) -> Iterator[Diagnosis]:
+    """Diagnose many logs, each by itself.
+
+    Args:
+        logs: one log a diagnosis.
+        base, fixed, candidates, exclude: as in `diagnose`, the same for all.
+        executor: any executor of `concurrent.futures`, also a `dask.distributed.Client().get_executor()`; logs and
+            diagnoses are pickled where its workers are processes. None works on one log after the other here.
+        progress: called with a line of text as each diagnosis is handed out.
+
+    Yields:
+        The diagnoses in the order of the logs, each as soon as it and those before it are there. What has not begun is
+        called off when nobody asks for more.
+
+    Raises:
+        What `diagnose` raises, in its log's turn.
+    """
+    listed = list(logs)
+    work = partial(diagnose, base=base, fixed=tuple(fixed), candidates=candidates, exclude=tuple(exclude))
+    if executor is None:
+        for number, log in enumerate(listed, start=1):
+            yield _told(work(log), number, len(listed), progress)
+        return
+    waiting = [executor.submit(work, log) for log in listed]
+    try:
+        for number, future in enumerate(waiting, start=1):
+            yield _told(future.result(), number, len(listed), progress)
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+def _told(found: Diagnosis, number: int, together: int, progress: Callable[[str], None] | None) -> Diagnosis:
+    if progress is not None:
+        names = ", ".join(cause.effect.replace("_", " ") for cause in found.causes)
+        progress(f"{number} of {together}: {found.verdict.replace('_', ' ')}{f' ({names})' if names else ''}")
+    return found
