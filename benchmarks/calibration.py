@@ -1,7 +1,7 @@
 """Many diagnoses of synthetic logs: are names right, odds honest, and clean logs left alone?
 
     python benchmarks/calibration.py sizes
-    python benchmarks/calibration.py run PART COUNT [processes]     PART: hidden, clean or several
+    python benchmarks/calibration.py run PART COUNT [processes]     PART: hidden, several, deleted, clean
     python benchmarks/calibration.py table
 
 `run` adds diagnoses to benchmarks/results/calibration.jsonl, one line each; what is there is not run again, so it may
@@ -78,14 +78,15 @@ SEVERAL = (
     ("encoder_eccentricity", "presliding_hysteresis"),
     ("periodic_disturbance", "load_dependent_friction"),
     ("coulomb_friction", "gravity_offset", "cogging"),
-    ("backlash", "torque_offset", "cable_stiffness"),
+    ("backlash", "torque_offset", "quadratic_drag"),
     ("input_delay", "stribeck_friction", "payload_change"),
 )
 
 
 def lines(part: str, count: int) -> Iterator[tuple[str, int, int]]:
     """Keys of the diagnoses of a part: (part, number of the case, seed)."""
-    cases = {"hidden": len(CASES) * len(LAMBDAS), "clean": len(CLEAN), "several": len(SEVERAL)}[part]
+    hide = len(CASES) * len(LAMBDAS)
+    cases = {"hidden": hide, "several": len(SEVERAL), "deleted": len(CASES), "clean": len(CLEAN)}[part]
     for place in range(count):
         yield part, place % cases, 5000 + place // cases
 
@@ -155,6 +156,18 @@ def several(number: int, seed: int) -> dict[str, Any]:
     return {"truth": list(names), **answer(found, time.perf_counter() - begin)}
 
 
+def deleted(number: int, seed: int) -> dict[str, Any]:
+    """One effect at the largest of its sizes, which the catalogue does not have."""
+    case = CASES[number]
+    machine = case.machine(case.sizes[-1])
+    log = record(machine, excitation(2 * seed, duration=DURATION), seed=seed, noise=NOISE).log()
+    held = record(machine, excitation(2 * seed + 1, duration=HELD_OUT), seed=seed + 1, noise=NOISE).log()
+    begin = time.perf_counter()
+    found = diagnose(log, case.base, held, exclude=[case.effect])
+    errors = [held_out_error(model, held) for model in (found.base, found.extended, oracle(case, case.sizes[-1], log))]
+    return {"truth": [case.effect], **answer(found, time.perf_counter() - begin), "errors": errors}
+
+
 def clean(number: int, seed: int) -> dict[str, Any]:
     """Nothing hidden, and everything else that a log may suffer from."""
     kind = CLEAN[number]
@@ -202,6 +215,7 @@ def answer(found: Diagnosis, seconds: float) -> dict[str, Any]:
             {"effect": c.effect, "probability": c.probability, "rivals": dict(c.alternatives)} for c in found.causes
         ],
         "depends_on": list(found.unexplained.depends_on),
+        "unexplained": found.unexplained.share,
         "bandwidth": found.base.bandwidth,
         "seconds": seconds,
     }
@@ -215,7 +229,7 @@ def held_out_error(found: Fit, log: Log) -> float:
 
 def one(key: tuple[str, int, int]) -> dict[str, Any]:
     part, number, seed = key
-    told = {"hidden": hidden, "clean": clean, "several": several}[part](number, seed)
+    told = {"hidden": hidden, "several": several, "deleted": deleted, "clean": clean}[part](number, seed)
     return {"key": list(key), **told}
 
 

@@ -11,6 +11,13 @@ import numpy as np
 from scipy.stats import beta
 
 Told = dict[str, Any]
+_MUCH = 0.1  # share of the held-out error power from which it is said that something remains
+EQUIVALENT = {  # in an open loop, at these sizes
+    "input_delay": {"sensor_lag", "actuator_lag"},
+    "actuator_lag": {"sensor_lag", "input_delay"},
+    "sensor_lag": {"input_delay", "actuator_lag"},
+    "gravity_offset": {"cogging"},  # of order one
+}
 _BINS = (0.0, 0.5, 0.9, 0.99, 0.999, 0.9999, 1.0000001)
 
 
@@ -42,6 +49,11 @@ def honest(told: Told) -> bool:
     return len(rivals) <= 2 and told["truth"][0] in [*names(told), *rivals]
 
 
+def shown(told: Told) -> bool:
+    """Whether the log shows the effect at all as plainly as its size should: on some commands it hardly acts."""
+    return 2.0 * told["oracle"] >= 0.5 * told["wanted"]
+
+
 def loss(told: Told) -> str:
     """Why a hidden effect was not named: the search missed it, the noise took it, or statistics preferred another."""
     if told["own"] is None or told["own"] < told["oracle"] - 3.0:
@@ -50,12 +62,16 @@ def loss(told: Told) -> str:
 
 
 def table(stored: Sequence[Told]) -> str:
-    parts = {part: [t for t in stored if t["key"][0] == part] for part in ("hidden", "clean", "several")}
-    pages = [_hidden(parts["hidden"]), _reliability(stored), _clean(parts["clean"]), _several(parts["several"])]
+    parts = {part: [t for t in stored if t["key"][0] == part] for part in ("hidden", "several", "deleted", "clean")}
+    known = [t for t in stored if t["key"][0] != "deleted"]
+    pages = [_hidden(parts["hidden"]), _reliability(known), _clean(parts["clean"]), _several(parts["several"])]
+    pages.append(_deleted(parts["deleted"]))
     return "\n\n".join(page for page in pages if page)
 
 
 def _hidden(told: list[Told]) -> str:
+    hardly = [t for t in told if not shown(t)]
+    told = [t for t in told if shown(t)]
     if not told:
         return ""
     sizes = sorted({t["wanted"] for t in told})
@@ -87,6 +103,8 @@ def _hidden(told: list[Told]) -> str:
         middle, most = np.median(ratios), np.quantile(ratios, 0.95)
         lines.append(f"held-out error over the oracle's, named alone: median {middle:.4f}, 95 % {most:.4f}")
     lost = [t for t in told if not honest(t)]
+    spared = Counter(t["truth"][0] for t in hardly)
+    lines.append(f"left out, because the effect hardly acted on that log (lambda below half): {dict(spared) or 'none'}")
     lines += ["", "losses: " + (", ".join(f"{k} {v}" for k, v in Counter(map(loss, lost)).items()) or "none")]
     for t in sorted(lost, key=lambda t: t["key"][1:]):
         said = ", ".join(f"{c['effect']} {c['probability']:.3f}" for c in t["causes"]) or t["verdict"]
@@ -141,13 +159,46 @@ def _clean(told: list[Told]) -> str:
 def _several(told: list[Told]) -> str:
     if not told:
         return ""
-    exact = sum(set(names(t)) == set(t["truth"]) for t in told)
-    found = sum(set(t["truth"]) <= set(names(t)) for t in told)
+    exact = sum(_set(t) == set(t["truth"]) for t in told)
+    found = sum(set(t["truth"]) <= _set(t) for t in told)
     lines = [
         f"several at once: exact set {rate(exact, len(told))}",
         f"  all true ones found {rate(found, len(told))}",
     ]
     for t in told:
-        if set(names(t)) != set(t["truth"]):
+        if _set(t) != set(t["truth"]):
             lines.append(f"  {' + '.join(t['truth'])} seed {t['key'][2]}: {t['verdict']} {', '.join(names(t))}")
+    return "\n".join(lines)
+
+
+def _set(told: Told) -> set[str]:
+    """The names, where a true effect counts as named that is among at most three which are said to be rivals."""
+    found = set()
+    for cause in told["causes"]:
+        rivals = [] if cause["probability"] >= 0.9 else [n for n, share in cause["rivals"].items() if share >= 0.05]
+        honest = [name for name in rivals if name in told["truth"]] if len(rivals) <= 2 else []
+        found |= {cause["effect"]} if cause["effect"] in told["truth"] or not honest else {honest[0]}
+    return found
+
+
+def _deleted(told: list[Told]) -> str:
+    """The truth is not in the catalogue: a name without any doubt is wrong, whatever it explains."""
+    if not told:
+        return ""
+    silent = [t for t in told if t["verdict"] == "named" and not t["depends_on"] and t["unexplained"] < _MUCH]
+    alike = [t for t in silent if set(names(t)) <= EQUIVALENT.get(t["truth"][0], set())]
+    gains = [(1 - t["errors"][1] / t["errors"][0]) / (1 - t["errors"][2] / t["errors"][0]) for t in told]
+    lines = [
+        f"true effect not in the catalogue: named without a doubt {rate(len(silent), len(told))},",
+        f"  of these {len(alike)} by an effect that does the same on such a log, silently wrong "
+        f"{rate(len(silent) - len(alike), len(told))}",
+        "  (a doubt: another verdict, a variable, or more than a tenth of the held-out error power unexplained)",
+        f"  share of the oracle's gain that is had all the same: median {np.median(gains):.3f}",
+    ]
+    for t in sorted(told, key=lambda t: t["key"][1:]):
+        gain = (1 - t["errors"][1] / t["errors"][0]) / (1 - t["errors"][2] / t["errors"][0])
+        said = ", ".join(f"{c['effect']} {c['probability']:.3f}" for c in t["causes"]) or "-"
+        over = ", ".join(t["depends_on"]) or "-"
+        left = f"unexplained {t['unexplained']:.3f} gain {gain:.3f}"
+        lines.append(f"  {t['truth'][0]:26}{t['verdict']:16}{said:50}over {over:24} {left}")
     return "\n".join(lines)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from diagnosis.odds import NONE, parameter_cost, probabilities
+from diagnosis.odds import NONE, parameter_cost
 from diagnosis.refit import evidence_of, is_its_special_case
-from diagnosis.round import Addition
+from diagnosis.round import Addition, weighed
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects import Effect
@@ -76,7 +76,7 @@ def with_best_names(additions: list[Addition], progress: Callable[[str], None] |
             name: final if name == addition.effect else _fitted_near(final, rest.with_effect(rival.effect))
             for name, rival in rivals.items()
         }
-        odds = probabilities({name: rival.score(fits[name], less) for name, rival in rivals.items()})
+        odds = weighed(rivals, fits, less)
         best = next(name for name in odds if name != NONE)
         changed = replace(addition, effect=best, odds=odds, evidence=evidence_of(fits[best], less))
         additions = [*additions[:place], changed, *additions[place + 1 :]]

@@ -1,11 +1,13 @@
-"""Odds: from the likelihoods of rival explanations to probabilities.
+"""Odds: from the likelihoods of rival explanations to probabilities, in two questions.
 
-An explanation's score is its rise in log-likelihood over the model at hand, less what its parameters cost, twice the
-log of the number of shapes that were searched for it, and the log of the number of rivals in the catalogue (extended
-BIC, Chen and Chen 2008). Odds are the exponentials of scores; "none of them" has score 0.
+*Is anything missing?* An effect worth asking for is just visible or larger: before the log is seen, each of its
+parameters is expected to be worth about `_VISIBLE` in lambda, twice the log-likelihood (Zellner's g-prior with g that).
+*And what is it?* Among the names, what a parameter costs is the share of its plausible range that the estimate still
+leaves open (Laplace), but at most half a log(samples) (Schwarz 1978): the simpler law wins unless the log speaks
+against it. In both, a search over shapes costs twice the log of their number and the catalogue the log of its own
+(extended BIC, Chen and Chen 2008).
 
-What parameters cost: by Laplace's method the share of the plausible range that the estimate still leaves open, but at
-most half a log(samples) each (Schwarz 1978). The first keeps a richer rival in the race where the data say little.
+The probability of a name is that something is missing, times the name's share among the names.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from plant.effects.effect import Array
 
 NONE = "none"
 CLEAR = 0.9  # probability above which a name stands alone
-MISSING = 0.99  # probability of "something is missing" that a name needs
+MISSING = 0.95  # probability of "something is missing" that a name needs
+_VISIBLE = 50.0  # lambda for each parameter that an effect is expected to have before the log is seen
 _SCALES = 9  # sizes of a curve that are tried
 
 
@@ -102,11 +105,23 @@ def plausible_range(unit: str, fit: Fit) -> float | None:
     }.get(unit)
 
 
-def probabilities(scores: Mapping[str, float]) -> dict[str, float]:
-    """Probability of each explanation and of none, the likeliest first."""
-    names = [*scores, NONE]
-    values = np.array([*scores.values(), 0.0])
-    weights = np.exp(values - values.max())
-    shares = weights / weights.sum()
-    order = np.argsort(-shares, kind="stable")
-    return {names[i]: float(shares[i]) for i in order}
+def visibility_cost(parameters: int) -> float:
+    """Cost of parameters in the question whether anything is missing at all."""
+    return 0.5 * parameters * float(np.log1p(_VISIBLE))
+
+
+def probabilities(scores: Mapping[str, float], visible: Mapping[str, float]) -> dict[str, float]:
+    """Probability of each explanation and of none, the likeliest first.
+
+    Args:
+        scores: of each name, in the question which it is.
+        visible: of each name, in the question whether anything is missing.
+    """
+    if not scores:
+        return {NONE: 1.0}
+    missing = 1.0 / (1.0 + float(np.exp(-np.logaddexp.reduce(list(visible.values())))))
+    values = np.array(list(scores.values()))
+    best = values.max()
+    weights = np.exp(values - best) if np.isfinite(best) else np.ones(values.size)
+    shares = dict(zip(scores, missing * weights / weights.sum(), strict=True)) | {NONE: 1.0 - missing}
+    return {name: float(shares[name]) for name in sorted(shares, key=lambda name: -shares[name])}

@@ -11,33 +11,54 @@ from identification.problem import Problem
 from plant.effects import Effect
 
 _DESCENTS = 2  # starts of one effect that are followed to the end
+_SMOOTHER = 0.2  # of the bandwidth before, below which a rugged likelihood is not looked at from afar
+_STAGES = 3  # searches among shapes that look alike, each finer than the one before
 
 
 def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
     """Fit the model with one effect more, from where the screen says it is: from the starts that get on best."""
-    models = [fit.model.with_effect(start) for start in starts]
-    kept = [name for name in (*fit.fixed, *fixed) if name in models[0].names]
-    problems = [Problem.of(fit.log, model, fixed=kept) for model in models]
+
+    def problem(start: Effect) -> Problem:
+        model = fit.model.with_effect(start)
+        return Problem.of(fit.log, model, fixed=[name for name in (*fit.fixed, *fixed) if name in model.names])
+
+    problems = [problem(start) for start in starts]
     if len(problems) > _DESCENTS:
-        problems = sorted(problems, key=lambda problem: problem.glance(fit))[:_DESCENTS]
-    return max((problem.descend(fit) for problem in problems), key=lambda found: found.log_likelihood)
+        problems = sorted(problems, key=lambda each: each.glance(fit))[:_DESCENTS]
+    best = max((each.descend(fit) for each in problems), key=lambda found: found.log_likelihood)
+    for stage in range(_STAGES):
+        (found,) = (effect for effect in best.model.effects if effect.name == starts[0].name)
+        alike = [problem(other) for other in found.look_alikes(stage)]
+        if not alike:
+            break
+        at = max(best.bandwidth, _SMOOTHER * fit.bandwidth)
+        again = min(alike, key=lambda each: each.glance(fit, at)).descend(fit)
+        best = max(best, again, key=lambda found: found.log_likelihood)
+    return best
 
 
-def evidence_of(fit: Fit, than: Fit) -> float:
+def evidence_of(fit: Fit, than: Fit, *, over: float | None = None) -> float:
     """By how much a fit is likelier than a simpler one, each less its charge for a bandwidth.
 
-    Where innovations have a colour, a likelihood ratio counts too much. It is divided by the factor by which the colour
-    widens the variance of the parameters that the fit has more (the scaled likelihood ratio of Satorra and Bentler).
+    Where innovations have a colour, a likelihood ratio counts too much. It is divided by the fit's `widening`, or by
+    `over`: rivals are compared with one and the same.
     """
     charge = 0.5 * float(np.log(fit.samples))
     rise = fit.log_likelihood - than.log_likelihood - charge * ((fit.bandwidth > 0.0) - (than.bandwidth > 0.0))
+    return rise if rise <= 0.0 else rise / (widening(fit, than) if over is None else over)
+
+
+def widening(fit: Fit, than: Fit) -> float:
+    """Factor by which the innovations' colour widens the variance of the parameters that a fit has more, at least 1.
+
+    It scales the likelihood ratio (Satorra and Bentler 1994).
+    """
     more = [row for row, place in enumerate(fit.free) if fit.model.names[place] not in than.model.names]
-    if not more or rise <= 0.0:
-        return rise
+    if not more:
+        return 1.0
     coloured, white = (np.diag(table)[more] for table in (fit.covariance, fit.white_covariance))
     known = white > 0.0
-    widening = float(np.exp(np.mean(np.log(coloured[known] / white[known])))) if known.any() else 1.0
-    return rise / max(widening, 1.0)
+    return max(float(np.exp(np.mean(np.log(coloured[known] / white[known])))), 1.0) if known.any() else 1.0
 
 
 def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
@@ -52,6 +73,9 @@ def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
 
 
 def is_its_special_case(fit: Fit, name: str) -> bool:
-    """Whether the shape of a fitted effect vanishes, so that nothing shows what a special case would not show too."""
+    """Whether a fitted effect says no more than a special case of it: parameters stay open, or its shape vanishes."""
     effect = fit.model.effect(name)
-    return effect is not None and bool(effect.reduced()) and effect.vanishes(typical_speed(fit))
+    if effect is None or not effect.reduced():
+        return False
+    unsaid = any(estimate.std is None for estimate in estimates(fit, name).values())
+    return unsaid or effect.vanishes(typical_speed(fit))

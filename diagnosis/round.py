@@ -7,8 +7,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.odds import CLEAR, MISSING, NONE, parameter_cost, probabilities, schwarz_cost, search_charge
-from diagnosis.refit import estimates, evidence_of, is_its_special_case, refit
+from diagnosis.odds import (
+    CLEAR,
+    MISSING,
+    NONE,
+    parameter_cost,
+    probabilities,
+    schwarz_cost,
+    search_charge,
+    visibility_cost,
+)
+from diagnosis.refit import estimates, evidence_of, is_its_special_case, refit, widening
 from diagnosis.result import Candidate
 from diagnosis.screen import Screen, Suspect
 from identification.fit_result import Fit
@@ -22,14 +31,39 @@ _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Contestant:
-    """An effect as it was refitted in a round, and the charge for the search that found it and for the catalogue."""
+    """An effect as it was refitted in a round.
+
+    Attributes:
+        effect: with the values that were found.
+        coefficients: the parameters of it that are not the search's.
+        charge: for the search that found it and for the catalogue.
+    """
 
     effect: Effect
+    coefficients: int
     charge: float
 
-    def score(self, fit: Fit, than: Fit) -> float:
-        """Of a fit with it over one without."""
-        return evidence_of(fit, than) - parameter_cost(fit, than) - self.charge
+    @classmethod
+    def of(cls, fit: Fit, name: str, *, coefficients: int, charge: float) -> Contestant:
+        """The effect of that name in a fit."""
+        (effect,) = (effect for effect in fit.model.effects if effect.name == name)
+        return cls(effect=effect, coefficients=coefficients, charge=charge)
+
+    def score(self, fit: Fit, than: Fit, *, over: float | None = None) -> float:
+        """Of a fit with it over one without, among the names; for `over` see `evidence_of`."""
+        return evidence_of(fit, than, over=over) - parameter_cost(fit, than) - self.charge
+
+    def visible(self, fit: Fit, than: Fit, *, over: float | None = None) -> float:
+        """Of a fit with it over one without, against nothing."""
+        return evidence_of(fit, than, over=over) - visibility_cost(self.coefficients) - self.charge
+
+
+def weighed(contest: Mapping[str, Contestant], fits: Mapping[str, Fit], than: Fit) -> dict[str, float]:
+    """Probabilities of rivals, fitted, over the model without them; the likeliest one's colour counts for all."""
+    over = widening(max(fits.values(), key=lambda fit: fit.log_likelihood), than) if fits else None
+    scores = {name: contest[name].score(fit, than, over=over) for name, fit in fits.items()}
+    scores |= {name: -np.inf for name, fit in fits.items() if is_its_special_case(fit, name)}
+    return probabilities(scores, {name: contest[name].visible(fit, than, over=over) for name, fit in fits.items()})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,32 +95,32 @@ def one_round(
         return None
     suspects = _screened(fit, asked)
 
-    charges = {s.name: search_charge(searched=s.searched, catalogue=len(asked)) for s in suspects}
-    scores = {s.name: s.evidence - schwarz_cost(s.columns, fit.samples) - charges[s.name] for s in suspects}
+    charge = {s.name: search_charge(searched=s.searched, catalogue=len(asked)) for s in suspects}
+    scores = {s.name: s.evidence - schwarz_cost(s.columns, fit.samples) - charge[s.name] for s in suspects}
     refits: dict[str, Fit] = {}
-    for suspect in _worth_a_refit(suspects, scores, refits):
+    contest: dict[str, Contestant] = {}
+    for suspect in _worth_a_refit(suspects, scores, refits, observed=fit.bandwidth > 0.0):
         if progress is not None:
             progress(f"round {number}: refitting with {suspect.starts[0].title}")
-        refits[suspect.name] = refit(fit, *suspect.starts)
-        scores[suspect.name] = _contestant(suspect.name, refits, charges).score(refits[suspect.name], fit)
+        tried = refits[suspect.name] = refit(fit, *suspect.starts)
+        own = Contestant.of(tried, suspect.name, coefficients=suspect.columns, charge=charge[suspect.name])
+        contest[suspect.name], scores[suspect.name] = own, own.score(tried, fit)
     for name, simpler in _reduced_leaders(fit, asked, refits, scores):
-        refits[name], charges[name] = simpler, search_charge(searched=1, catalogue=len(asked))
-        scores[name] = _contestant(name, refits, charges).score(simpler, fit)
-    for name, tried in refits.items():
-        if is_its_special_case(tried, name):
-            scores[name] = -np.inf
-    odds = probabilities({name: value for name, value in scores.items() if name in refits or not refits})
+        plain = search_charge(searched=1, catalogue=len(asked))
+        own = Contestant.of(simpler, name, coefficients=len(asked[name].parameters()), charge=plain)
+        refits[name], contest[name], scores[name] = simpler, own, own.score(simpler, fit)
+    odds = weighed(contest, refits, fit)
     for suspect in suspects:
-        own = refits.get(suspect.name)
+        own_fit = refits.get(suspect.name)
         candidates.append(
             Candidate(
                 round=number,
                 effect=suspect.name,
-                evidence=evidence_of(own, fit) if own else suspect.evidence,
+                evidence=evidence_of(own_fit, fit) if own_fit else suspect.evidence,
                 score=scores[suspect.name],
                 probability=odds.get(suspect.name, 0.0),
-                refitted=own is not None,
-                parameters=estimates(own, suspect.name) if own else {},
+                refitted=own_fit is not None,
+                parameters=estimates(own_fit, suspect.name) if own_fit else {},
             )
         )
     if not refits or odds[NONE] > 1.0 - MISSING:
@@ -97,14 +131,8 @@ def one_round(
         fit=refits[winner],
         odds=odds,
         evidence=evidence_of(refits[winner], fit),
-        contest=tuple(_contestant(name, refits, charges) for name in refits),
+        contest=tuple(contest.values()),
     )
-
-
-def _contestant(name: str, refits: Mapping[str, Fit], charges: Mapping[str, float]) -> Contestant:
-    effect = refits[name].model.effect(name)
-    assert effect is not None
-    return Contestant(effect=effect, charge=charges[name])
 
 
 def _screened(fit: Fit, asked: Mapping[str, type[Effect]]) -> list[Suspect]:
@@ -120,17 +148,21 @@ def _screened(fit: Fit, asked: Mapping[str, type[Effect]]) -> list[Suspect]:
 
 
 def _worth_a_refit(
-    suspects: list[Suspect], scores: Mapping[str, float], refits: Mapping[str, Fit]
+    suspects: list[Suspect], scores: Mapping[str, float], refits: Mapping[str, Fit], *, observed: bool
 ) -> Iterator[Suspect]:
-    """Suspects to refit: the leaders of the screen, and on as long as it promises more than the refits delivered."""
+    """Suspects to refit: the leaders of the screen, and on as long as it promises more than the refits delivered.
+
+    The screen understates what a long search has found. Here it is charged for once, in the odds twice; and not at all
+    where an observer has taken over part of what is missing, which a refit would give back.
+    """
+    forgiven = 2.0 if observed else 1.0
     waiting = sorted(suspects, key=lambda suspect: -scores[suspect.name])
     leader = max((suspect.evidence for suspect in suspects), default=0.0)
     for suspect in waiting:
         promise = scores[suspect.name]
         delivered = max((scores[name] for name in refits), default=-np.inf)
         close = suspect.evidence >= _WORTH * leader and len(refits) < _REFITS
-        # The screen understates what a long search has found: here it is charged for once, in the odds twice.
-        if promise + float(np.log(suspect.searched)) > _PROMISING and (close or promise > delivered):
+        if promise + forgiven * float(np.log(suspect.searched)) > _PROMISING and (close or promise > delivered):
             yield suspect
 
 

@@ -17,7 +17,10 @@ ORDER = 20
 
 
 def autoregression(innovations: Array, order: int = ORDER) -> Array:
-    """(order,) coefficients that predict an innovation (T,) from its past (Yule-Walker; always a stable model)."""
+    """(p,) coefficients that predict an innovation (T,) from its past, p <= order as the data ask for.
+
+    Yule-Walker, which is always a stable model; p by Schwarz's criterion, so that white innovations have no colour.
+    """
     n = innovations.size
     order = min(order, n // 10)
     if order < 1 or not np.any(innovations):
@@ -25,7 +28,14 @@ def autoregression(innovations: Array, order: int = ORDER) -> Array:
     centred = innovations / np.sqrt(np.mean(innovations**2))
     lags = np.array([centred[lag:] @ centred[: n - lag] for lag in range(order + 1)]) / n
     lags[0] *= 1.0 + 1e-9
-    return np.asarray(solve_toeplitz(lags[:-1], lags[1:]), dtype=float)
+    best, least = np.zeros(0), 0.0
+    for p in range(1, order + 1):
+        coefficients = np.asarray(solve_toeplitz(lags[:p], lags[1 : p + 1]), dtype=float)
+        left = max(1.0 - float(coefficients @ lags[1 : p + 1]) / lags[0], 1e-300)
+        cost = n * float(np.log(left)) + p * float(np.log(n))
+        if cost < least:
+            best, least = coefficients, cost
+    return best
 
 
 def whiten(values: Array, coefficients: Array) -> Array:

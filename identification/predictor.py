@@ -46,6 +46,10 @@ def observer_gain(bandwidth: float, dt: Array) -> Array:
     return np.stack((alpha, beta / np.maximum(dt, 1e-12)))
 
 
+FADING = 30.0
+"""Rate at which slopes fade where they grow without bound [1/s]."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
     """Innovations of one run.
@@ -162,7 +166,8 @@ def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: in
     if free is not None:
         error_slopes -= ca.horzcat(ca.jacobian(shown, parameters[list(free)]), ca.SX(1, 2))
     correction = ca.mtimes(ca.DM(moves_with(model)), row[len(INPUTS) + 1 :])
-    corrected = [state + correction * error, slopes + ca.mtimes(correction, error_slopes)]
+    followed = slopes + ca.mtimes(correction, error_slopes)
+    corrected = [state + correction * error, _forgetful(model, followed, row[INPUTS.index("dt")])]
     outputs = [ca.densify(value) for value in (*corrected, error, error_slopes, state)]
     correct = ca.Function("correct", [state, slopes, row, parameters], outputs, {"cse": True})
 
@@ -172,6 +177,23 @@ def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: in
     following = step(*moved, entering[2][: len(INPUTS)], entering[3])
     outputs = [*following, seen, seen_slopes, before]
     return Recursion(ca.Function("predict", entering, outputs, {"cse": kind is ca.SX}), carried=2)
+
+
+def _forgetful(model: ServoModel, slopes: Any, dt: Any) -> Any:
+    """Slopes (n, columns) in which those of a chaotic drivetrain fade.
+
+    Behind a few impacts in quick succession the exact slopes are astronomical and point nowhere. What a parameter does
+    to the motor's way ahead of the load is followed from one reversal to the next, and no further.
+    """
+    motor = model.drivetrain
+    if motor is None or not motor.chaotic:
+        return slopes
+    first = 2 + sum(len(effect.states) for effect in model.effects[: model.effects.index(motor)])
+    rows = ca.vertsplit(slopes)
+    kept = ca.exp(-FADING * dt)
+    for place in (0, 1):
+        rows[first + place] = rows[place] + kept * (rows[first + place] - rows[place])
+    return ca.vertcat(*rows)
 
 
 def stack(predictions: Sequence[Prediction]) -> tuple[Array, NDArray[np.float64]]:

@@ -19,7 +19,7 @@ from identification.inverse import starting_values
 from identification.least_squares import Minimum, NormalEquations, minimise, uncertainty
 from identification.log import Log
 from identification.noise import log_likelihood
-from identification.predictor import Predictor, stack
+from identification.predictor import FADING, Predictor, stack
 from plant.discrete import integration_steps
 from plant.effects.effect import Array
 from plant.errors import BadParameter
@@ -195,9 +195,10 @@ class Problem:
                 break
             best, bandwidth = trial, 4.0 * bandwidth
 
-    def glance(self, start: Fit) -> float:
-        """Cost after a few iterations from another fit, at its bandwidth: whether a start is worth a descent."""
-        return self.minimise(self._taken_over(start), start.bandwidth, 0.0, iterations=4).equations.cost
+    def glance(self, start: Fit, bandwidth: float | None = None) -> float:
+        """Cost after a few iterations from another fit, at its bandwidth or a given one: is it worth a descent?"""
+        at = start.bandwidth if bandwidth is None else bandwidth
+        return self.minimise(self._taken_over(start), at, 0.0, iterations=4).equations.cost
 
     def _taken_over(self, start: Fit) -> Array:
         """The point (F + 2R,) with parameters of the same name and initial states from another fit."""
@@ -267,7 +268,7 @@ class Problem:
         values, initial = self.unpack(minimum.point)
         variance = minimum.equations.cost / max(self.samples - minimum.point.size, 1)
         innovations, jacobian = stack(self.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0))
-        found = uncertainty(innovations, jacobian, variance)
+        found = uncertainty(*self._around(values, initial, bandwidth, innovations, jacobian), variance)
         count = len(self.free)
         spread, lost = found.covariance[:count, :count], found.undetermined[:count]
         lost = lost | self._nothing_moves(minimum)
@@ -293,6 +294,19 @@ class Problem:
             log=self.log,
         )
 
+    def _around(
+        self, values: Array, initial: Array, bandwidth: float, innovations: Array, jacobian: Array
+    ) -> tuple[Array, Array]:
+        """Innovations and Jacobian whose curvature says how sure the fit is.
+
+        Where a model is chaotic the likelihood at a low bandwidth is a mountain range, and the curvature of its highest
+        peak says nothing of the others. An observer that is faster than the chaos smooths it.
+        """
+        chaotic = any(effect.chaotic for effect in self.model.effects)
+        if not chaotic or bandwidth >= FADING:
+            return innovations, jacobian
+        return stack(self.predictor.predict(values, initial, bandwidth=FADING, width=0.0))
+
     def _nothing_moves(self, minimum: Minimum) -> bool:
         """Whether an output that never changes explains the log as well as the fitted motion: nothing can be told."""
         still = sum(float(np.sum((run.output - run.output[run.valid].mean())[run.valid] ** 2)) for run in self.log.runs)
@@ -310,7 +324,9 @@ class Problem:
         speed = float(np.sqrt(np.nanmean(speeds**2)))
         slowest = 2.0 * np.pi / max(run.duration for run in self.log.runs)
         worth = {"inertia": slowest * speed, "gravity": 1.0, "viscous_friction": speed}
-        natural = {"rad": 1.0, "N m": level, "N": level}  # of an effect's parameter that may well be zero
+        viscous = level / speed if speed > 0.0 else 0.0
+        # Of an effect's parameter that may well be zero.
+        natural = {"rad": 1.0, "N m": level, "N": level, "N m s/rad": viscous, "N s/m": viscous}
         lost = np.zeros(len(self.free), dtype=bool)
         for row, place in enumerate(self.free):
             name = self.model.names[place]

@@ -13,7 +13,7 @@ from machine import Machine, excitation, record
 from diagnosis import diagnose
 from identification.log import Log
 from identification.simulation import free_simulation
-from plant import ServoModel
+from plant import ServoModel, catalogue
 
 LATE = {"input_delay", "actuator_lag", "sensor_lag"}  # alike in an open loop when small, and then said to be
 
@@ -23,7 +23,7 @@ def held_out_error(model: ServoModel, held_out: Log) -> float:
     return float(np.sqrt(np.mean((free_simulation(held_out, model)[0] - held_out.runs[0].output) ** 2)))
 
 
-@pytest.mark.parametrize("case", [c for c in CASES if c.effect != "backlash"], ids=lambda case: case.effect)
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.effect)
 def test_the_hidden_effect_is_named_and_its_size_recovered(case: Hidden) -> None:
     size = case.sizes[1]
     log, held_out = logs_of(case.machine(size), seed=12)
@@ -39,15 +39,21 @@ def test_the_hidden_effect_is_named_and_its_size_recovered(case: Hidden) -> None
         true, line = case.at(size)[name], found.causes[0].parameters[name]
         assert line.std is not None
         assert line.value == pytest.approx(true, abs=max(0.1 * abs(true), 4 * line.std)), name
+    if catalogue[case.effect].chaotic:  # in a free simulation the truth itself goes astray
+        return
     mine, best = (held_out_error(m, held_out) for m in (found.model, oracle(case, size, log).model))
     assert mine < max(1.2 * best, best + 5e-4)  # as good as if told
 
 
-def test_a_gap_is_named() -> None:
-    """First; its size is not asked for, since gap and share of the inertia trade places, nor that it stays alone."""
-    log = record(Machine().hiding(backlash={"gap": 0.02, "motor_share": 0.3}), excitation(1, duration=10.0)).log()
-    found = diagnose(log)
-    assert found.causes[0].effect == "backlash"
+@pytest.mark.parametrize(("gap", "share"), [(0.02, 0.3), (0.02, 0.6)])
+def test_a_gap_is_named_alone_in_a_short_log_and_measured(gap: float, share: float) -> None:
+    """A light motor crosses a wide gap in the time in which a heavy one crosses a narrow one."""
+    hidden = Machine().hiding(backlash={"gap": gap, "motor_share": share})
+    found = diagnose(record(hidden, excitation(1, duration=20.0)).log())
+    (cause,) = found.causes
+    assert cause.effect == "backlash"
+    assert cause.parameters["gap"].value == pytest.approx(gap, rel=0.15)
+    assert cause.parameters["motor_share"].value == pytest.approx(share, rel=0.15)
 
 
 @pytest.mark.parametrize("seed", [21, 22])

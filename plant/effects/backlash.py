@@ -15,6 +15,7 @@ from plant.recursion import Recursion
 
 _FREQUENCY = 400.0  # of two masses on the spring of a flank [rad/s]: stiff against what a log shows
 _DAMPING = 0.5
+_SHARES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the inertia, to start from
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +58,16 @@ class Backlash(Effect):
     def loaded(self, before: float, after: float) -> Backlash:
         """The motor stays what it is; the flanks are stiff before and after."""
         return Backlash(gap=self.gap, motor_share=within(self.motor_share * before / after, Backlash, "motor_share"))
+
+    def look_alikes(self, stage: int) -> tuple[Effect, ...]:
+        """A light motor crosses a wide gap in the time in which a heavy one crosses a narrow one."""
+        width = self.gap * self.motor_share
+        if stage == 0:
+            return tuple(Backlash(gap=width / share, motor_share=share) for share in _SHARES)
+        factors = ((0.8, 0.9, 1.1, 1.25), (0.93, 0.97, 1.03, 1.07))[stage - 1]
+        shares = [within(self.motor_share * factor, Backlash, "motor_share") for factor in factors]
+        along = [Backlash(gap=width / share, motor_share=share) for share in shares]
+        return (*along, *(Backlash(gap=self.gap * factor, motor_share=self.motor_share) for factor in factors))
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

@@ -225,6 +225,14 @@ class Effect:
         """Its special cases, as they would be if its own parameters were right: where a refit of them may start."""
         return ()
 
+    def look_alikes(self, stage: int) -> tuple[Effect, ...]:
+        """Other values of its parameters with nearly the same trace, among which a descent cannot choose.
+
+        Args:
+            stage: 0, 1, 2: from all over the range to near by.
+        """
+        return ()
+
     def vanishes(self, speed: float) -> bool:
         """Whether, in a log of that typical speed [rad/s], nothing shows that its special cases would not show too."""
         return False
