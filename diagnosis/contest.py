@@ -44,9 +44,17 @@ class Contest:
         """A round as it was held, its likeliest explanation in the lead."""
         held = sorted((c for c in tried if c.round == number), key=lambda c: -c.score)
         fitted = [c for c in held if c.refitted and np.isfinite(c.score)]
-        share = float(np.exp(-np.logaddexp.reduce([0.0, *(c.score for c in fitted)])))
+        something = _together([c.visible for c in fitted])
         none = Candidate(
-            round=number, effect=NONE, evidence=0.0, score=0.0, probability=share, refitted=True, parameters={}
+            round=number,
+            effect=NONE,
+            evidence=0.0,
+            # So that odds between names and none are those of both questions together.
+            score=_together([c.score for c in fitted]) - something if fitted else 0.0,
+            visible=0.0,
+            probability=float(1.0 / (1.0 + np.exp(something))),
+            refitted=True,
+            parameters={},
         )
         leader, *rivals = sorted((*fitted, none), key=lambda c: -c.score)
         return cls(
@@ -81,8 +89,12 @@ class Contest:
     @property
     def something(self) -> float:
         """Log odds that one of the fitted effects is there, against none of them."""
-        scores = [c.score for c in self.effects]
-        return float(np.logaddexp.reduce(scores)) if scores else -np.inf
+        return _together([c.visible for c in self.effects])
+
+
+def _together(scores: list[float]) -> float:
+    """Score of any of several explanations."""
+    return float(np.logaddexp.reduce(scores)) if scores else -np.inf
 
 
 def contest_of(diagnosis: Diagnosis, cause: Cause) -> Contest:
@@ -114,6 +126,7 @@ def _weighed(effect: str, probability: float) -> Candidate:
         effect=effect,
         evidence=np.nan,
         score=float(np.log(max(probability, 1e-300))),
+        visible=np.nan,
         probability=probability,
         refitted=True,
         parameters={},

@@ -37,7 +37,7 @@ def detectable(fit: Fit, tried: Iterable[Candidate]) -> dict[str, Estimate]:
         if len(specs) != 1 or any(len(shapes) != 1 or shapes[0].columns.shape[1] != 1 for shapes in traces):
             continue
         error = min(_standard_error(screen, trace) for screen, (trace,) in zip(screens, traces, strict=True))
-        size = error * float(np.sqrt(2.0 * max(NAMED + candidate.evidence - candidate.score, 0.0)))
+        size = error * float(np.sqrt(2.0 * max(NAMED + candidate.evidence - candidate.visible, 0.0)))
         unit = specs[0].unit_on(fit.model.axis)
         found[candidate.effect] = Estimate(value=size, std=None, unit=unit)
     return found

@@ -87,7 +87,8 @@ def _margin(diagnosis: Diagnosis, cause: Cause, contest: Contest) -> str:
     if second is None or second.effect == NONE:
         return (
             f"The data are {power(lead.evidence)} times likelier with {name} than without it, and no other effect came "
-            f"near; as it pays {charge:.3g} for its parameters and the search, the odds are {power(lead.score)} to 1."
+            f"near; as it pays {lead.evidence - lead.visible:.3g} for its parameters and the search, the odds are "
+            f"{power(contest.something)} to 1."
         )
     rival, fit = title_of(second.effect, diagnosis), lead.evidence - second.evidence
     more = second.evidence - second.score - charge
@@ -187,7 +188,7 @@ def _not_needed(diagnosis: Diagnosis, contest: Contest) -> str:
         return f"{contest.asked} effects were asked, and none says more than the model does."
     return (
         f"{contest.asked} effects were asked; the best, {title_of(best.effect, diagnosis)}, raises the log-likelihood "
-        f"by {best.evidence:.3g} and would pay {best.evidence - best.score:.3g} for its parameters and the search."
+        f"by {best.evidence:.3g} and would pay {best.evidence - best.visible:.3g} for its parameters and the search."
     )
 
 
@@ -207,7 +208,7 @@ def _not_believed(diagnosis: Diagnosis, contest: Contest) -> str:
     led = f"The best name, {title_of(best.effect, diagnosis)}, makes the data {power(best.evidence)} times likelier"
     if contest.something < NAMED:
         return (
-            f"{led} and pays {best.evidence - best.score:.3g} for its parameters and the search: the odds that any "
+            f"{led} and pays {best.evidence - best.visible:.3g} for its parameters and the search: the odds that any "
             f"effect of those asked is there are {power(contest.something)} to 1, and {power(NAMED)} to 1 is needed."
         )
     return (

@@ -103,7 +103,8 @@ class Unexplained:
 class Candidate:
     """One effect that was tried in one round of the search.
 
-    `evidence` is the rise in log-likelihood, `score` the same less the charge for parameters and search; `refitted` is
+    `evidence` is the rise in log-likelihood; `score` and `visible` are the same less the charge for parameters and
+    search, in the questions which name it is and whether anything is missing (see `diagnosis.odds`); `refitted` is
     False where the screen alone has judged.
     """
 
@@ -111,6 +112,7 @@ class Candidate:
     effect: str
     evidence: float
     score: float
+    visible: float
     probability: float
     refitted: bool
     parameters: Mapping[str, Estimate]

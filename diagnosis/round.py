@@ -110,6 +110,9 @@ def one_round(
         own = Contestant.of(simpler, name, coefficients=len(asked[name].parameters()), charge=plain)
         refits[name], contest[name], scores[name] = simpler, own, own.score(simpler, fit)
     odds = weighed(contest, refits, fit)
+    visible = {s.name: s.evidence - visibility_cost(s.columns) - charge[s.name] for s in suspects}
+    visible |= {name: own.visible(refits[name], fit) for name, own in contest.items()}
+    scores |= {name: -np.inf for name, tried in refits.items() if is_its_special_case(tried, name)}
     for suspect in suspects:
         own_fit = refits.get(suspect.name)
         candidates.append(
@@ -118,6 +121,7 @@ def one_round(
                 effect=suspect.name,
                 evidence=evidence_of(own_fit, fit) if own_fit else suspect.evidence,
                 score=scores[suspect.name],
+                visible=visible[suspect.name],
                 probability=odds.get(suspect.name, 0.0),
                 refitted=own_fit is not None,
                 parameters=estimates(own_fit, suspect.name) if own_fit else {},

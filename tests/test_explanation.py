@@ -64,20 +64,30 @@ def numbers(text: str) -> list[float]:
 
 
 def test_the_margin_is_that_of_the_round() -> None:
-    found = friction()
+    asked = ("coulomb_friction", "presliding_hysteresis")
+    found = diagnose(log_of(coulomb_friction={"torque": 0.003}), candidates=asked)
     (reason,) = found.explain().reasons
     tried = {c.effect: c for c in found.candidates if c.round == 1}
-    first, second = tried["coulomb_friction"], tried["stribeck_friction"]
+    first, second = (tried[name] for name in asked)
     contest = reason.contest
     assert contest is not None
-    assert [c.effect for c in (contest.leader, *contest.rivals)][:2] == ["coulomb_friction", "stribeck_friction"]
+    assert [c.effect for c in (contest.leader, *contest.rivals)] == [*asked, "none"]
     assert found.explain().short == (reason.sentences[0],)
     said = numbers(reason.sentences[0])
     expected = [first.evidence - second.evidence, first.evidence, second.evidence, first.score - second.score]
     assert said == pytest.approx([abs(expected[0]), *expected[1:]], rel=0.01)
-    pays = float(re.search(r"as Stribeck friction pays ([\d.]+) more", reason.sentences[0])[1])
+    pays = float(re.search(r"as presliding hysteresis pays ([\d.]+) more", reason.sentences[0])[1])
     assert pays == pytest.approx(expected[3] - expected[0], rel=0.01)
-    assert contest.leader.probability + sum(c.probability for c in contest.rivals) == pytest.approx(1.0)
+    shares = np.exp([c.score for c in (contest.leader, *contest.rivals)] - np.array(contest.leader.score))
+    told = [c.probability for c in (contest.leader, *contest.rivals)]
+    assert shares / shares.sum() == pytest.approx(told, rel=1e-6)
+
+
+def test_a_fit_that_leaves_its_shape_open_is_said_to_say_no_more() -> None:
+    (reason,) = friction().explain().reasons
+    assert reason.contest is not None
+    assert reason.contest.alike == ("stribeck_friction",)
+    assert any("Stribeck friction fits as well but says no more" in sentence for sentence in reason.sentences)
 
 
 def test_a_name_without_a_rival_stands_against_none_and_a_better_rival_is_admitted() -> None:
@@ -87,7 +97,7 @@ def test_a_name_without_a_rival_stands_against_none_and_a_better_rival_is_admitt
     said = alone.explain().short[0]
     assert "no other effect came near" in said
     first = next(c for c in alone.candidates if c.round == 1)
-    assert numbers(said) == pytest.approx([first.evidence, first.score], rel=0.01)
+    assert numbers(said) == pytest.approx([first.evidence, first.visible], rel=0.01)
     rival = replace(first, effect="stribeck_friction", evidence=first.evidence + 3.0, score=first.score - 4.0)
     said = replace(found, candidates=(first, rival)).explain().short[0]
     assert "likelier with the runner-up, Stribeck friction, than with Coulomb friction" in said
@@ -233,7 +243,7 @@ def contest_none(contest: Contest) -> float:
 
 
 def candidate(effect: str, evidence: float, score: float, **more: object) -> Candidate:
-    given = {"round": 1, "probability": 0.5, "refitted": True, "parameters": {}} | more
+    given = {"round": 1, "visible": score, "probability": 0.5, "refitted": True, "parameters": {}} | more
     return Candidate(effect=effect, evidence=evidence, score=score, **given)
 
 
