@@ -9,8 +9,8 @@ from functools import cached_property, lru_cache
 import casadi as ca
 import numpy as np
 
+from diagnosis.experiment.separation import blank_run
 from diagnosis.linear import Linear, linearised
-from diagnosis.separation import blank_run
 from identification.predictor import Prediction, Predictor, stack
 from identification.run import Run
 from plant.discrete import INPUTS, integration_steps

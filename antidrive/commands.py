@@ -89,7 +89,7 @@ def diagnose(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
 def _separating(found: Diagnosis, seed: int) -> tuple[Experiment | None, str]:
     """The experiment that tells the rivals of a diagnosis apart within what the log has shown, and a sentence on it."""
     from diagnosis.experiment import rivals_of, separating_experiment
-    from diagnosis.signal_design import Limits
+    from diagnosis.experiment.signal_design import Limits
 
     rivals = rivals_of(found)
     if rivals is None:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from antidrive.thinning import thin
-from diagnosis.contest import Contest
-from diagnosis.evidence_picture import Gathered, Shown
+from diagnosis.explanation.contest import Contest
+from diagnosis.explanation.evidence_picture import Gathered, Shown
 from diagnosis.missing_torque import Curve, MissingTorque
 from diagnosis.odds import CLEAR
 from diagnosis.result import Replay

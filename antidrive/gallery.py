@@ -16,7 +16,7 @@ from antidrive.likeness import mistaken, swallowed
 from antidrive.page import figure_json, page
 from antidrive.provenance import Provenance
 from antidrive.signature import Signature, signature
-from diagnosis.wording import listed, percent, sentence_case
+from diagnosis.explanation.wording import listed, percent, sentence_case
 from plant.effects import Effect, Parameter, Stage, catalogue
 
 _FLOWS = {"torque": "N m", "angle": "rad", "velocity": "rad/s", "time": "s"}

@@ -11,11 +11,10 @@ from antidrive import figures
 from antidrive.page import figure_json, page
 from antidrive.provenance import Provenance
 from antidrive.words import headline, sentences
-from diagnosis.explanation import Explanation
+from diagnosis.explanation import Explanation, Reason
+from diagnosis.explanation.wording import effect_of, percent, sentence_case, title_of
 from diagnosis.odds import NONE
-from diagnosis.reasons import Reason
 from diagnosis.result import Cause, Diagnosis
-from diagnosis.wording import effect_of, percent, sentence_case, title_of
 from identification.fit_result import Fit, FittedParameter, correlations
 from plant.effects.effect import Array
 

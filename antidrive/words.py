@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from diagnosis.explanation import Explanation
+from diagnosis.explanation.wording import listed, percent, sentence_case, title_of
 from diagnosis.result import Cause, Diagnosis
-from diagnosis.wording import listed, percent, sentence_case, title_of
 
 _ALONE = 0.9  # probability above which a name stands without its rivals
 

@@ -111,8 +111,8 @@ def row(task: tuple[int, int]) -> tuple[bool, int, str]:
 
 def separating_chirp(first: Fit, second: Fit) -> float:
     """Log odds of a plain chirp twice as long as the designed experiment."""
-    from diagnosis.separation import Rival
-    from diagnosis.signal_design import Design
+    from diagnosis.experiment.separation import Rival
+    from diagnosis.experiment.signal_design import Design
 
     design = Design(
         rivals=(Rival.of(first), Rival.of(second)),

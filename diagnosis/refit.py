@@ -73,9 +73,6 @@ def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
 
 
 def is_its_special_case(fit: Fit, name: str) -> bool:
-    """Whether a fitted effect says no more than a special case of it: parameters stay open, or its shape vanishes."""
+    """Whether the shape of a fitted effect vanishes, so that nothing shows what a simpler effect would not show too."""
     effect = fit.model.effect(name)
-    if effect is None or not effect.reduced():
-        return False
-    unsaid = any(estimate.std is None for estimate in estimates(fit, name).values())
-    return unsaid or effect.vanishes(typical_speed(fit))
+    return effect is not None and bool(effect.reduced()) and effect.vanishes(typical_speed(fit))

@@ -14,8 +14,8 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import Experiment, Limits, rivals_of, separating_experiment
-from diagnosis.separation import Rival, noise_factor
-from diagnosis.signal_families import Signal, shapes
+from diagnosis.experiment.separation import Rival, noise_factor
+from diagnosis.experiment.signal_families import Signal, shapes
 from identification.errors import MalformedLog
 from identification.fit_result import Fit
 from identification.log import Log

@@ -14,13 +14,13 @@ from machine import Machine, excitation, record
 from test_unknown import Windage
 
 from diagnosis import Diagnosis, Experiment, diagnose
-from diagnosis.contest import AGAIN, NAMED, Contest, contest_of
-from diagnosis.detectable import detectable
-from diagnosis.evidence_picture import gathered, shown
+from diagnosis.experiment.signal_families import Signal
+from diagnosis.explanation.contest import AGAIN, NAMED, Contest, contest_of
+from diagnosis.explanation.detectable import detectable
+from diagnosis.explanation.evidence_picture import gathered, shown
+from diagnosis.explanation.wording import percent, power
 from diagnosis.odds import NONE
 from diagnosis.result import Candidate
-from diagnosis.signal_families import Signal
-from diagnosis.wording import percent, power
 from identification.log import Log
 from plant import ServoModel
 
@@ -81,13 +81,6 @@ def test_the_margin_is_that_of_the_round() -> None:
     shares = np.exp([c.score for c in (contest.leader, *contest.rivals)] - np.array(contest.leader.score))
     told = [c.probability for c in (contest.leader, *contest.rivals)]
     assert shares / shares.sum() == pytest.approx(told, rel=1e-6)
-
-
-def test_a_fit_that_leaves_its_shape_open_is_said_to_say_no_more() -> None:
-    (reason,) = friction().explain().reasons
-    assert reason.contest is not None
-    assert reason.contest.alike == ("stribeck_friction",)
-    assert any("Stribeck friction fits as well but says no more" in sentence for sentence in reason.sentences)
 
 
 def test_a_name_without_a_rival_stands_against_none_and_a_better_rival_is_admitted() -> None:

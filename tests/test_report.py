@@ -48,6 +48,7 @@ def diagnosis(fitted):
         effect="coulomb_friction",
         evidence=321.0,
         score=311.0,
+        visible=315.0,
         probability=0.97,
         refitted=True,
         parameters={"torque": size},

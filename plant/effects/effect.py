@@ -234,7 +234,7 @@ class Effect:
         return ()
 
     def vanishes(self, speed: float) -> bool:
-        """Whether, in a log of that typical speed [rad/s], nothing shows that its special cases would not show too."""
+        """Whether, in a log of that typical speed [rad/s], nothing shows that a simpler effect would not show too."""
         return False
 
     # How its trace looks.

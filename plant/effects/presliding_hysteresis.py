@@ -48,8 +48,8 @@ class PreslidingHysteresis(Effect):
         return (CoulombFriction(torque=self.torque),)
 
     def vanishes(self, speed: float) -> bool:
-        """A travel to slide that is passed in a tenth of a millisecond is a spring that nobody sees."""
-        return bool(self.torque / self.stiffness < 1e-4 * speed)
+        """Passed in a tenth of a millisecond the travel to slide is no spring; of more than a second, nothing else."""
+        return not 1e-4 * speed <= self.torque / self.stiffness <= 1.0 * speed
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from diagnosis.reasons import Reason, reason_for, reason_for_none
+from diagnosis.explanation.reasons import Reason, reason_for, reason_for_none
+from diagnosis.explanation.wording import listed, percent
 from diagnosis.result import Diagnosis
-from diagnosis.wording import listed, percent
 
 if TYPE_CHECKING:
     from diagnosis.experiment import Experiment

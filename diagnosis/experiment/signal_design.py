@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.separation import Rival, Separation, Trial
-from diagnosis.signal_families import Signal, shapes
+from diagnosis.experiment.separation import Rival, Separation, Trial
+from diagnosis.experiment.signal_families import Signal, shapes
 from identification.log import Log
 from plant.effects.effect import Array
 from plant.errors import BadParameter

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from diagnosis.contest import AGAIN, NAMED, Contest, contest_of
-from diagnosis.detectable import detectable
-from diagnosis.evidence_picture import Gathered, Shown, gathered, shown, without
+from diagnosis.explanation.contest import AGAIN, NAMED, Contest, contest_of
+from diagnosis.explanation.detectable import detectable
+from diagnosis.explanation.evidence_picture import Gathered, Shown, gathered, shown, without
+from diagnosis.explanation.wording import effect_of, listed, percent, power, sentence_case, size, title_of
 from diagnosis.odds import CLEAR, NONE
 from diagnosis.result import Cause, Diagnosis
-from diagnosis.wording import effect_of, listed, percent, power, sentence_case, size, title_of
 
 if TYPE_CHECKING:
     from diagnosis.experiment import Experiment

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.experiment.separation import Rival
+from diagnosis.experiment.signal_design import Design, Limits
+from diagnosis.experiment.signal_families import Signal
 from diagnosis.odds import CLEAR
 from diagnosis.result import Diagnosis
-from diagnosis.separation import Rival
-from diagnosis.signal_design import Design, Limits
-from diagnosis.signal_families import Signal
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects import catalogue

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from diagnosis.contest import NAMED
+from diagnosis.explanation.contest import NAMED
 from diagnosis.linear import response
 from diagnosis.result import Candidate, Estimate
 from diagnosis.screen import Screen
