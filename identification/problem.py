@@ -9,17 +9,17 @@ at the end.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from identification.fit_result import Fit, FittedParameter
+from identification.certainty import fit_of
+from identification.fit_result import Fit
 from identification.inverse import starting_values
-from identification.least_squares import Minimum, NormalEquations, minimise, uncertainty
+from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
 from identification.noise import log_likelihood
-from identification.predictor import FADING, Predictor, stack
+from identification.predictor import Predictor, stack
 from plant.discrete import integration_steps
 from plant.effects.effect import Array
 from plant.errors import BadParameter
@@ -141,7 +141,7 @@ class Problem:
             bandwidth: self._trial(minimum.point, bandwidth, 4) if smoothed else self._judged(minimum, bandwidth)
             for bandwidth, minimum in visited
         }
-        return self._result(*self._refined(trials), sum(m.evaluations for _, m in visited))
+        return fit_of(self, *self._refined(trials), sum(m.evaluations for _, m in visited))
 
     def _plausible(self, minimum: Minimum) -> bool:
         return bool(np.isfinite(minimum.equations.cost))
@@ -184,7 +184,7 @@ class Problem:
         if not start.bandwidth and trials[0.0].score < start.log_likelihood:
             self._risen(trials, 4.0 * slowest)
         evaluations = sum(trial.minimum.evaluations for trial in trials.values())
-        return self._result(*self._refined(trials), evaluations)
+        return fit_of(self, *self._refined(trials), evaluations)
 
     def _risen(self, trials: dict[float, _Trial], bandwidth: float) -> None:
         """Raise the bandwidth as far as it pays: what a model says less than its start did, an observer takes over."""
@@ -220,7 +220,7 @@ class Problem:
         )
         if self.is_hopeless(here, 0.0):
             return None
-        return self._result(0.0, self.minimise(point, 0.0, 0.0, iterations=10), 0)
+        return fit_of(self, 0.0, self.minimise(point, 0.0, 0.0, iterations=10), 0)
 
     def is_hopeless(self, minimum: Minimum, bandwidth: float) -> bool:
         """Whether the point of a minimum is so bad at another bandwidth that a fit there is not worth the time."""
@@ -263,113 +263,6 @@ class Problem:
         top = best()
         found = trials[top].minimum
         return top, found if found.converged else self.minimise(found.point, top, 0.0)
-
-    def _result(self, bandwidth: float, minimum: Minimum, evaluations: int) -> Fit:
-        values, initial = self.unpack(minimum.point)
-        variance = minimum.equations.cost / max(self.samples - minimum.point.size, 1)
-        innovations, jacobian = stack(self.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0))
-        found = uncertainty(*self._around(values, initial, bandwidth, innovations, jacobian), variance)
-        count = len(self.free)
-        spread, lost = found.covariance[:count, :count], found.undetermined[:count]
-        lost = lost | self._nothing_moves(minimum)
-        gone = np.array(self.free, dtype=int)[lost]
-        values[gone] = self.model.values[gone]
-        lost = lost | self._without_weight(values, np.sqrt(np.diag(spread)))
-        fitted = self.model.with_values(values)
-        return Fit(
-            model=fitted,
-            parameters=self._lines(fitted, spread, lost),
-            free=self.free,
-            covariance=spread,
-            white_covariance=found.white[:count, :count],
-            initial=initial,
-            bandwidth=bandwidth,
-            noise_std=float(np.sqrt(variance)),
-            log_likelihood=log_likelihood(minimum.equations.cost, self.samples),
-            samples=self.samples,
-            innovations=innovations,
-            substeps=self.predictor.substeps,
-            converged=minimum.converged,
-            evaluations=evaluations + minimum.evaluations,
-            log=self.log,
-        )
-
-    def _around(
-        self, values: Array, initial: Array, bandwidth: float, innovations: Array, jacobian: Array
-    ) -> tuple[Array, Array]:
-        """Innovations and Jacobian whose curvature says how sure the fit is.
-
-        Where a model is chaotic the likelihood at a low bandwidth is a mountain range, and the curvature of its highest
-        peak says nothing of the others. An observer that is faster than the chaos smooths it.
-        """
-        chaotic = any(effect.chaotic for effect in self.model.effects)
-        if not chaotic or bandwidth >= FADING:
-            return innovations, jacobian
-        return stack(self.predictor.predict(values, initial, bandwidth=FADING, width=0.0))
-
-    def _nothing_moves(self, minimum: Minimum) -> bool:
-        """Whether an output that never changes explains the log as well as the fitted motion: nothing can be told."""
-        still = sum(float(np.sum((run.output - run.output[run.valid].mean())[run.valid] ** 2)) for run in self.log.runs)
-        return still < 1.1 * minimum.equations.cost
-
-    def _without_weight(self, values: Array, std: Array) -> NDArray[np.bool_]:
-        """(F,) parameters whose uncertainty is worth more than the torque in the log: the data cannot tell them.
-
-        What a standard error is worth is the torque that it makes over the log's motion; for the parameters of an
-        effect, whose torque is not known before it is named, the value itself is the scale.
-        """
-        torque = np.concatenate([run.command - run.servo_gain * run.output for run in self.log.runs])
-        level = float(np.sqrt(np.nanmean(torque**2)))
-        speeds = np.concatenate([np.gradient(run.output, run.time) for run in self.log.runs])
-        speed = float(np.sqrt(np.nanmean(speeds**2)))
-        slowest = 2.0 * np.pi / max(run.duration for run in self.log.runs)
-        worth = {"inertia": slowest * speed, "gravity": 1.0, "viscous_friction": speed}
-        viscous = level / speed if speed > 0.0 else 0.0
-        # Of an effect's parameter that may well be zero.
-        natural = {"rad": 1.0, "N m": level, "N": level, "N m s/rad": viscous, "N s/m": viscous}
-        lost = np.zeros(len(self.free), dtype=bool)
-        for row, place in enumerate(self.free):
-            name = self.model.names[place]
-            scale = max(
-                abs(values[place]),
-                level / worth[name] if worth.get(name) else 0.0,
-                natural.get(self.model.parameters[place].unit, 0.0),
-            )
-            lost[row] = std[row] > scale and not self._at_bound(row, values[place])
-        return lost
-
-    def _at_bound(self, row: int, value: float) -> bool:
-        return bool(value <= self.lower[row] or value >= self.upper[row])
-
-    def _lines(self, fitted: ServoModel, spread: Array, lost: NDArray[np.bool_]) -> tuple[FittedParameter, ...]:
-        lines = []
-        for place, (spec, value) in enumerate(zip(fitted.parameters, fitted.values, strict=True)):
-            line = FittedParameter(
-                name=spec.name,
-                value=float(value),
-                std=None,
-                unit=_in_command_units(spec.unit, self.log.command_unit),
-                start=float(self.model.values[place]),
-                fixed=place not in self.free,
-            )
-            if place in self.free:
-                row = self.free.index(place)
-                known = not lost[row]
-                line = replace(
-                    line,
-                    value=float(value) if known else None,
-                    std=float(np.sqrt(spread[row, row])) if known else None,
-                    at_bound=known and self._at_bound(row, float(value)),
-                )
-            lines.append(line)
-        return tuple(lines)
-
-
-def _in_command_units(unit: str, command_unit: str) -> str:
-    """A parameter's unit where the log's command is not a torque but volts or amperes of unknown scale."""
-    if command_unit in ("N m", "N"):
-        return unit
-    return unit.replace("kg m^2", "N m s^2/rad").replace("kg", "N s^2/m").replace("N m", command_unit)
 
 
 def _neighbours(bandwidth: float) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from machine import Machine, excitation, record
 from diagnosis import Experiment, Limits, rivals_of, separating_experiment
 from diagnosis.experiment.separation import Rival, noise_factor
 from diagnosis.experiment.signal_families import Signal, shapes
+from identification.certainty import fit_of
 from identification.errors import MalformedLog
 from identification.fit_result import Fit
 from identification.log import Log
@@ -41,7 +42,7 @@ def near(model: ServoModel, log: Log) -> Fit:
     """The fit of a model whose values are nearly right already."""
     problem = Problem.of(log, model)
     start = problem.minimise(problem.pack(model.values, np.zeros((1, 2))), 30.0, 0.0, iterations=6)
-    return problem.descend(problem._result(30.0, start, 0))
+    return problem.descend(fit_of(problem, 30.0, start, 0))
 
 
 @lru_cache
