@@ -24,6 +24,7 @@ from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
 
 AT_ONCE = 16  # columns that are followed side by side
+_PIECE = 4096  # samples after which the same memory is used again
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +53,9 @@ class Linear:
             for first in range(0, places.size, AT_ONCE):
                 some = places[first : first + AT_ONCE]
                 shown = follow(self.closed_loop, path, self.seen, columns[:, some])
-                found[:, some] = -self.weight[:, None] * (shown + columns[:, some] if marked else shown)
+                if marked:
+                    shown += columns[:, some]
+                found[:, some] = np.multiply(shown, -self.weight[:, None], out=shown)
         return found
 
     def score(self, innovations: Array) -> tuple[Array, Array]:
@@ -74,13 +77,18 @@ def follow(transition: Array, path: Array, seen: Array, columns: Array) -> Array
         seen: (T, n) C.
         columns: (T, M) inputs u, at most `AT_ONCE`.
     """
-    samples, n = path.shape
-    rows = np.zeros((samples, n * n + 2 * n + AT_ONCE))
-    rows[:, : n * n] = transition.reshape(samples, n * n)
-    rows[:, n * n : n * n + n], rows[:, n * n + n : n * n + 2 * n] = path, seen
-    rows[:, n * n + 2 * n :][:, : columns.shape[1]] = columns
-    _, (shown,) = _side_by_side(n)((np.zeros(n * AT_ONCE),), rows)
-    return shown[:, : columns.shape[1]]
+    (samples, n), m = path.shape, columns.shape[1]
+    found, rows = np.empty((samples, m)), np.zeros((min(samples, _PIECE), n * n + 2 * n + AT_ONCE))
+    places, state = np.cumsum([n * n, n, n, m]), [np.zeros(n * AT_ONCE)]
+    for first in range(0, samples, _PIECE):
+        piece = slice(first, min(first + _PIECE, samples))
+        part = rows[: piece.stop - first]
+        flat = transition[piece].reshape(-1, n * n)
+        for values, stop in zip((flat, path[piece], seen[piece], columns[piece]), places, strict=True):
+            part[:, stop - values.shape[1] : stop] = values
+        state, (shown,) = _side_by_side(n)(state, part)
+        found[piece] = shown[:, :m]
+    return found
 
 
 @lru_cache(maxsize=16)

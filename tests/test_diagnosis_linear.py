@@ -24,7 +24,7 @@ def random_linear(samples: int, n: int) -> Linear:
     )
 
 
-@pytest.mark.parametrize("samples", [1, 2, 50, 997])
+@pytest.mark.parametrize("samples", [1, 2, 50, 997, 9000])
 def test_columns_side_by_side_follow_the_recursion(samples: int) -> None:
     rng, linear = np.random.default_rng(1), random_linear(samples, 3)
     columns = rng.normal(size=(samples, 2))
