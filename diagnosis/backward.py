@@ -8,6 +8,7 @@ from dataclasses import replace
 from diagnosis.odds import NONE, parameter_cost
 from diagnosis.refit import evidence_of, is_its_special_case
 from diagnosis.round import Addition, weighed
+from diagnosis.unseen import holds_up
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects import Effect
@@ -78,6 +79,8 @@ def with_best_names(additions: list[Addition], progress: Callable[[str], None] |
         }
         odds = weighed(rivals, fits, less)
         best = next(name for name in odds if name != NONE)
+        if best != addition.effect and not holds_up(less, fits[best]):
+            continue
         changed = replace(addition, effect=best, odds=odds, evidence=evidence_of(fits[best], less))
         additions = [*additions[:place], changed, *additions[place + 1 :]]
         additions[-1] = replace(additions[-1], fit=fits[best])

@@ -67,16 +67,20 @@ def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[A
     return bounded(errors) ** 2, simulated
 
 
-def simulation_gain(before: Fit, after: Fit) -> float:
-    """By how many standard errors an extended model simulates the estimation runs better than its predecessor.
+def simulation_gain(before: Fit, after: Fit) -> tuple[float, float]:
+    """How much better an extended model simulates the estimation runs than its predecessor: how surely, and how much.
 
     One-step predictions alone can prefer a term that bends the model the wrong way over longer times.
+
+    Returns:
+        By how many standard errors the squared error fell, and what share of it is left [-].
     """
     window = scoring_window(before, after)
     if window is None:
-        return standard_errors(_squared_from_fit(before) - _squared_from_fit(after))
-    (old, _), (new, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
-    return standard_errors(old - new)
+        old, new = _squared_from_fit(before), _squared_from_fit(after)
+    else:
+        (old, _), (new, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
+    return standard_errors(old - new), float(np.mean(new)) / max(float(np.mean(old)), 1e-300)
 
 
 def _squared_from_fit(fit: Fit) -> Array:

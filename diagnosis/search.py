@@ -15,7 +15,7 @@ from identification.problem import Problem
 from plant.effects import Effect, catalogue
 
 _ROUNDS = 6
-_AHEAD = 1  # additions that may fail to hold up unseen as long as the next may set them right
+_AHEAD = 1  # clear names that may fail to hold up unseen as long as the next may set them right
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +61,7 @@ def search(
         held = firm[-1].fit if firm else base
         if additions and holds_up(held, fit):
             firm = list(additions)
-        elif len(additions) > len(firm) + _AHEAD:
+        elif not found.clear or len(additions) > len(firm) + _AHEAD:
             break
     return Outcome(base=base, additions=tuple(with_best_names(firm, progress)), candidates=tuple(candidates))
 

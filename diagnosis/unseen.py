@@ -12,6 +12,7 @@ from identification.problem import Problem
 from plant.effects.effect import Array
 
 _SIGNIFICANT = 2.0  # standard errors
+_LOUD = 100.0  # rise of the log-likelihood of which a quarter should show in a quarter of the record
 _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
 
 
@@ -20,14 +21,18 @@ def holds_up(before: Fit, after: Fit) -> bool:
 
     The odds have decided on one-step predictions of the whole record. The free simulation must not get significantly
     worse; and predictions of the last part of each run, after a fit to the first part, neither, unless the simulation
-    gets significantly better.
+    gets significantly better. An effect for which the record speaks loudly must show there too: one of the two must get
+    significantly better, or, since an effect may act in a few places only, the simulation's error must be halved.
     """
-    simulation = simulation_gain(before, after)
+    simulation, left = simulation_gain(before, after)
     if simulation < -_SIGNIFICANT:
         return False
+    if simulation > _SIGNIFICANT or left < 0.5:
+        return True
     bandwidth = max(before.bandwidth, after.bandwidth)
     unseen = standard_errors(_unseen(after, bandwidth) - _unseen(before, bandwidth))
-    return unseen > -_SIGNIFICANT or simulation > _SIGNIFICANT
+    loud = after.log_likelihood - before.log_likelihood > _LOUD
+    return unseen > (_SIGNIFICANT if loud else -_SIGNIFICANT)
 
 
 def _unseen(fit: Fit, bandwidth: float) -> Array:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
 from plant.effects.order_lines import as_wave, lines_over_angle, waves
@@ -33,9 +34,13 @@ class EncoderEccentricity(Effect):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """Sine and cosine at the first two orders, and at those that would improve the fit most."""
+        """Sine and cosine at the first two orders, and at those that would improve the fit most.
+
+        A part of a wave that is no longer than a radian cannot be told from a scale that is a little off.
+        """
         found, searched = lines_over_angle(motion, motion.reading_score)
-        for order, among in [(1.0, 2), (2.0, 2), *((order, searched) for order in found)]:
+        first = [(order, 2) for order in (1.0, 2.0) if order * float(np.ptp(motion.angle)) > 1.0]
+        for order, among in [*first, *((order, searched) for order in found)]:
             yield Trace(
                 columns=waves(motion.angle, order),
                 start=lambda c, order=order: cls(  # type: ignore[misc]
