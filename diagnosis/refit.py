@@ -8,6 +8,7 @@ from diagnosis.odds import typical_speed
 from diagnosis.result import Estimate
 from identification.fit_result import Fit
 from identification.problem import Problem
+from identification.side_by_side import side_by_side
 from plant.effects import Effect
 
 _DESCENTS = 2  # starts of one effect that are followed to the end
@@ -24,17 +25,23 @@ def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
 
     problems = [problem(start) for start in starts]
     if len(problems) > _DESCENTS:
-        problems = sorted(problems, key=lambda each: each.glance(fit))[:_DESCENTS]
-    best = max((each.descend(fit) for each in problems), key=lambda found: found.log_likelihood)
+        problems = _most_promising(problems, fit, fit.bandwidth)[:_DESCENTS]
+    best = max(side_by_side(lambda each: each.descend(fit), problems), key=lambda found: found.log_likelihood)
     for stage in range(_STAGES):
         (found,) = (effect for effect in best.model.effects if effect.name == starts[0].name)
         alike = [problem(other) for other in found.look_alikes(stage)]
         if not alike:
             break
         at = max(best.bandwidth, _SMOOTHER * fit.bandwidth)
-        again = min(alike, key=lambda each: each.glance(fit, at)).descend(fit)
+        again = _most_promising(alike, fit, at)[0].descend(fit)
         best = max(best, again, key=lambda found: found.log_likelihood)
     return best
+
+
+def _most_promising(problems: list[Problem], fit: Fit, bandwidth: float) -> list[Problem]:
+    """The problems by how well a few iterations from a fit serve them, the best first."""
+    costs = side_by_side(lambda each: each.glance(fit, bandwidth), problems)
+    return [problems[place] for place in np.argsort(costs, kind="stable")]
 
 
 def evidence_of(fit: Fit, than: Fit, *, over: float | None = None) -> float:

@@ -22,6 +22,7 @@ from diagnosis.result import Candidate
 from diagnosis.screen import Screen, Suspect
 from identification.fit_result import Fit
 from identification.problem import Problem
+from identification.side_by_side import side_by_side
 from plant.effects import Effect
 
 _REFITS = 5  # effects refitted in one round because they are close to the leader of the screen
@@ -93,18 +94,20 @@ def one_round(
     asked = {name: kind for name, kind in effects.items() if _would_add(fit, kind)}
     if not asked:
         return None
+    tell = progress or (lambda line: None)
+    tell(f"round {number}: asking {len(asked)} effects")
     suspects = _screened(fit, asked)
 
     charge = {s.name: search_charge(searched=s.searched, catalogue=len(asked)) for s in suspects}
     scores = {s.name: s.evidence - schwarz_cost(s.columns, fit.samples) - charge[s.name] for s in suspects}
     refits: dict[str, Fit] = {}
     contest: dict[str, Contestant] = {}
-    for suspect in _worth_a_refit(suspects, scores, refits, observed=fit.bandwidth > 0.0):
-        if progress is not None:
-            progress(f"round {number}: refitting with {suspect.starts[0].title}")
-        tried = refits[suspect.name] = refit(fit, *suspect.starts)
-        own = Contestant.of(tried, suspect.name, coefficients=suspect.columns, charge=charge[suspect.name])
-        contest[suspect.name], scores[suspect.name] = own, own.score(tried, fit)
+    for some in _worth_a_refit(suspects, scores, refits, observed=fit.bandwidth > 0.0):
+        tell(f"round {number}: refitting with {', '.join(suspect.starts[0].title for suspect in some)}")
+        for suspect, tried in zip(some, side_by_side(lambda each: refit(fit, *each.starts), some), strict=True):
+            own = Contestant.of(tried, suspect.name, coefficients=suspect.columns, charge=charge[suspect.name])
+            refits[suspect.name], contest[suspect.name] = tried, own
+            scores[suspect.name] = own.score(tried, fit)
     for name, simpler in _reduced_leaders(fit, asked, refits, scores):
         plain = search_charge(searched=1, catalogue=len(asked))
         own = Contestant.of(simpler, name, coefficients=len(asked[name].parameters()), charge=plain)
@@ -153,8 +156,10 @@ def _screened(fit: Fit, asked: Mapping[str, type[Effect]]) -> list[Suspect]:
 
 def _worth_a_refit(
     suspects: list[Suspect], scores: Mapping[str, float], refits: Mapping[str, Fit], *, observed: bool
-) -> Iterator[Suspect]:
+) -> Iterator[list[Suspect]]:
     """Suspects to refit: the leaders of the screen, and on as long as it promises more than the refits delivered.
+
+    Those whose turn comes whatever the others deliver come together.
 
     The screen understates what a long search has found. Here it is charged for once, in the odds twice; and not at all
     where an observer has taken over part of what is missing, which a refit would give back.
@@ -162,12 +167,19 @@ def _worth_a_refit(
     forgiven = 2.0 if observed else 1.0
     waiting = sorted(suspects, key=lambda suspect: -scores[suspect.name])
     leader = max((suspect.evidence for suspect in suspects), default=0.0)
+    together: list[Suspect] = []
     for suspect in waiting:
         promise = scores[suspect.name]
-        delivered = max((scores[name] for name in refits), default=-np.inf)
-        close = suspect.evidence >= _WORTH * leader and len(refits) < _REFITS
-        if promise + forgiven * float(np.log(suspect.searched)) > _PROMISING and (close or promise > delivered):
-            yield suspect
+        if promise + forgiven * float(np.log(suspect.searched)) <= _PROMISING:
+            continue
+        close = suspect.evidence >= _WORTH * leader and len(refits) + len(together) < _REFITS
+        if not close and together:
+            yield together
+            together = []
+        if close or promise > max((scores[name] for name in refits), default=-np.inf):
+            together.append(suspect)
+    if together:
+        yield together
 
 
 def _reduced_leaders(
