@@ -119,7 +119,7 @@ def probabilities(scores: Mapping[str, float], visible: Mapping[str, float]) -> 
     """
     if not scores:
         return {NONE: 1.0}
-    missing = 1.0 / (1.0 + float(np.exp(-np.logaddexp.reduce(list(visible.values())))))
+    missing = float(np.exp(-np.logaddexp(0.0, -np.logaddexp.reduce(list(visible.values())))))
     values = np.array(list(scores.values()))
     best = values.max()
     weights = np.exp(values - best) if np.isfinite(best) else np.ones(values.size)

@@ -19,7 +19,7 @@ from diagnosis.explanation.contest import AGAIN, NAMED, Contest, contest_of
 from diagnosis.explanation.detectable import detectable
 from diagnosis.explanation.evidence_picture import gathered, shown
 from diagnosis.explanation.wording import percent, power
-from diagnosis.odds import NONE
+from diagnosis.odds import NONE, probabilities
 from diagnosis.result import Candidate
 from identification.log import Log
 from plant import ServoModel
@@ -296,3 +296,14 @@ def test_the_command_prints_the_margin_and_the_report_explains_it_all(monkeypatc
         (False, True, False),
         (False, False, True),
     ]
+
+
+def test_overwhelming_and_absent_evidence_are_told_without_overflow() -> None:
+    found = friction()
+    for score in (5000.0, -5000.0):
+        sure = replace(found.candidates[0], effect="coulomb_friction", evidence=score, score=score, visible=score)
+        contest = Contest.of_round((sure,), sure.round)
+        assert contest.leader.effect == ("coulomb_friction" if score > 0 else "none")
+        odds = probabilities({"coulomb_friction": score}, {"coulomb_friction": score})
+        assert odds["coulomb_friction"] == pytest.approx(1.0 if score > 0 else 0.0, abs=1e-12)
+        assert sum(odds.values()) == pytest.approx(1.0)

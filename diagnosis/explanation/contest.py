@@ -52,7 +52,7 @@ class Contest:
             # So that odds between names and none are those of both questions together.
             score=_together([c.score for c in fitted]) - something if fitted else 0.0,
             visible=0.0,
-            probability=float(1.0 / (1.0 + np.exp(something))),
+            probability=float(np.exp(-np.logaddexp(0.0, something))),
             refitted=True,
             parameters={},
         )
