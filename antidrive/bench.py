@@ -11,7 +11,7 @@ import numpy as np
 
 from diagnosis.experiment.separation import blank_run
 from diagnosis.linear import Linear, linearised
-from identification.predictor import Prediction, Predictor, stack
+from identification.predictor import Prediction, Predictor
 from identification.run import Run
 from plant.discrete import INPUTS, integration_steps
 from plant.effects import Effect, Motion, Trace
@@ -103,7 +103,7 @@ class Bench:
     @cached_property
     def absorbed(self) -> Array:
         """(T, F) orthonormal: what a refit of the model and its first state can do to the reading, to first order."""
-        _, jacobian = stack([self._prediction])
+        jacobian = self._prediction.jacobian
         return np.asarray(np.linalg.qr(jacobian[:, np.any(jacobian != 0.0, axis=0)])[0])
 
     @cached_property

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.log import Run
-from identification.predictor import Prediction, moves_with, run_inputs
+from identification.predictor import PIECE, Prediction, moves_with, run_inputs
 from plant.discrete import INPUTS, Structure, sample_reading
 from plant.effects.effect import Array, Effect, Expression, Moment, parameter
 from plant.recursion import Recursion
@@ -24,7 +24,6 @@ from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
 
 AT_ONCE = 16  # columns that are followed side by side
-_PIECE = 4096  # samples after which the same memory is used again
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,10 +77,10 @@ def follow(transition: Array, path: Array, seen: Array, columns: Array) -> Array
         columns: (T, M) inputs u, at most `AT_ONCE`.
     """
     (samples, n), m = path.shape, columns.shape[1]
-    found, rows = np.empty((samples, m)), np.zeros((min(samples, _PIECE), n * n + 2 * n + AT_ONCE))
+    found, rows = np.empty((samples, m)), np.zeros((min(samples, PIECE), n * n + 2 * n + AT_ONCE))
     places, state = np.cumsum([n * n, n, n, m]), [np.zeros(n * AT_ONCE)]
-    for first in range(0, samples, _PIECE):
-        piece = slice(first, min(first + _PIECE, samples))
+    for first in range(0, samples, PIECE):
+        piece = slice(first, min(first + PIECE, samples))
         part = rows[: piece.stop - first]
         flat = transition[piece].reshape(-1, n * n)
         for values, stop in zip((flat, path[piece], seen[piece], columns[piece]), places, strict=True):
@@ -141,17 +140,23 @@ class _Push(Effect):
 def linearised(model: ServoModel, run: Run, prediction: Prediction, bandwidth: float, *, substeps: int) -> Linear:
     """A run's predictor linearised along its path, with a torque on the load as its input."""
     probe = model.with_effect(_Push(torque=0.0))
-    n = len(probe.states)
-    rows, values = run_inputs(run, probe, probe.values, bandwidth, 0.0)
-    gain = rows[:, -2:] @ moves_with(probe).T
-    corrected = prediction.states.T + gain * prediction.innovations[:, None]
-    _, (slopes, seen) = _slopes(Structure(probe), substeps)((), np.hstack((corrected, rows[:, : len(INPUTS)])), values)
-    by_torque, transition = slopes[:, :n], slopes[:, n:].reshape(-1, n, n).transpose(0, 2, 1)
-    by_reading = np.einsum("kij,kj->ki", transition, gain)
+    n, samples = len(probe.states), len(run)
+    closed_loop, seen = np.empty((samples, n, n)), np.empty((samples, n))
+    by_torque, by_reading = np.empty((samples, n)), np.empty((samples, n))
+    for first in range(0, samples, PIECE):
+        part = slice(first, min(first + PIECE, samples))
+        rows, values = run_inputs(run, probe, probe.values, bandwidth, 0.0, part)
+        gain = rows[:, -2:] @ moves_with(probe).T
+        corrected = prediction.states[:, part].T + gain * prediction.innovations[part, None]
+        inputs = np.hstack((corrected, rows[:, : len(INPUTS)]))
+        _, (slopes, seen[part]) = _slopes(Structure(probe), substeps)((), inputs, values)
+        transition = slopes[:, n:].reshape(-1, n, n).transpose(0, 2, 1)
+        by_torque[part], by_reading[part] = slopes[:, :n], -np.einsum("kij,kj->ki", transition, gain)
+        closed_loop[part] = transition + by_reading[part, :, None] * seen[part, None, :]
     return Linear(
-        closed_loop=transition - by_reading[:, :, None] * seen[:, None, :],
+        closed_loop=closed_loop,
         by_torque=by_torque,
-        by_reading=-by_reading,
+        by_reading=by_reading,
         seen=seen,
         weight=run.valid.astype(float),
     )

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from identification.fit_result import Fit, FittedParameter
 from identification.least_squares import Minimum, uncertainty
 from identification.noise import log_likelihood
-from identification.predictor import FADING, stack
+from identification.over_runs import informations
+from identification.predictor import FADING, Prediction
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
@@ -23,9 +24,11 @@ def fit_of(problem: Problem, bandwidth: float, minimum: Minimum, evaluations: in
     """The fit that a minimum of a problem at a bandwidth [rad/s] amounts to, after so many passes over the log."""
     values, initial = problem.unpack(minimum.point)
     degrees = max(problem.samples - minimum.point.size, 1)
-    innovations, jacobian = stack(problem.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0))
-    around, slopes = _around(problem, values, initial, bandwidth, innovations, jacobian)
-    found = uncertainty(around, slopes, float(around @ around) / degrees)
+    predictions = problem.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0)
+    innovations = np.concatenate([p.innovations for p in predictions])
+    around = _around(problem, values, initial, bandwidth, predictions)
+    power = float(sum(p.innovations @ p.innovations for p in around))
+    found = uncertainty(*informations(around), power / degrees)
     count = len(problem.free)
     spread, lost = found.covariance[:count, :count], found.undetermined[:count]
     lost = lost | _nothing_moves(problem, minimum)
@@ -53,17 +56,17 @@ def fit_of(problem: Problem, bandwidth: float, minimum: Minimum, evaluations: in
 
 
 def _around(
-    problem: Problem, values: Array, initial: Array, bandwidth: float, innovations: Array, jacobian: Array
-) -> tuple[Array, Array]:
-    """Innovations and Jacobian whose curvature says how sure the fit is.
+    problem: Problem, values: Array, initial: Array, bandwidth: float, here: list[Prediction]
+) -> list[Prediction]:
+    """Innovations and Jacobians whose curvature says how sure the fit is.
 
     Where a model is chaotic the likelihood at a low bandwidth is a mountain range, and the curvature of its highest
     peak says nothing of the others. An observer that is faster than the chaos smooths it.
     """
     chaotic = any(effect.chaotic for effect in problem.model.effects)
     if not chaotic or bandwidth >= FADING:
-        return innovations, jacobian
-    return stack(problem.predictor.predict(values, initial, bandwidth=FADING, width=0.0))
+        return here
+    return problem.predictor.predict(values, initial, bandwidth=FADING, width=0.0)
 
 
 def _nothing_moves(problem: Problem, minimum: Minimum) -> bool:

@@ -13,7 +13,6 @@ from itertools import chain, combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.noise import coloured_information
 from plant.effects.effect import Array
 
 
@@ -146,9 +145,14 @@ class Uncertainty:
     undetermined: NDArray[np.bool_]
 
 
-def uncertainty(residuals: Array, jacobian: Array, variance: float) -> Uncertainty:
-    """Uncertainty of a least-squares estimate: (J'J)^-1 J'RJ (J'J)^-1 with the covariance R of the residuals."""
-    information = jacobian.T @ jacobian
+def uncertainty(information: Array, coloured: Array, variance: float) -> Uncertainty:
+    """Uncertainty of a least-squares estimate: (J'J)^-1 J'RJ (J'J)^-1 with the covariance R of the residuals.
+
+    Args:
+        information: (n, n) J'J.
+        coloured: (n, n) J'RJ.
+        variance: of the residuals.
+    """
     diagonal = np.diag(information)
     scale = np.sqrt(np.maximum(diagonal, 1e-300))
     eigenvalues, vectors = np.linalg.eigh(information / np.outer(scale, scale))
@@ -156,7 +160,7 @@ def uncertainty(residuals: Array, jacobian: Array, variance: float) -> Uncertain
     inverse = (vectors[:, ~lost] / eigenvalues[~lost]) @ vectors[:, ~lost].T
     size = np.outer(scale, scale)
     return Uncertainty(
-        covariance=inverse @ coloured_information(jacobian / scale, residuals) @ inverse / size,
+        covariance=inverse @ (coloured / size) @ inverse / size,
         white=variance * inverse / size,
         undetermined=(np.abs(vectors[:, lost]) > 1e-3).any(axis=1) | (diagonal <= 0.0),
     )

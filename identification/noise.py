@@ -50,10 +50,15 @@ def colour(values: Array, coefficients: Array) -> Array:
 
 def coloured_information(jacobian: Array, residuals: Array) -> Array:
     """(n, n) J'RJ, with R the covariance of the residuals (T,) by their autoregression and J the Jacobian (T, n)."""
-    coefficients = autoregression(residuals)
-    variance = float(np.mean(whiten(residuals, coefficients) ** 2))
+    coefficients, variance = colouring(residuals)
     coloured = colour(jacobian[::-1], coefficients)  # R = C'C with C the colouring filter: C' runs backwards
     return np.asarray(variance * (coloured.T @ coloured))
+
+
+def colouring(residuals: Array) -> tuple[Array, float]:
+    """Autoregression (p,) of residuals (T,) and the variance of what drives it."""
+    coefficients = autoregression(residuals)
+    return coefficients, float(np.mean(whiten(residuals, coefficients) ** 2))
 
 
 def log_likelihood(cost: float, samples: int) -> float:

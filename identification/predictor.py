@@ -12,14 +12,13 @@ simulation (output error); above it nothing drifts, so that closed-loop logs and
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.log import Run
 from plant.discrete import INPUTS, Structure, sample_reading
@@ -29,7 +28,9 @@ from plant.effects.goal_rate_limit import goals
 from plant.recursion import Recursion
 from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
-from plant.simulation import beginning, held_commands
+from plant.simulation import beginning, whole_samples
+
+PIECE = 4096  # samples after which the same memory is used again
 
 
 def observer_gain(bandwidth: float, dt: Array) -> Array:
@@ -95,50 +96,82 @@ class Predictor:
             width: smoothing of dry friction [rad/s]; 0 is the exact form.
             sensitivities: compute the Jacobian too.
         """
-        return [
-            self._predict_run(run, values, start, bandwidth, width, sensitivities)
-            for run, start in zip(self.runs, initial, strict=True)
-        ]
+        found: list[list[Prediction]] = [[] for _ in self.runs]
+        for run, piece in self.pieces(values, initial, bandwidth=bandwidth, width=width, sensitivities=sensitivities):
+            found[run].append(piece)
+        return [_joined(pieces) for pieces in found]
 
-    def _predict_run(
-        self, run: Run, values: Array, start: Array, bandwidth: float, width: float, sensitivities: bool
-    ) -> Prediction:
-        model = self.model
-        rows, values = run_inputs(run, model, values, bandwidth, width)
-        columns = len(self.free) + 2 if sensitivities else 0
+    def pieces(
+        self, values: Array, initial: Array, *, bandwidth: float, width: float, sensitivities: bool = True
+    ) -> Iterator[tuple[int, Prediction]]:
+        """The same piece by piece with the place of its run: a pass over a long log that need not be kept."""
+        follow = _prediction(Structure(self.model), self.free if sensitivities else None, self.substeps)
+        for place, (run, start) in enumerate(zip(self.runs, initial, strict=True)):
+            carried = self._beginning(run, values, start, sensitivities)
+            for first in range(0, len(run), PIECE):
+                part = slice(first, min(first + PIECE, len(run)))
+                rows, moved = run_inputs(run, self.model, values, bandwidth, width, part)
+                carried, (errors, jacobian, states) = follow(carried, rows, moved)
+                output = rows[:, len(INPUTS)] - errors[:, 0]
+                if not run.valid[part].all():
+                    errors *= run.valid[part, None]
+                    jacobian *= run.valid[part, None]
+                yield place, Prediction(innovations=errors[:, 0], jacobian=jacobian, states=states.T, output=output)
+
+    def _beginning(self, run: Run, values: Array, start: Array, sensitivities: bool) -> list[Array]:
+        """State (n,) at the first sample of a run, and its slopes (F + 2, n), of which only the last are not zero."""
+        (first,), _ = run_inputs(run, self.model, values, 0.0, 0.0, slice(0, 1))
+        slopes = np.zeros((len(self.free) + 2 if sensitivities else 0, len(self.model.states)))
+        if sensitivities:
+            slopes[-2:] = moves_with(self.model).T
         begin = beginning(
-            model,
+            self.model,
             angle=start[0],
             velocity=start[1],
-            torque=rows[0, 0] - rows[0, 2] * start[0],
-            command=rows[0, 0],
+            torque=first[0] - first[2] * start[0],
+            command=first[0],
             goal=float(goals(run.command, run.servo_gain)[0]),
         )
-        slopes = np.zeros((columns, len(model.states)))
-        if sensitivities:
-            slopes[-2:] = moves_with(model).T
-        follow = _prediction(Structure(model), self.free if sensitivities else None, self.substeps)
-        _, (errors, jacobian, states) = follow((begin, slopes), rows, values)
-        output = rows[:, len(INPUTS)] - errors[:, 0]
-        if not run.valid.all():
-            errors *= run.valid[:, None]
-            jacobian *= run.valid[:, None]
-        return Prediction(innovations=errors[:, 0], jacobian=jacobian, states=states.T, output=output)
+        return [begin, slopes]
 
 
-def run_inputs(run: Run, model: ServoModel, values: Array, bandwidth: float, width: float) -> tuple[Array, Array]:
-    """(T, 10) inputs of each step with measurement and gain, and the parameters with the delay inside a sample."""
-    dt = np.diff(run.time)
-    dt = np.append(dt, dt[-1])
-    delay = model.names.index("input_delay.time") if "input_delay.time" in model.names else None
-    now, before, switch = held_commands(run.command, dt, 0.0 if delay is None else float(values[delay]))
-    if delay is not None:
-        values = values.copy()
-        values[delay] = switch
-    gain = observer_gain(bandwidth, dt) * run.valid
-    output = np.where(run.valid, run.output, 0.0)
-    rows = np.empty((dt.size, len(INPUTS) + 3))
-    columns = (now, before, run.servo_gain, run.command_limit, run.time, dt, width, output, *gain)
+def _joined(pieces: Sequence[Prediction]) -> Prediction:
+    if len(pieces) == 1:
+        return pieces[0]
+    return Prediction(
+        innovations=np.concatenate([p.innovations for p in pieces]),
+        jacobian=np.concatenate([p.jacobian for p in pieces]),
+        states=np.concatenate([p.states for p in pieces], axis=1),
+        output=np.concatenate([p.output for p in pieces]),
+    )
+
+
+def run_inputs(
+    run: Run, model: ServoModel, values: Array, bandwidth: float, width: float, part: slice
+) -> tuple[Array, Array]:
+    """(k, 10) inputs of the steps of a part of a run, with measurement and gain, and the parameters (P,) for them.
+
+    Of a delay only the part inside a sample is left in the parameters; whole samples are in the inputs.
+    """
+    dt = np.diff(run.time[part.start : part.stop + 1])
+    if part.stop == len(run):
+        dt = np.append(dt, run.time[-1] - run.time[-2])
+    whole, index = 0, np.arange(part.start, part.stop)
+    if "input_delay.time" in model.names:
+        delay, values = model.names.index("input_delay.time"), values.copy()
+        whole, values[delay] = whole_samples(float(values[delay]), run.sample_time)
+    rows = np.empty((index.size, len(INPUTS) + 3))
+    columns = (
+        run.command[np.maximum(index - whole, 0)],
+        run.command[np.maximum(index - whole - 1, 0)],
+        run.servo_gain[part],
+        run.command_limit,
+        run.time[part],
+        dt,
+        width,
+        np.where(run.valid[part], run.output[part], 0.0),
+        *(observer_gain(bandwidth, dt) * run.valid[part]),
+    )
     for place, column in enumerate(columns):
         rows[:, place] = column
     return rows, values
@@ -194,17 +227,3 @@ def _forgetful(model: ServoModel, slopes: Any, dt: Any) -> Any:
     for place in (0, 1):
         rows[first + place] = rows[place] + kept * (rows[first + place] - rows[place])
     return ca.vertcat(*rows)
-
-
-def stack(predictions: Sequence[Prediction]) -> tuple[Array, NDArray[np.float64]]:
-    """Innovations (T,) and Jacobian (T, F + 2R) of all runs; each run has its own two columns of initial state."""
-    innovations = np.concatenate([p.innovations for p in predictions])
-    runs, free = len(predictions), predictions[0].jacobian.shape[1] - 2
-    jacobian = np.zeros((innovations.size, free + 2 * runs))
-    row = 0
-    for place, p in enumerate(predictions):
-        rows = slice(row, row + p.innovations.size)
-        jacobian[rows, :free] = p.jacobian[:, :free]
-        jacobian[rows, free + 2 * place : free + 2 * place + 2] = p.jacobian[:, free:]
-        row = rows.stop
-    return innovations, jacobian

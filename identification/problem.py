@@ -19,7 +19,8 @@ from identification.inverse import starting_values
 from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
 from identification.noise import log_likelihood
-from identification.predictor import Predictor, stack
+from identification.over_runs import normal_equations
+from identification.predictor import Predictor
 from plant.discrete import integration_steps
 from plant.effects.effect import Array
 from plant.errors import BadParameter
@@ -91,15 +92,15 @@ class Problem:
     def linearise(self, point: Array, bandwidth: float, width: float) -> NormalEquations:
         """The normal equations at a point."""
         values, initial = self.unpack(point)
-        predictions = self.predictor.predict(values, initial, bandwidth=bandwidth, width=width)
-        return NormalEquations.of(*stack(predictions))
+        pieces = self.predictor.pieces(values, initial, bandwidth=bandwidth, width=width)
+        return normal_equations(pieces, len(self.log.runs))
 
     def cost(self, point: Array, bandwidth: float, width: float) -> float:
         """Sum of squared innovations at a point, infinite where the prediction overflows."""
         values, initial = self.unpack(point)
-        predictions = self.predictor.predict(values, initial, bandwidth=bandwidth, width=width, sensitivities=False)
+        pieces = self.predictor.pieces(values, initial, bandwidth=bandwidth, width=width, sensitivities=False)
         with np.errstate(over="ignore", invalid="ignore"):
-            total = float(sum(p.innovations @ p.innovations for p in predictions))
+            total = float(sum(piece.innovations @ piece.innovations for _, piece in pieces))
         return total if np.isfinite(total) else np.inf
 
     def minimise(self, start: Array, bandwidth: float, width: float, iterations: int = 30) -> Minimum:

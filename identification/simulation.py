@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.least_squares import NormalEquations, minimise
 from identification.log import Log, Run
-from identification.predictor import Predictor, stack
+from identification.predictor import Predictor
 from identification.problem import first_states
 from plant.discrete import integration_steps
 from plant.effects.effect import Array
@@ -19,9 +19,7 @@ _FEWEST = 5  # samples of a piece that is started anew
 SETTLE = 0.2  # seconds of the measured output that a simulation may see, to find its initial state
 
 
-def free_simulation(
-    log: Log, model: ServoModel, *, window: float | None = None, settle: float = SETTLE
-) -> list[Array]:
+def free_simulation(log: Log, model: ServoModel, *, window: float | None = None, settle: float = SETTLE) -> list[Array]:
     """Simulate every run from its command, in the exact form of the model.
 
     Args:
@@ -78,8 +76,8 @@ def _initial_state(log: Log, start: Run, model: ServoModel) -> Array:
     predictor = Predictor(model=model, runs=(start,), free=(), substeps=integration_steps(model, log.sample_time))
 
     def linearise(state: Array) -> NormalEquations:
-        predictions = predictor.predict(model.values, state[None, :], bandwidth=0.0, width=0.0)
-        return NormalEquations.of(*stack(predictions))
+        (prediction,) = predictor.predict(model.values, state[None, :], bandwidth=0.0, width=0.0)
+        return NormalEquations.of(prediction.innovations, prediction.jacobian)
 
     guess = first_states(replace(log, runs=(start,)))[0]
     unbounded = np.full(2, np.inf)

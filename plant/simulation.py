@@ -29,10 +29,15 @@ def held_commands(command: Array, dt: Array, delay: float) -> tuple[Array, Array
     Returns:
         (T,) the command from the switch on, (T,) the command until the switch, and when the switch comes [s].
     """
-    step = float(np.median(dt))
-    whole = int(np.floor(delay / step + 1e-9))
+    whole, switch = whole_samples(delay, float(np.median(dt)))
     index = np.arange(command.size)
-    return command[np.maximum(index - whole, 0)], command[np.maximum(index - whole - 1, 0)], delay - whole * step
+    return command[np.maximum(index - whole, 0)], command[np.maximum(index - whole - 1, 0)], switch
+
+
+def whole_samples(delay: float, sample_time: float) -> tuple[int, float]:
+    """The samples that a delay [s] spans whole, and the rest of it [s]."""
+    whole = int(np.floor(delay / sample_time + 1e-9))
+    return whole, delay - whole * sample_time
 
 
 def simulate(

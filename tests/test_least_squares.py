@@ -11,7 +11,7 @@ from scipy.linalg import toeplitz
 from scipy.optimize import lsq_linear
 from scipy.stats import norm
 
-from identification.least_squares import NormalEquations, bounded_least_squares, minimise, uncertainty
+from identification.least_squares import NormalEquations, Uncertainty, bounded_least_squares, minimise, uncertainty
 from identification.noise import autoregression, colour, coloured_information, log_likelihood, whiten
 
 Array = NDArray[np.float64]
@@ -22,6 +22,10 @@ UNBOUNDED = np.full(2, np.inf)
 def coloured_noise(samples: int = 20_000, pole: float = 0.7, seed: int = 0) -> Array:
     """(samples,) first-order autoregressive noise, driven by white noise of unit variance."""
     return colour(np.random.default_rng(seed).standard_normal(samples), np.array([pole]))
+
+
+def told_uncertainty(residuals: Array, jacobian: Array) -> Uncertainty:
+    return uncertainty(jacobian.T @ jacobian, coloured_information(jacobian, residuals), float(np.var(residuals)))
 
 
 # The colour of noise.
@@ -67,7 +71,7 @@ def test_errors_of_an_estimate_under_coloured_noise_are_the_ones_that_repetition
     jacobian = np.column_stack((np.ones(500), np.sin(time)))
     noises = [coloured_noise(500, seed=seed) for seed in range(300)]
     spread = np.std([np.linalg.lstsq(jacobian, noise, rcond=None)[0] for noise in noises], axis=0)
-    told = [uncertainty(noise, jacobian, float(np.var(noise))) for noise in noises[:30]]
+    told = [told_uncertainty(noise, jacobian) for noise in noises[:30]]
     assert np.median([np.sqrt(np.diag(u.covariance)) for u in told], axis=0) == pytest.approx(spread, rel=0.2)
     assert np.all(np.median([np.sqrt(np.diag(u.white)) for u in told], axis=0) < 0.7 * spread)
 
@@ -75,9 +79,9 @@ def test_errors_of_an_estimate_under_coloured_noise_are_the_ones_that_repetition
 def test_a_parameter_without_effect_is_undetermined() -> None:
     rng = np.random.default_rng(0)
     jacobian = np.column_stack((rng.standard_normal(300), np.zeros(300), rng.standard_normal(300)))
-    assert uncertainty(rng.standard_normal(300), jacobian, 1.0).undetermined.tolist() == [False, True, False]
+    assert told_uncertainty(rng.standard_normal(300), jacobian).undetermined.tolist() == [False, True, False]
     twins = jacobian[:, [0, 2, 2]]
-    assert uncertainty(rng.standard_normal(300), twins, 1.0).undetermined.tolist() == [False, True, True]
+    assert told_uncertainty(rng.standard_normal(300), twins).undetermined.tolist() == [False, True, True]
 
 
 def test_the_likelihood_is_the_gaussian_one() -> None:

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
+from test_over_runs import dense
 
 from diagnosis.nuisance import Nuisance
 from diagnosis.screen import Screen
 from identification.fit import fit
-from identification.predictor import Prediction, stack
+from identification.predictor import Prediction
 from identification.problem import Problem
 from identification.side_by_side import side_by_side
 from plant import ServoModel
@@ -33,7 +34,7 @@ def test_each_run_has_an_initial_state_of_its_own_beside_the_shared_parameters(f
     rng = np.random.default_rng(0)
     runs = [prediction(rng, samples, free) for samples in (40, 55, 30)]
     values = rng.normal(size=(125, 4))
-    _, jacobian = stack(runs)
+    jacobian = dense(runs)
     expected = values - jacobian @ np.linalg.lstsq(jacobian, values, rcond=None)[0]
     nuisance = Nuisance.of(runs)
     assert nuisance.beyond(values) == pytest.approx(expected, abs=1e-12)
