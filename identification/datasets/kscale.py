@@ -1,7 +1,9 @@
 """K-Scale servo bench: Feetech STS3215 position servos (12 V) that swing a known mass on an arm.
 
 K-Scale Labs, sysid repository, 2025: masses of 0.5 to 1.2 kg at 100 or 150 mm, six firmware gains, five trajectories,
-repeated. The firmware's law was measured by its authors: duty = kp * 0.16489 / rad * (goal - angle).
+repeated. The firmware's law was measured by its authors: duty = kp * 0.16489 / rad * (goal - angle). The goal in it is
+not the one that was sent: the firmware moves its own towards that at no more than about 5 rad/s, whatever the gain
+(`goal_rate_limit`; the data show it as one ramp at all gains, the published law does not have it).
 """
 
 from __future__ import annotations
@@ -64,7 +66,8 @@ def read(files: list[Path], *, select: Mapping[str, float] | None = None) -> Dat
         "One servo model has one inertia, so runs with other masses and arms are left out.",
         VOLTS_UNKNOWN_SCALE,
         ENDS_WHEN_OFF,
-        "Published mean absolute errors on these data with friction models M1 to M6: 0.0309 to 0.0323 rad.",
+        "Published mean absolute errors with friction models M1 to M6, on the data they were fitted to: 0.0309 to "
+        "0.0323 rad.",
     )
     logs = [
         Log.from_recordings(runs, axis="rotary", sources=sources, command_unit="V") if runs else None
