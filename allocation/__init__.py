@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from allocation.admissible import Admissibility, admissible, enumerate_admissible
+from allocation.admissible import Admissibility, admissible, admissible_senses, null_space
 from allocation.allocator import Allocation, Allocator
 from allocation.bounds import Bounds
+from allocation.enumeration import enumerate_admissible
 from allocation.errors import InfeasibleTorque
 from allocation.least_effort import least_effort
+from allocation.structure import Structure
 
 __all__ = [
     "Admissibility",
@@ -14,7 +16,10 @@ __all__ = [
     "Allocator",
     "Bounds",
     "InfeasibleTorque",
+    "Structure",
     "admissible",
+    "admissible_senses",
     "enumerate_admissible",
     "least_effort",
+    "null_space",
 ]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations_with_replacement, permutations, product
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +12,9 @@ from scipy.optimize import linprog
 from plant.errors import BadParameter
 
 Array = NDArray[np.float64]
+
+_MOST_DRIVES = 12
+"""Senses are tried one by one: 2^11 linear programmes take a few seconds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,6 +34,33 @@ class Admissibility:
     rank: int
 
 
+def structure_matrix(A: ArrayLike) -> Array:
+    """A as a matrix (n, m) of finite numbers.
+
+    Raises:
+        BadParameter: it is none.
+    """
+    try:
+        matrix = np.array(A, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise BadParameter("A must be a matrix of numbers with rows of one length.") from None
+    if matrix.ndim != 2 or matrix.size == 0 or not np.all(np.isfinite(matrix)):
+        raise BadParameter(f"A must be a matrix of finite numbers, not an array of shape {matrix.shape}.")
+    return matrix
+
+
+def null_space(A: ArrayLike) -> Array:
+    """Orthonormal basis (m, m - rank A) of the drive torques xi that move nothing, A xi = 0.
+
+    For the paper's two pinions it is the one direction [N1, -N2] of equation (3), as a unit vector.
+
+    Raises:
+        BadParameter: A is not a finite matrix.
+    """
+    matrix = _unit_rows(structure_matrix(A))
+    return np.asarray(np.linalg.svd(matrix)[2][_rank(matrix) :].T)
+
+
 def admissible(A: ArrayLike) -> Admissibility:
     """Decide whether u = A xi with xi >= 0 is an admissible redundant-drive structure (Chang and Tsai 1993).
 
@@ -46,16 +75,12 @@ def admissible(A: ArrayLike) -> Admissibility:
     Raises:
         BadParameter: A is not a finite matrix.
     """
-    matrix = np.asarray(A, dtype=np.float64)
-    if matrix.ndim != 2 or matrix.size == 0 or not np.all(np.isfinite(matrix)):
-        raise BadParameter(f"A must be a matrix of finite numbers, not an array of shape {matrix.shape}.")
+    matrix = structure_matrix(A)
     n, m = matrix.shape
-    size = np.linalg.norm(matrix, axis=1, keepdims=True)
-    scaled = matrix / np.where(size > 0, size, 1.0)
-    rank = int(np.linalg.matrix_rank(scaled))
-    cost = np.append(np.zeros(m), -1.0)
+    scaled = _unit_rows(matrix)
+    rank = _rank(scaled)
     answer = linprog(
-        cost,
+        np.append(np.zeros(m), -1.0),
         A_ub=np.hstack((-np.eye(m), np.ones((m, 1)))),
         b_ub=np.zeros(m),
         A_eq=np.vstack((np.hstack((scaled, np.zeros((n, 1)))), np.append(np.ones(m), 0.0))),
@@ -69,49 +94,29 @@ def admissible(A: ArrayLike) -> Admissibility:
     return Admissibility(admissible=ok, score=score if ok else 0.0, null_vector=vector, rank=rank)
 
 
-def enumerate_admissible(n: int, m: int) -> list[NDArray[np.int64]]:
-    """All sign patterns (n x m) that belong to admissible structures, one for each class of equal ones.
+def admissible_senses(A: ArrayLike) -> list[NDArray[np.int64]]:
+    """The senses (m,), each +1 or -1, in which drives with the torque map A (n x m) hold every joint free of backlash.
 
-    Patterns that differ by the order of joints (rows) or drives (columns) are equal. A pattern is listed if some sizes
-    of its entries make it admissible: each row then holds entries of both signs and no column is empty, and random
-    sizes balanced to a common positive null vector leave rank n.
-
-    Args:
-        n: joints, 1 to 3.
-        m: drives, n + 1 to 2 n.
+    They are the sign patterns of the null vectors of A without a zero; with every sense its reverse is one too. For the
+    paper's two pinions: [+ -], which is lambda > 0 in equation (3), and [- +], which is lambda < 0.
 
     Raises:
-        BadParameter: n or m out of that range.
+        BadParameter: A is not a finite matrix, or has more than 12 columns.
     """
-    if not 1 <= n <= 3:
-        raise BadParameter(f"Structures are enumerated for 1 to 3 joints, not {n}.")
-    if not n + 1 <= m <= 2 * n:
-        raise BadParameter(f"{n} joints need {n + 1} to {2 * n} drives, not {m}.")
-    found: dict[tuple[tuple[int, ...], ...], None] = {}
-    for pattern in _patterns(n, m):
-        key = _canonical(pattern)
-        if key not in found and _can_be_admissible(np.array(pattern).T):
-            found[key] = None
-    return [np.array(columns, dtype=np.int64).T for columns in sorted(found, reverse=True)]
+    matrix = structure_matrix(A)
+    m = matrix.shape[1]
+    if m > _MOST_DRIVES:
+        raise BadParameter(f"Senses are listed for up to {_MOST_DRIVES} drives, not {m}.")
+    halves = (np.array((1, *rest), dtype=np.int64) for rest in product((1, -1), repeat=m - 1))
+    found = [sense for sense in halves if admissible(matrix * sense).admissible]
+    return [*found, *(-sense for sense in reversed(found))]
 
 
-def _patterns(n: int, m: int) -> Iterator[tuple[tuple[int, ...], ...]]:
-    """Multisets of m columns of signs, none empty, each row with both signs."""
-    columns = [c for c in product((1, 0, -1), repeat=n) if any(c)]
-    for chosen in combinations_with_replacement(columns, m):
-        if all(1 in row and -1 in row for row in zip(*chosen, strict=True)):
-            yield chosen
+def _unit_rows(matrix: Array) -> Array:
+    """Rows of length one, so that joints of any size count alike."""
+    size = np.linalg.norm(matrix, axis=1, keepdims=True)
+    return np.asarray(matrix / np.where(size > 0, size, 1.0))
 
 
-def _canonical(pattern: tuple[tuple[int, ...], ...]) -> tuple[tuple[int, ...], ...]:
-    """The greatest of all patterns that differ only by the order of rows and columns, as columns."""
-    n = len(pattern[0])
-    return max(tuple(sorted((tuple(c[i] for i in p) for c in pattern), reverse=True)) for p in permutations(range(n)))
-
-
-def _can_be_admissible(pattern: NDArray[np.int64]) -> bool:
-    """Whether sizes exist that give rank n; balanced rows, A 1 = 0, lose nothing: columns scale freely."""
-    sizes = np.random.default_rng(0).uniform(0.5, 2.0, pattern.shape)
-    positive, negative = sizes * (pattern > 0), sizes * (pattern < 0)
-    balanced = positive / positive.sum(axis=1, keepdims=True) - negative / negative.sum(axis=1, keepdims=True)
-    return bool(np.linalg.matrix_rank(balanced) == pattern.shape[0])
+def _rank(matrix: Array) -> int:
+    return int(np.linalg.matrix_rank(matrix))

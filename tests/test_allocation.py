@@ -1,8 +1,6 @@
-"""The allocator against its closed form; admissible structures against the theorem."""
+"""The allocator against its closed form."""
 
 from __future__ import annotations
-
-from itertools import combinations, combinations_with_replacement, product
 
 import numpy as np
 import pytest
@@ -13,7 +11,7 @@ from numpy.typing import NDArray
 
 import allocation.allocator
 import allocation.qp
-from allocation import Allocator, Bounds, InfeasibleTorque, admissible, enumerate_admissible, least_effort
+from allocation import Allocator, Bounds, InfeasibleTorque, least_effort
 from plant.errors import AntidriveError, BadParameter
 from plant.gears import GearTrain
 
@@ -217,84 +215,3 @@ def test_a_point_that_is_not_complementary_is_not_optimal() -> None:
     solution.y, solution.z, solution.z_box = np.zeros(0), np.zeros(0), np.full(1, -4.0)
     assert max(solution.primal_residual(), solution.dual_residual()) == 0.0
     assert allocation.qp.largest_residual(solution) == pytest.approx(20.0)
-
-
-# Admissible structures.
-
-
-@given(st.integers(1, 4), st.integers(0, 2**32 - 1))
-def test_one_drive_more_than_joints_has_the_minors_as_null_vector(n: int, seed: int) -> None:
-    A = np.random.default_rng(seed).normal(size=(n, n + 1))
-    minors = np.array([(-1) ** k * np.linalg.det(np.delete(A, k, axis=1)) for k in range(n + 1)])
-    result = admissible(A)
-    if np.min(np.abs(minors)) < 1e-3 * np.max(np.abs(minors)):
-        return  # too close to call in floating point
-    assert result.admissible == bool(np.all(minors > 0) or np.all(minors < 0))
-    if result.admissible:
-        assert result.null_vector == pytest.approx(minors / minors.sum(), rel=1e-6)
-        assert result.score == pytest.approx(np.min(minors / minors.sum()), rel=1e-6)
-
-
-def test_the_papers_mechanism_is_admissible_and_its_twins_are_not() -> None:
-    opposed = PAPER.torque_map * [1, -1]
-    assert admissible([opposed]).admissible
-    assert admissible([opposed]).null_vector == pytest.approx([0.5, 0.5])
-    same_sense = admissible([PAPER.torque_map])
-    assert not same_sense.admissible
-    assert same_sense.score == 0.0
-
-
-@pytest.mark.parametrize(
-    ("A", "why"),
-    [
-        ([[1, -1, 0], [0, 0, 1]], "row of one sign"),
-        ([[1, -1, 0], [1, -1, 0]], "rank"),
-        ([[1.0]], "too few drives"),
-        ([[1, -1, 0]], "a drive without part"),
-        ([[1, -1, 1], [2, -2, 2]], "rank"),
-    ],
-)
-def test_structures_that_are_not_admissible(A: list[list[float]], why: str) -> None:
-    assert not admissible(A).admissible, why
-    assert admissible(A).score == 0.0
-
-
-def test_enumeration_of_one_joint() -> None:
-    assert [p.tolist() for p in enumerate_admissible(1, 2)] == [[[1, -1]]]
-
-
-@pytest.mark.parametrize(("m", "trials"), [(3, 6), (4, 1)])
-def test_enumeration_lists_each_class_once_and_misses_none(m: int, trials: int) -> None:
-    def orbit(columns: list[tuple[int, int]]) -> frozenset[tuple[tuple[int, int], ...]]:
-        return frozenset((tuple(sorted(columns)), tuple(sorted((b, a) for a, b in columns))))
-
-    listed = [orbit([tuple(c) for c in p.T.tolist()]) for p in enumerate_admissible(2, m)]
-    assert len(set(listed)) == len(listed)
-    rng = np.random.default_rng(1)
-    for columns in combinations_with_replacement(product((-1, 0, 1), repeat=2), m):
-        pattern = np.array(columns).T
-        if any(admissible(pattern * rng.uniform(0.2, 3.0, (2, m))).admissible for _ in range(trials)):
-            assert orbit(list(columns)) in listed
-    for pattern in enumerate_admissible(2, m):
-        assert admissible(_balanced(pattern, rng)).admissible
-
-
-def _balanced(pattern: NDArray[np.int64], rng: np.random.Generator) -> Array:
-    """Random sizes for a sign pattern whose rows sum to zero."""
-    sizes = rng.uniform(0.5, 2.0, pattern.shape)
-    positive, negative = sizes * (pattern > 0), sizes * (pattern < 0)
-    return np.asarray(positive / positive.sum(1, keepdims=True) - negative / negative.sum(1, keepdims=True))
-
-
-def test_the_sign_rules_hold_for_three_joints() -> None:
-    patterns = enumerate_admissible(3, 4)
-    for pattern in patterns:
-        assert all({1, -1} <= set(row.tolist()) for row in pattern)
-        assert np.all(np.any(pattern != 0, axis=0))
-    assert all(not np.array_equal(a, b) for a, b in combinations(patterns[:60], 2))
-
-
-@pytest.mark.parametrize(("n", "m"), [(0, 1), (4, 5), (2, 2), (2, 5)])
-def test_enumeration_says_its_range(n: int, m: int) -> None:
-    with pytest.raises(BadParameter):
-        enumerate_admissible(n, m)

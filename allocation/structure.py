@@ -1,0 +1,103 @@
+"""The structure matrix: which drive turns which joint, and which torques move nothing."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from allocation.admissible import Admissibility, admissible, null_space, structure_matrix
+from plant.errors import BadParameter
+from plant.gears import GearTrain
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """n joints turned by m drives, each of which is to push in one sense only.
+
+        tau = A xi,     d(phi)/dt = A' d(theta)/dt
+
+    with joint torques tau (n,), drive torques xi (m,) and the angles phi (m,), theta (n,) on which they do work; for
+    two pinions on one follower these are equations (2) and (1) of the drive/anti-drive paper. The second follows from
+    the first because the meshes lose no power.
+
+    Attributes:
+        A: (n, m) torque on each joint for one newton metre of each drive.
+        sense: (m,) +1 or -1, the sign of the torque that each drive is to keep; all +1 where the columns of A have
+            absorbed the senses, as Chang and Tsai (1993) write it.
+        reduction: turns of a motor for one turn of its drive.
+
+    Raises:
+        BadParameter: A is not a finite matrix, a sense is not a sign, or the reduction is not positive.
+    """
+
+    A: ArrayLike
+    _: KW_ONLY
+    sense: tuple[int, ...] | None = None
+    reduction: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        matrix = structure_matrix(self.A)
+        sense = (1,) * matrix.shape[1] if self.sense is None else tuple(self.sense)
+        if len(sense) != matrix.shape[1] or not set(sense) <= {1, -1}:
+            raise BadParameter(f"sense must be +1 or -1 for each of the {matrix.shape[1]} drives, not {self.sense!r}.")
+        if not (np.isfinite(self.reduction) and self.reduction > 0):
+            raise BadParameter(f"reduction must be finite and above zero, not {self.reduction!r}.")
+        matrix.setflags(write=False)
+        object.__setattr__(self, "A", matrix)
+        object.__setattr__(self, "sense", sense)
+
+    @classmethod
+    def of(cls, machine: GearTrain | Structure | ArrayLike) -> Structure:
+        """The structure of a gear train (equation 2, sense [+ -]), or of a matrix whose columns hold the senses."""
+        if isinstance(machine, Structure):
+            return machine
+        if isinstance(machine, GearTrain):
+            return cls(machine.torque_map[None, :], sense=(1, -1), reduction=machine.pre_reduction)
+        return cls(machine)
+
+    @property
+    def matrix(self) -> Array:
+        """A as an array (n, m), read only."""
+        return np.asarray(self.A, dtype=np.float64)
+
+    @cached_property
+    def signs(self) -> Array:
+        """The senses as numbers, (m,)."""
+        return np.array(self.sense, dtype=np.float64)
+
+    @cached_property
+    def pushing(self) -> Array:
+        """A for torques counted in their sense, (n, m): what the drives do when all of them push."""
+        return self.matrix * self.signs
+
+    @cached_property
+    def admissibility(self) -> Admissibility:
+        """Whether the drives can hold every joint free of backlash, see `admissible`."""
+        return admissible(self.pushing)
+
+    @cached_property
+    def null_vector(self) -> Array:
+        """Drive torques (m,) that move nothing and preload all meshes as evenly as can be, the largest being 1 N m."""
+        vector = self.admissibility.null_vector
+        return np.asarray(self.signs * vector / max(float(np.max(vector)), np.finfo(float).tiny))
+
+    @cached_property
+    def null_space(self) -> Array:
+        """Orthonormal basis (m, m - n) of the drive torques that move nothing, see `null_space`."""
+        return null_space(self.matrix)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints, n."""
+        return int(self.matrix.shape[0])
+
+    @property
+    def drives(self) -> int:
+        """Number of drives, m."""
+        return int(self.matrix.shape[1])
