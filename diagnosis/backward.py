@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from diagnosis.odds import NONE, parameter_cost
+from diagnosis.odds import NONE, parameter_cost, schwarz_cost
 from diagnosis.refit import evidence_of, is_its_special_case
 from diagnosis.round import Addition, weighed
 from diagnosis.unseen import holds_up
 from identification.fit_result import Fit
+from identification.noise import log_likelihood
 from identification.problem import Problem
 from plant.effects import Effect
 from plant.servo import ServoModel
+
+_SHORT = 30.0  # times what a leaner model saves, which it loses at a first look
 
 
 def without_superfluous(base: Fit, additions: list[Addition], progress: Callable[[str], None] | None) -> list[Addition]:
@@ -43,11 +46,25 @@ def _simplest_that_does(fit: Fit, effect: Effect) -> tuple[Effect | None, Fit] |
     variants: list[tuple[Effect | None, ServoModel]] = [(None, without)]
     variants += [(special, without.with_effect(special)) for special in effect.reduced()]
     for special, model in variants:
+        if _falls_short(model, fit):
+            continue
         leaner = _fitted_near(fit, model)
         says_no_less = special is not None and is_its_special_case(fit, effect.name)
         if says_no_less or evidence_of(fit, leaner) < parameter_cost(fit, leaner):
             return special, leaner
     return None
+
+
+def _falls_short(model: ServoModel, fit: Fit) -> bool:
+    """Whether a model in place of a fit loses so much after a few iterations that no descent makes it good.
+
+    It is also looked at behind a slow observer, which may take over what it lacks.
+    """
+    problem = _problem(fit, model)
+    slow = 4.0 / max(run.duration for run in fit.log.runs)
+    cost = min(problem.glance(fit, bandwidth) for bandwidth in {fit.bandwidth, max(fit.bandwidth, slow)})
+    saved = max(len(fit.free) - len(problem.free), 1)
+    return fit.log_likelihood - log_likelihood(cost, fit.samples) > _SHORT * schwarz_cost(saved, fit.samples)
 
 
 def _handed_over(addition: Addition, special: Effect) -> dict[str, float]:
@@ -67,11 +84,16 @@ def with_best_names(additions: list[Addition], progress: Callable[[str], None] |
     for place, addition in enumerate(additions):
         final = additions[-1].fit
         rest = final.model.without_effect(addition.effect)
-        rivals = {rival.effect.name: rival for rival in addition.contest if _fits_in(rest, rival.effect)}
-        if len(rivals) < 2:
-            continue
         if progress is not None:
             progress(f"is it still {addition.effect.replace('_', ' ')}?")
+        rivals = {
+            rival.effect.name: rival
+            for rival in addition.contest
+            if rival.effect.name == addition.effect
+            or (_fits_in(rest, rival.effect) and not _falls_short(rest.with_effect(rival.effect), final))
+        }
+        if len(rivals) < 2:
+            continue
         less = _fitted_near(final, rest)
         fits = {
             name: final if name == addition.effect else _fitted_near(final, rest.with_effect(rival.effect))
@@ -93,4 +115,8 @@ def _fits_in(model: ServoModel, effect: Effect) -> bool:
 
 
 def _fitted_near(fit: Fit, model: ServoModel) -> Fit:
-    return Problem.of(fit.log, model, fixed=[name for name in fit.fixed if name in model.names]).descend(fit)
+    return _problem(fit, model).descend(fit)
+
+
+def _problem(fit: Fit, model: ServoModel) -> Problem:
+    return Problem.of(fit.log, model, fixed=[name for name in fit.fixed if name in model.names])

@@ -82,6 +82,12 @@ class Addition:
         """Whether the name stands alone."""
         return self.odds[self.effect] >= CLEAR
 
+    @property
+    def lead(self) -> float:
+        """Log of its odds over the next name's."""
+        others = [share for name, share in self.odds.items() if name not in (self.effect, NONE)]
+        return float(np.log(self.odds[self.effect] / max([*others, 1e-300])))
+
 
 def one_round(
     fit: Fit,

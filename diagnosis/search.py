@@ -50,11 +50,14 @@ def search(
             break
         better = _better_null(fit, found)
         if better is not None:
-            # The model at hand had only stopped at a poor optimum: what seemed missing is judged again from there.
+            # The model at hand had only stopped at a poor optimum. Rivals that could win from there are asked again.
+            gained = evidence_of(better, fit)
             base, fit = (better, better) if not additions else (base, better)
             if additions:
                 additions[-1] = replace(additions[-1], fit=fit)
-            continue
+            if gained > min(found.lead, 0.5 * found.evidence):
+                continue
+            found = replace(found, evidence=evidence_of(found.fit, fit))
         additions.append(found)
         additions = without_superfluous(base, additions, progress)
         fit = additions[-1].fit if additions else base
