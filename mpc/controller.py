@@ -2,32 +2,38 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from allocation import Bounds, least_effort
-from mpc.box_qp import solve_box_qp
+from allocation import Bounds
+from mpc.compiled import CompiledStep
 from mpc.drive import DriveInverse
-from mpc.estimator import Estimator
-from mpc.governor import Governor
-from mpc.prediction import Predictor, Trajectory, sensitivities
-from mpc.preview import Preview, prolonged
+from mpc.estimator import Estimator, beginning, estimation
+from mpc.governor import Governor, followable, governed
+from mpc.layout import laid_out
+from mpc.prediction import Predictor
+from mpc.preview import preview
+from mpc.riccati import backward, forward, slope
+from mpc.split import machine, reach, split
+from mpc.step import InterpretedStep
+from mpc.trouble import sentence
 from mpc.weights import rate_weight, terminal_weight
 from plant.errors import BadParameter
 from plant.gears import GearTrain
 from plant.servo import ServoModel
+from plant.simulation import whole_samples
 
 Array = NDArray[np.float64]
 
 FRICTION_WIDTH = 0.005
 """Velocity over which the prediction smooths dry friction [rad/s], so that it has a derivative at rest."""
 
-_USED_BY_GOVERNOR = 0.85
-"""Share of the reachable acceleration that the governed reference may ask for; the rest is left to feedback."""
+_ROUNDS = 25
+"""Bound on the sweeps of each method of the quadratic programme; two are usual."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +48,7 @@ class Control:
         predicted_torques: (N, 2) pinion torques over the horizon [N m], the first row being `torques`.
         predicted_angle: (N + 1,) load angle from now on [rad], a delay of whole samples being left out.
         disturbance: estimated torque that the model does not know [N m].
-        residual: how far from optimal, see `mpc.box_qp.optimality_residual`.
+        residual: how far from optimal, see `mpc.programme.Programme.residual`.
     """
 
     torques: Array
@@ -113,10 +119,9 @@ class Controller:
     bounds: Bounds = field(init=False, repr=False)
     governor: Governor = field(init=False, repr=False)
     estimator: Estimator = field(init=False, repr=False)
-    _plan: Array | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Check every number and prepare the estimator."""
+        """Check every number, lay out what is remembered, and compile the step if there is a compiler."""
         if self.model.axis != "rotary":
             raise BadParameter("The controller drives a load through gears; give it a model of a rotary axis.")
         for name in ("sample_time", "bandwidth"):
@@ -136,41 +141,60 @@ class Controller:
             max_torque=self.max_torque,
             rotor_inertia=self.rotor_inertia,
         )
-        delay = float(self.model.delay())
-        self._whole_delay = int(np.floor(delay / self.sample_time + 1e-9))
-        self._drive, behind = DriveInverse.of(self.model)
-        self._predictor = Predictor(
-            model=behind,
-            sample_time=self.sample_time,
-            switch=max(delay - self._whole_delay * self.sample_time, 0.0),
-            width=FRICTION_WIDTH,
-        )
+        self._whole_delay, switch = whole_samples(float(self.model.delay()), self.sample_time)
+        drive, behind = DriveInverse.of(self.model)
+        predictor = Predictor(model=behind, sample_time=self.sample_time, switch=max(switch, 0.0), width=FRICTION_WIDTH)
         self.estimator = Estimator(
-            predictor=self._predictor,
+            predictor=predictor,
             resolution=self.encoder_resolution,
             noise=self.encoder_noise,
             torque_noise=self.torque_noise,
             disturbance_rate=self.disturbance_rate,
         )
         self.governor = Governor(sample_time=self.sample_time)
-        attainable = 2.0 * self._greatest / self.model.inertia * self.sample_time**2
-        self._preview = Preview(horizon=self.horizon, attainable=attainable)
-        self._load_torque = 0.0
-        # Effective torques under way, oldest first: those of a delay, and the two that acted around the last sample.
-        self._past: deque[float] = deque([0.0] * (self._whole_delay + 2), maxlen=self._whole_delay + 2)
+        self._rate_weight = rate_weight(self.model, self.bandwidth, self.sample_time)
+        self._terminal_weight = terminal_weight(self.model, self._rate_weight, self.sample_time)
+        self._sizes = {"horizon": self.horizon, "late": self._whole_delay, "passes": 1, "rounds": _ROUNDS}
+        self._arrays = self._all_arrays(machine(self.bounds, drive))
+        n = len(behind.states)
+        filters = (predictor.stage, estimation(predictor), beginning(predictor))
+        stages = (preview(), followable(), governed(), reach(), backward(n), forward(n), slope(n), split())
+        self._machine_code = CompiledStep((*filters, *stages), self._sizes, self._arrays)
+        self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
+
+    def _all_arrays(self, machine: Array) -> dict[str, Array]:
+        """Everything that a step reads and writes, by name."""
+        n = len(self.estimator.predictor.model.states)
+        P = self._terminal_weight
+        greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * self.max_torque)
+        attainable = 2.0 * greatest / self.model.inertia * self.sample_time**2
+        wave = 2 * np.pi * self.bandwidth
+        constant = {
+            "model": self.estimator.predictor.parameters,
+            "levels": self.estimator.levels,
+            "machine": machine,
+            "tuning": np.array(
+                [self._rate_weight, P[0, 0], P[0, 1], P[1, 1], self.model.inertia, greatest, wave, attainable]
+            ),
+        }
+        remembered = {"belief": self.estimator.belief, "path": self.governor.path}
+        return constant | remembered | laid_out(n, self.horizon, self._whole_delay)
 
     @cached_property
-    def _rate_weight(self) -> float:
-        return rate_weight(self.model, self.bandwidth, self.sample_time)
+    def _interpreted(self) -> InterpretedStep:
+        """The step without machine code."""
+        return InterpretedStep(self._sizes, self._arrays, self.estimator, self.governor)
 
-    @cached_property
-    def _terminal_weight(self) -> Array:
-        return terminal_weight(self.model, self._rate_weight, self.sample_time)
+    @property
+    def compiled(self) -> bool:
+        """Whether a step is machine code; without a compiler it takes ten times as long."""
+        return self._step is not self.__dict__.get("_interpreted")
 
-    @cached_property
-    def _greatest(self) -> float:
-        """Follower torque that both directions can reach at rest [N m]."""
-        return max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * self.max_torque)
+    @property
+    def _plan(self) -> Array | None:
+        """(N,) torques behind the drive that were found last [N m], None if they were not certified."""
+        plan = self._arrays["plan"]
+        return plan[1:].copy() if plan[0] else None
 
     def step(self, angle: float, reference: ArrayLike) -> Control:
         """One sample: the measured angle in, the pinion torques out.
@@ -182,111 +206,24 @@ class Controller:
         Raises:
             BadParameter: the reference has another shape.
         """
-        wanted = np.asarray(reference, dtype=np.float64)
-        if wanted.shape not in ((), (self.horizon + 1,)):
+        wanted, arrays = np.asarray(reference, dtype=np.float64), self._arrays
+        if wanted.shape == (self.horizon + 1,):
+            arrays["wanted"][:] = wanted
+        elif wanted.shape == ():
+            arrays["wanted"][0] = wanted
+        else:
             raise BadParameter(
                 f"The reference must be a number or {self.horizon + 1} samples, not an array of shape {wanted.shape}."
             )
-        # Absurd numbers may overflow; every result is checked, so no warning is needed.
-        with np.errstate(all="ignore"):
-            troubles = [self.estimator.advance(float(angle), self._past[1], self._past[0])]
-            state = self.estimator.state
-            if state is None:
-                return self._hold(troubles)
-            if not np.all(np.isfinite(wanted)):
-                troubles.append("the reference is not a number, the angle is held")
-                wanted = np.asarray(state[0])
-            return self._plan_ahead(state, self._governed(self._preview.over(wanted), state), troubles)
-
-    def _governed(self, wanted: Array, state: Array) -> Array:
-        """What of the wanted angle (N + 1,) [rad] can be followed, see `Governor`."""
-        least, greatest = self._drive.effective(self.bounds.reachable(), state[1])
-        floor = 0.1 * self._greatest
-        backward = max(_USED_BY_GOVERNOR * (self._load_torque - least), floor) / self.model.inertia
-        forward = max(_USED_BY_GOVERNOR * (greatest - self._load_torque), floor) / self.model.inertia
-        linear = (backward + forward) / 2 / (2 * np.pi * self.bandwidth) ** 2
-        if self.governor.distance(float(state[0])) > 10 * linear:
-            self.governor.restart(float(state[0]), float(state[1]))
-        return self.governor.govern(wanted, (backward, forward))
-
-    def _plan_ahead(self, state: Array, wanted: Array, troubles: list[str]) -> Control:
-        """Solve for the torques of the horizon, split them, remember what is under way."""
-        late, N = self._whole_delay, self.horizon
-        guess = np.full(N, self._past[-1]) if self._plan is None else np.append(self._plan[1:], self._plan[-1])
-        under_way = np.array(self._past)[1:]
-        course = self._predictor.look_ahead(state, np.concatenate((under_way, guess)), self.estimator.disturbance)
-        # What is decided now acts after the delay: the first samples are fate, and the reference must reach further.
-        ahead = prolonged(wanted, late + 1)[late:]
-        pace = course.states[late:-1, 1]
-        acceleration = np.diff(course.states[late:, 1]) / self.sample_time
-        reach = self._drive.effective(self.bounds.reachable(acceleration), pace[:, None])
-        solution, response = self._optimise(course, ahead, guess, reach)
-        if solution is None:
-            troubles.append("no solution of the quadratic programme was certified, the last plan is followed")
-            effective, residual = np.clip(guess, reach[:, 0], reach[:, 1]), float("inf")
-            self._plan = None
-        else:
-            effective, residual = solution
-            self._plan = effective
-        change = np.einsum("kij,j->ki", response, effective - guess)
-        speeds = course.states[late:, 1] + np.append(0.0, change[:, 1])
-        acceleration = np.diff(speeds) / self.sample_time
-        if not np.all(np.isfinite(acceleration)) or not np.all(np.isfinite(effective)):
-            return self._hold(troubles)
-        self._load_torque = float(effective[0] - self.model.inertia * acceleration[0])
-        torques = least_effort(self.bounds, self._drive.command(effective, pace), acceleration)
-        margin = float(np.min(self.bounds.margin(torques, acceleration)))
-        if margin < -1e-9 * self.max_torque:
-            troubles.append("max_torque cannot hold the teeth together at the predicted acceleration")
-        angles = course.states[late:, 0] + np.append(0.0, change[:, 0])
-        return self._hand_out(torques, troubles, speed=pace[0], margin=margin, angles=angles, residual=residual)
-
-    def _optimise(
-        self, course: Trajectory, wanted: Array, guess: Array, reach: Array
-    ) -> tuple[tuple[Array, float] | None, Array]:
-        """Condense the programme around a course and solve it, towards wanted angles (N + 2,) [rad].
-
-        Returns:
-            (torques, residual) or None, and (N, n, N) responses.
-        """
-        N, late = self.horizon, self._whole_delay
-        S = sensitivities(course, late)
-        unit = float(np.max(np.abs(reach)))
-        angle, speed = S[:, 0, :] * unit, S[:, 1, :] * unit
-        final = np.stack((angle[-1], speed[-1]))
-        free = course.states[late + 1 :, :2]
-        miss = free[:, 0] - wanted[1:-1]
-        end_miss = np.array([miss[-1], free[-1, 1] - (wanted[-1] - wanted[-3]) / (2 * self.sample_time)])
-        D = (np.eye(N) - np.eye(N, k=-1)) * unit
-        before = np.append(self._past[-1], np.zeros(N - 1))
-        rates = D @ (guess / unit) - before
-        H = angle[:-1].T @ angle[:-1] + final.T @ self._terminal_weight @ final + self._rate_weight * (D.T @ D)
-        g = angle[:-1].T @ miss[:-1] + final.T @ self._terminal_weight @ end_miss + self._rate_weight * (D.T @ rates)
-        start = guess / unit
-        solution = solve_box_qp(H, g - H @ start, reach[:, 0] / unit, reach[:, 1] / unit, start)
-        if not solution.is_optimal:
-            return None, S
-        return (np.clip(solution.x * unit, reach[:, 0], reach[:, 1]), solution.residual), S
-
-    def _hold(self, troubles: list[str]) -> Control:
-        """Keep the teeth together with as little torque on the load as that allows, and know nothing."""
-        self._plan = None
-        torques = np.tile(least_effort(self.bounds, 0.0), (self.horizon, 1))
-        margin = float(np.min(self.bounds.margin(torques)))
-        unknown = np.full(self.horizon + 1, np.nan)
-        return self._hand_out(torques, troubles, speed=0.0, margin=margin, angles=unknown, residual=float("inf"))
-
-    def _hand_out(
-        self, torques: Array, troubles: list[str], *, speed: float, margin: float, angles: Array, residual: float
-    ) -> Control:
-        self._past.append(float(self._drive.effective(self.gears.follower_torque(torques[0]), speed)))
-        reasons = "; ".join(trouble for trouble in troubles if trouble)
+        reasons = sentence(self._step(float(angle), wanted.ndim == 1))
+        torques = arrays["torques"].reshape(self.horizon, 2).copy()
+        margin, disturbance, residual = arrays["outcome"].tolist()
         return Control(
             torques=torques[0],
             status=f"degraded: {reasons}" if reasons else "optimal",
             margin=margin,
             predicted_torques=torques,
-            predicted_angle=angles,
-            disturbance=self.estimator.disturbance,
+            predicted_angle=arrays["angles"].copy(),
+            disturbance=disturbance,
             residual=residual,
         )

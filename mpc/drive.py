@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
+import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from plant.effects import BackEmf, DeadZone, TorqueSaturation
 from plant.servo import ServoModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,15 +22,17 @@ class DriveInverse:
     way to move; in e the servo is smooth. The command jumps by twice the half width where the wanted torque changes
     sign; a ramp over a tenth of the half width keeps noise from making it chatter.
 
+    Numbers, arrays that broadcast, or expressions.
+
     Attributes:
         half_width: gamma [N m]; zero is no dead zone.
         back_emf: k_e, torque lost per speed [N m s/rad].
         limit: largest torque that the drive gives [N m].
     """
 
-    half_width: float = 0.0
-    back_emf: float = 0.0
-    limit: float = float("inf")
+    half_width: Any = 0.0
+    back_emf: Any = 0.0
+    limit: Any = float("inf")
 
     @classmethod
     def of(cls, model: ServoModel) -> tuple[DriveInverse, ServoModel]:
@@ -50,14 +51,18 @@ class DriveInverse:
             model = model.without_effect(effect.name)
         return cls(**known), model
 
-    def effective(self, torque: ArrayLike, velocity: ArrayLike = 0.0) -> Array:
-        """The torque behind the drive [N m] at a velocity of the load [rad/s]; the shapes broadcast."""
-        left = np.clip(np.asarray(torque, dtype=np.float64), -self.limit, self.limit)
-        left = left - self.back_emf * np.asarray(velocity, dtype=np.float64)
-        return np.asarray(left - np.clip(left, -self.half_width, self.half_width))
+    def effective(self, torque: Any, velocity: Any = 0.0) -> Any:
+        """The torque behind the drive [N m] at a velocity of the load [rad/s]."""
+        left = clip(torque, -self.limit, self.limit) - self.back_emf * velocity
+        return left - clip(left, -self.half_width, self.half_width)
 
-    def command(self, effective: ArrayLike, velocity: ArrayLike = 0.0) -> Array:
-        """The torque to command for a torque behind the drive [N m] at a velocity [rad/s]; the shapes broadcast."""
-        e = np.asarray(effective, dtype=np.float64)
-        lost = self.back_emf * np.asarray(velocity, dtype=np.float64)
-        return np.asarray(e + np.clip(10.0 * e, -self.half_width, self.half_width) + lost)
+    def command(self, effective: Any, velocity: Any = 0.0) -> Any:
+        """The torque to command for a torque behind the drive [N m] at a velocity [rad/s]."""
+        return effective + clip(10.0 * effective, -self.half_width, self.half_width) + self.back_emf * velocity
+
+
+def clip(value: Any, least: Any, greatest: Any) -> Any:
+    """A number, an array or an expression, moved into an interval."""
+    if isinstance(value, ca.SX):
+        return ca.fmax(ca.fmin(value, greatest), least)
+    return np.clip(value, least, greatest)

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
+from functools import cache, cached_property
+from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mpc.kernel import Kernel, unrolled
+from mpc.split import reach
+
 Array = NDArray[np.float64]
 
+_USED = 0.85
+"""Share of the reachable acceleration that the governed reference may ask for; the rest is left to feedback."""
 
-def time_optimal_acceleration(error: float, rate: float, limit: float, step: float) -> float:
-    """Acceleration that brings a double integrator to rest at zero in least time, in discrete time.
+
+def time_optimal_acceleration(error: Any, rate: Any, limit: Any, step: Any) -> Any:
+    """Acceleration that brings a double integrator to rest at zero in least time, in discrete time, as an expression.
 
     The control law of Han ("From PID to active disturbance rejection control", 2009, eq. 3): unlike the switching curve
     of continuous time it ends exactly at zero after finitely many steps and does not chatter there.
@@ -25,9 +33,46 @@ def time_optimal_acceleration(error: float, rate: float, limit: float, step: flo
     d = limit * step**2
     a0 = step * rate
     y = error + a0
-    a1 = math.sqrt(d * (d + 8.0 * abs(y)))
-    a = a0 + y if abs(y) <= d else a0 + math.copysign((a1 - d) / 2.0, y)
-    return -limit * a / d if abs(a) <= d else -math.copysign(limit, a)
+    a1 = ca.sqrt(d * (d + 8.0 * ca.fabs(y)))
+    a = a0 + ca.if_else(ca.fabs(y) <= d, y, ca.copysign((a1 - d) / 2.0, y))
+    return ca.if_else(ca.fabs(a) <= d, -limit * a / d, -ca.copysign(limit, a))
+
+
+@cache
+def governed() -> Any:
+    """One sample of the governed reference, as a `casadi.Function`.
+
+    (angle and rate (2,), wanted angle now and at the two samples to come (3,), greatest acceleration backward and
+    forward (2,), sample time) -> angle and rate (2,) at the next sample.
+    """
+    path, wanted, limits, dt = ca.SX.sym("path", 2), ca.SX.sym("wanted", 3), ca.SX.sym("limits", 2), ca.SX.sym("dt")
+    angle, rate = ca.vertsplit(path)
+    backward, forward = ca.vertsplit(limits)
+    speed = (wanted[1] - wanted[0]) / dt
+    turn = ((wanted[2] - wanted[1]) / dt - speed) / dt
+    own = ca.fmin(ca.fmax(turn, -backward), forward)
+    room = ca.fmax(ca.fmin(forward - own, backward + own), 0.2 * ca.fmin(forward, backward))
+    pull = time_optimal_acceleration(angle - wanted[0], rate - speed, room, dt)
+    after = ca.vertcat(angle + dt * rate, rate + dt * ca.fmin(ca.fmax(own + pull, -backward), forward))
+    return ca.Function("govern", [path, wanted, limits, dt], [after], {"cse": True})
+
+
+@cache
+def followable() -> Any:
+    """What the torques can follow, as a `casadi.Function`.
+
+    (angle and velocity of the load, torque that it takes without accelerating, machine (10,), tuning (8,)) -> greatest
+    acceleration backward and forward (2,) [rad/s^2], and from how far off [rad] the governed reference begins anew.
+    """
+    state, load = ca.SX.sym("state", 2), ca.SX.sym("load")
+    numbers, tuning = ca.SX.sym("machine", 10), ca.SX.sym("tuning", 8)
+    inertia, greatest, wave = tuning[4], tuning[5], tuning[6]
+    ends = reach()(state[1], 0.0, numbers)
+    floor = 0.1 * greatest
+    backward = ca.fmax(_USED * (load - ends[0]), floor) / inertia
+    forward = ca.fmax(_USED * (ends[1] - load), floor) / inertia
+    near = 10 * ((backward + forward) / 2 / wave**2)
+    return ca.Function("followable", [state, load, numbers, tuning], [ca.vertcat(backward, forward), near])
 
 
 @dataclass(eq=False, kw_only=True)
@@ -40,19 +85,19 @@ class Governor:
 
     Attributes:
         sample_time: [s].
+        path: all that is remembered: whether there is a governed reference, its angle [rad] and rate [rad/s].
     """
 
     sample_time: float
-    _angle: float | None = field(default=None, init=False)
-    _rate: float = field(default=0.0, init=False)
+    path: Array = field(default_factory=lambda: np.zeros(3), init=False)
 
     def restart(self, angle: float, rate: float) -> None:
         """Begin at an angle [rad] and speed [rad/s]."""
-        self._angle, self._rate = angle, rate
+        self.path[:] = 1.0, angle, rate
 
     def distance(self, angle: float) -> float:
         """How far an angle is from the governed reference now [rad]; inf before the first restart."""
-        return float("inf") if self._angle is None else abs(angle - self._angle)
+        return abs(angle - float(self.path[1])) if self.path[0] else float("inf")
 
     def govern(self, wanted: Array, limits: tuple[float, float]) -> Array:
         """The governed reference over the horizon, and one sample on.
@@ -64,17 +109,30 @@ class Governor:
         Returns:
             (N + 1,) governed angle from now on [rad].
         """
-        dt, (backward, forward) = self.sample_time, limits
-        speeds = np.append(np.diff(wanted), wanted[-1] - wanted[-2]) / dt
-        accelerations = np.append(np.diff(speeds), 0.0) / dt
-        angle = float(wanted[0]) if self._angle is None else self._angle
-        path, rate = [(angle, self._rate)], self._rate
-        for target, speed, turn in zip(*(x.tolist() for x in (wanted, speeds, accelerations)), strict=True):
-            own = min(max(turn, -backward), forward)
-            room = max(min(forward - own, backward + own), 0.2 * min(forward, backward))
-            pull = time_optimal_acceleration(angle - target, rate - speed, room, dt)
-            angle += dt * rate
-            rate += dt * min(max(own + pull, -backward), forward)
-            path.append((angle, rate))
-        self._angle, self._rate = path[1]
-        return np.array([angle for angle, _ in path[:-1]])
+        if not self.path[0]:
+            self.restart(float(wanted[0]), 0.0)
+        if wanted.size not in self._along:
+            self._along[wanted.size] = _along(wanted.size, self.sample_time)
+        govern = self._along[wanted.size]
+        start, windows, greatest, _ = govern.inputs
+        start[:] = self.path[1:]
+        last = wanted[-1] - wanted[-2]  # at this speed the reference goes on
+        longer = np.append(wanted, [wanted[-1] + last, wanted[-1] + 2.0 * last])
+        for place in range(3):
+            windows[place::3] = longer[place : place + wanted.size]
+        greatest[0::2], greatest[1::2] = limits
+        (path,) = govern()
+        path = path.reshape(-1, 2)
+        before = self.path[1]
+        self.path[1:] = path[0]
+        return np.append(before, path[:-1, 0])
+
+    @cached_property
+    def _along(self) -> dict[int, Kernel]:
+        return {}
+
+
+def _along(samples: int, sample_time: float) -> Kernel:
+    kernel = Kernel(unrolled(governed().mapaccum(samples), samples, governed()))
+    kernel.inputs[3][:] = sample_time
+    return kernel

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.discrete import integration_steps, sample_reading, sample_step
+from mpc.kernel import Kernel
+from plant.discrete import Structure, integration_steps, sample_reading, sample_step
 from plant.servo import ServoModel
+from plant.simulation import at_switch
 
 Array = NDArray[np.float64]
 
@@ -24,13 +26,11 @@ class Trajectory:
         states: (M + 1, n) states, the first one given [rad, rad/s, effect states].
         state_jacobians: (M, n, n) of each next state by its state.
         torque_jacobians: (M, n, 2) of each next state by the torque during the sample and the one before it.
-        readings: (M, 1 + n) what the sensor shows at each next state [rad], and its derivative by the state.
     """
 
     states: Array
     state_jacobians: Array
     torque_jacobians: Array
-    readings: Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,25 +55,23 @@ class Predictor:
 
     @cached_property
     def parameters(self) -> Array:
-        """(P,) parameter values, the delay reduced to its part inside a sample."""
-        values = self.model.values.copy()
-        if "input_delay.time" in self.model.names:
-            values[self.model.names.index("input_delay.time")] = self.switch
-        return values
+        """(P + 2,) parameter values, the delay reduced to its part inside a sample, then sample time and width."""
+        return np.append(at_switch(self.model, self.switch), [self.sample_time, self.width])
 
     @cached_property
-    def _stage(self) -> Any:
-        n = len(self.model.states)
-        z, torques, p = ca.SX.sym("z", n), ca.SX.sym("torques", 2), ca.SX.sym("p", self.parameters.size)
-        inputs = ca.vertcat(torques, 0.0, np.inf, 0.0, self.sample_time, self.width)
-        z_next = sample_step(self.model, substeps=integration_steps(self.model, self.sample_time))(z, inputs, p)
-        shown = sample_reading(self.model)(z, p)
-        sensor = ca.Function("sensor", [z, p], [ca.vertcat(shown, ca.jacobian(shown, z).T)])
-        derivatives = [ca.jacobian(z_next, z), ca.jacobian(z_next, torques)]
-        return ca.Function("stage", [z, torques, p], [z_next, *derivatives, sensor(z_next, p)], {"cse": True})
+    def stage(self) -> Any:
+        """One sample ahead, see `stage`."""
+        return stage(Structure(self.model), integration_steps(self.model, self.sample_time))
 
     @cached_property
-    def _horizons(self) -> dict[int, Any]:
+    def sensor(self) -> Any:
+        """(state, parameters) -> what the sensor shows [rad] and its derivative by the state (n,)."""
+        z, p = ca.SX.sym("z", len(self.model.states)), ca.SX.sym("p", self.parameters.size)
+        shown = sample_reading(self.model)(z, p[:-2])
+        return ca.Function("sensor", [z, p], [shown, ca.densify(ca.jacobian(shown, z).T)])
+
+    @cached_property
+    def _horizons(self) -> dict[int, Kernel]:
         return {}
 
     def look_ahead(self, state: Array, torques: Array, disturbance: float) -> Trajectory:
@@ -86,29 +84,31 @@ class Predictor:
         """
         samples, n = torques.size - 1, state.size
         if samples not in self._horizons:
-            self._horizons[samples] = self._stage.mapaccum(samples)
+            self._horizons[samples] = Kernel(self.stage.mapaccum(samples))
+        along = self._horizons[samples]
         held = torques + disturbance
-        outputs = self._horizons[samples](state, np.stack((held[1:], held[:-1])), self.parameters)
-        states, by_state, by_torque, readings = (np.asarray(output, dtype=np.float64) for output in outputs)
+        along.inputs[0][:] = state
+        along.inputs[1][:] = np.column_stack((held[1:], held[:-1])).ravel()
+        along.inputs[2][:] = np.tile(self.parameters, samples)
+        states, by_state, by_torque = along()
         return Trajectory(
-            states=np.vstack((state, states.T)),
-            state_jacobians=by_state.reshape(n, samples, n).transpose(1, 0, 2),
-            torque_jacobians=by_torque.reshape(n, samples, 2).transpose(1, 0, 2),
-            readings=readings.T,
+            states=np.vstack((state, states.reshape(samples, n))),
+            state_jacobians=by_state.reshape(samples, n, n).transpose(0, 2, 1).copy(),
+            torque_jacobians=by_torque.reshape(samples, 2, n).transpose(0, 2, 1).copy(),
         )
 
 
-def sensitivities(trajectory: Trajectory, first: int) -> Array:
-    """(M - first, n, M - first) derivatives of states first + 1 .. M by the torques of samples first .. M - 1.
+@lru_cache(maxsize=64)
+def stage(structure: Structure, substeps: int) -> Any:
+    """One sample ahead with its derivatives, as a `casadi.Function` of a model's equations.
 
-    S[k+1] = A[k] S[k] + B[k] e[k] + B'[k] e[k-1]
+    (state (n,), torques (2,) now and before, parameters (P + 2,)) -> next state (n,), its derivatives by the state
+    (n, n) and by the torques (n, 2).
     """
-    A, B = trajectory.state_jacobians[first:], trajectory.torque_jacobians[first:]
-    samples, n = A.shape[0], A.shape[1]
-    S = np.zeros((samples, n, samples))
-    S[0, :, 0] = B[0, :, 0]
-    for k in range(1, samples):
-        S[k, :, :k] = A[k] @ S[k - 1, :, :k]
-        S[k, :, k] = B[k, :, 0]
-        S[k, :, k - 1] += B[k, :, 1]
-    return S
+    model = structure.model
+    z, torques = ca.SX.sym("z", len(model.states)), ca.SX.sym("torques", 2)
+    p = ca.SX.sym("p", len(model.names) + 2)
+    inputs = ca.vertcat(torques, 0.0, np.inf, 0.0, p[-2:])
+    z_next = sample_step(model, substeps=substeps)(z, inputs, p[:-2])
+    derivatives = [ca.densify(ca.jacobian(z_next, z)), ca.densify(ca.jacobian(z_next, torques))]
+    return ca.Function("stage", [z, torques, p], [ca.densify(z_next), *derivatives], {"cse": True})

@@ -2,40 +2,30 @@
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
 
-@dataclass(eq=False, kw_only=True)
-class Preview:
-    """The wanted angle over the horizon, also from a caller who only tells the angle of now.
+@cache
+def preview() -> Any:
+    """The speed of a caller who only tells the wanted angle of now, as a `casadi.Function`.
 
-    Attributes:
-        horizon: N, samples looked ahead.
-        attainable: largest change of the way from sample to sample that the machine could follow [rad].
+    (numbers (4,): how many angles are remembered, and the last three; angle, attainable) -> numbers, change of angle
+    from sample to sample. A number goes on at its speed if it has been moving smoothly: by no more than `attainable`
+    beside a straight line, which is what the machine could follow.
     """
-
-    horizon: int
-    attainable: float
-    _numbers: deque[float] = field(default_factory=lambda: deque(maxlen=3), init=False, repr=False)
-
-    def over(self, wanted: Array) -> Array:
-        """The wanted angle (N + 1,) [rad]; a single number goes on at its speed if it has been moving smoothly."""
-        if wanted.ndim == 1:
-            self._numbers.clear()
-            return wanted
-        self._numbers.append(float(wanted))
-        speed = 0.0
-        if len(self._numbers) == 3:
-            first, second, third = self._numbers
-            if abs(third - 2.0 * second + first) <= self.attainable:
-                speed = third - second
-        return np.asarray(wanted + speed * np.arange(self.horizon + 1))
+    numbers, angle, tuning = ca.SX.sym("numbers", 4), ca.SX.sym("angle"), ca.SX.sym("attainable")
+    count = ca.fmin(numbers[0] + 1, 3)
+    first, second = numbers[2], numbers[3]
+    smooth = ca.logic_and(count == 3, ca.fabs(angle - 2 * second + first) <= tuning)
+    speed = ca.if_else(smooth, angle - second, 0)
+    return ca.Function("preview", [numbers, angle, tuning], [ca.vertcat(count, first, second, angle), speed])
 
 
 def prolonged(path: Array, count: int) -> Array:

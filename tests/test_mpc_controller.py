@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-import mpc.controller
 from allocation import InfeasibleTorque
 from mpc import Control, Controller
-from mpc.box_qp import BoxSolution
+from mpc.programme import Programme
 from plant import ServoModel
 from plant.effects import ActuatorLag, Backlash, DeadZone, InputDelay, TorqueSaturation
 from plant.errors import BadParameter
@@ -27,6 +26,12 @@ PAPER = GearTrain.paper()
 UNEQUAL = GearTrain(pinion_teeth=(20, 31), follower_teeth=161)
 QUIET = {"printLevel": "none"}
 RIGID = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
+
+
+def interpreted(controller: Controller) -> Controller:
+    """Without machine code, so that its parts can be replaced."""
+    controller._step = controller._interpreted
+    return controller
 
 
 def promised(controller: Controller, control: Control) -> None:
@@ -71,7 +76,7 @@ def test_the_torques_solve_the_programme_as_written(start: float, horizon: int, 
     """Against states and torques as variables of one large programme, handed to another solver."""
     J, K, dt = 2.0, 0.8, 0.005
     model = ServoModel(inertia=J, gravity=0.0, viscous_friction=K)
-    controller = Controller(model, PAPER, horizon=horizon)
+    controller = interpreted(Controller(model, PAPER, horizon=horizon))
     controller.governor.restart(start, 0.0)
     controller.governor.distance = lambda angle: 0.0  # type: ignore[method-assign]
     controller.governor.govern = lambda wanted, limits: wanted  # type: ignore[method-assign]
@@ -172,31 +177,47 @@ def test_a_reading_that_is_not_a_number_is_bridged() -> None:
     assert controller._plan is None
 
 
+def costs_the_plan_and_nothing_else(controller: Controller, planned: Array) -> None:
+    control = controller.step(0.0, 0.01)
+    promised(controller, control)
+    assert "certified" in control.status
+    assert control.residual == np.inf
+    assert control.predicted_torques[:-1] == pytest.approx(planned[1:], abs=1e-9)
+    assert controller._plan is None
+
+
 @pytest.mark.parametrize("answer", [np.nan, 1e9, 0.0])
 def test_a_solver_that_fails_costs_the_plan_and_nothing_else(monkeypatch: pytest.MonkeyPatch, answer: float) -> None:
-    controller = Controller(RIGID, PAPER)
+    def fail(programme: Programme) -> float:
+        programme.e[:] = answer
+        return np.inf
+
+    controller = interpreted(Controller(RIGID, PAPER))
     planned = controller.step(0.0, 0.01).predicted_torques
     with monkeypatch.context() as broken:
-        broken.setattr(
-            mpc.controller,
-            "solve_box_qp",
-            lambda H, g, lower, upper, guess: BoxSolution(x=np.full(g.size, answer), residual=np.inf, iterations=0),
-        )
-        control = controller.step(0.0, 0.01)
-        promised(controller, control)
-        assert "certified" in control.status
-        assert control.predicted_torques[:-1] == pytest.approx(planned[1:], abs=1e-9)
-        assert controller._plan is None
+        broken.setattr(Programme, "solve", fail)
+        costs_the_plan_and_nothing_else(controller, planned)
+    assert controller.step(0.0, 0.01).status == "optimal"
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_solver_that_stops_early_costs_the_plan_and_nothing_else(compiled: bool) -> None:
+    controller = Controller(RIGID, PAPER)
+    if not compiled:
+        interpreted(controller)
+    elif not controller.compiled:
+        pytest.skip("no C compiler here")
+    planned = controller.step(0.0, 0.01).predicted_torques
+    rounds = controller._machine_code.layout.rounds
+    controller._machine_code.layout.rounds = controller._interpreted.programme.rounds = 0
+    costs_the_plan_and_nothing_else(controller, planned)
+    controller._machine_code.layout.rounds = controller._interpreted.programme.rounds = rounds
     assert controller.step(0.0, 0.01).status == "optimal"
 
 
 def test_the_residual_of_the_solution_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        mpc.controller,
-        "solve_box_qp",
-        lambda H, g, lower, upper, guess: BoxSolution(x=guess, residual=3e-7, iterations=1),
-    )
-    control = Controller(RIGID, PAPER).step(0.0, 0.0)
+    monkeypatch.setattr(Programme, "solve", lambda programme: 3e-7)
+    control = interpreted(Controller(RIGID, PAPER)).step(0.0, 0.0)
     assert control.status == "optimal"
     assert control.residual == 3e-7
 

@@ -1,4 +1,4 @@
-"""The parts of the controller: prediction, bounded programme, estimator, governor, preview, inverse drive."""
+"""The parts of the controller: prediction, estimator, governor, preview, inverse drive."""
 
 from __future__ import annotations
 
@@ -6,19 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import qpsolvers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_discrete_are, solve_triangular
-from scipy.optimize import lsq_linear
+from programmes import responses
+from scipy.linalg import solve_discrete_are
 
-import mpc.box_qp
-from mpc.box_qp import optimality_residual, solve_box_qp
 from mpc.drive import DriveInverse
 from mpc.estimator import Estimator
 from mpc.governor import Governor
-from mpc.prediction import Predictor, sensitivities
+from mpc.prediction import Predictor
 from mpc.preview import prolonged
 from plant import ServoModel, simulate
 from plant.effects import (
@@ -72,77 +69,13 @@ def test_the_responses_are_the_derivatives(seed: int) -> None:
     state, torques = rng.normal(size=3) * 0.3, rng.normal(size=13)
     late = 2
     ahead = predictor().look_ahead(state, torques, 0.1)
-    S = sensitivities(ahead, late)
+    S = responses(ahead.state_jacobians[late:], ahead.torque_jacobians[late:])
     for j in range(10):
         change = np.zeros(13)
         change[1 + late + j] = 1e-6
         up = predictor().look_ahead(state, torques + change, 0.1).states
         down = predictor().look_ahead(state, torques - change, 0.1).states
         assert S[:, :, j] == pytest.approx((up - down)[late + 1 :] / 2e-6, rel=1e-4, abs=1e-8)
-
-
-# The programme with bounds.
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.integers(1, 30), st.integers(0, 2**32 - 1), st.floats(0, 5))
-def test_the_active_set_agrees_with_another_solver(n: int, seed: int, hardness: float) -> None:
-    rng = np.random.default_rng(seed)
-    root = rng.normal(size=(n, n))
-    H = root @ root.T + 0.1 * np.eye(n)
-    g = rng.normal(size=n) * 10**hardness / 100
-    lower, upper = -rng.uniform(0, 1, n), rng.uniform(0, 1, n)
-    ours = solve_box_qp(H, g, lower, upper, rng.normal(size=n))
-    factor = cholesky(H)  # H = R'R, so the programme is the least squares problem |R x + R^-T g|
-    target = -solve_triangular(factor, g, trans="T")
-    theirs = lsq_linear(factor, target, (lower, upper), method="bvls", tol=1e-14, max_iter=1000)
-    assert ours.is_optimal
-    assert np.all((ours.x >= lower) & (ours.x <= upper))
-    assert theirs.success
-    assert ours.x == pytest.approx(theirs.x, abs=1e-6)
-
-
-def test_the_second_solver_takes_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(3)
-    root = rng.normal(size=(20, 20))
-    H, g = root @ root.T + np.eye(20), rng.normal(size=20) * 10
-    lower, upper = -np.ones(20), np.ones(20)
-    first = solve_box_qp(H, g, lower, upper, np.zeros(20))
-    monkeypatch.setattr(mpc.box_qp, "_ITERATIONS", 0)
-    second = solve_box_qp(H, g, lower, upper, np.zeros(20))
-    assert first.iterations > 0
-    assert second.iterations == 0
-    assert second.is_optimal
-    assert second.x == pytest.approx(first.x, abs=1e-5)
-
-
-def test_nobody_believes_the_second_solver_either(monkeypatch: pytest.MonkeyPatch) -> None:
-    def content_anywhere(**programme: Array) -> qpsolvers.Solution:
-        solution = qpsolvers.Solution(qpsolvers.Problem(**programme))
-        solution.found, solution.x = True, np.zeros(2)
-        solution.y, solution.z, solution.z_box = np.zeros(0), np.zeros(0), np.zeros(2)
-        return solution
-
-    monkeypatch.setattr(mpc.box_qp, "_ITERATIONS", 0)
-    monkeypatch.setattr(mpc.box_qp, "solve_qp", content_anywhere)
-    answer = solve_box_qp(np.eye(2), np.ones(2), -np.ones(2), np.ones(2), np.array([0.5, 3.0]))
-    assert not answer.is_optimal
-    assert answer.x == pytest.approx([0.5, 1.0], abs=0.0)
-
-
-def test_a_programme_without_solution_is_said_to_have_none() -> None:
-    H, g, one = np.eye(3), np.array([1.0, np.nan, 0.0]), np.ones(3)
-    answer = solve_box_qp(H, g, -one, one, np.array([5.0, 0.0, 0.0]))
-    assert not answer.is_optimal
-    assert np.all(np.abs(answer.x) <= 1.0)
-
-
-def test_the_residual_tells_optimal_from_not() -> None:
-    H, g = np.diag([1.0, 2.0]), np.array([-0.5, -10.0])
-    lower, upper = np.zeros(2), np.ones(2)
-    assert optimality_residual(H, g, lower, upper, np.array([0.5, 1.0])) == 0.0
-    assert optimality_residual(H, g, lower, upper, np.array([0.5, 0.9])) == pytest.approx(0.1)
-    assert optimality_residual(H, g, lower, upper, np.array([np.nan, 0.0])) == np.inf
 
 
 # The estimator.

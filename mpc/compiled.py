@@ -1,0 +1,90 @@
+"""The step of the controller as machine code: the stages as C functions, the loops around them from step.c."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.machine_code import MachineCode
+
+Array = NDArray[np.float64]
+
+_HEAD = "#include <math.h>\n#include <string.h>\n\ntypedef double real;\n\n"
+_MINIMUM = {  # as in C, where the other number counts if one is not a number, but without a call
+    "casadi_fmin": "static real casadi_fmin(real x, real y) { return x < y || y != y ? x : y; }",
+    "casadi_fmax": "static real casadi_fmax(real x, real y) { return x > y || y != y ? x : y; }",
+}
+
+
+class CompiledStep:
+    """The whole step as one call.
+
+    Attributes:
+        layout: the struct of the machine code.
+        code: the library, once it is there.
+    """
+
+    def __init__(self, functions: tuple[Any, ...], sizes: Mapping[str, int], arrays: Mapping[str, Array]) -> None:
+        """Start the compiler.
+
+        Args:
+            functions: the stages.
+            sizes: whole numbers of the controller.
+            arrays: everything else, to be shared with the machine code.
+        """
+        self._arrays = dict(arrays)  # the machine code only knows where they are
+        fields = [(name, ctypes.c_int) for name in sizes] + [(name, ctypes.c_void_p) for name in arrays]
+        layout: Any = type("Layout", (ctypes.Structure,), {"_fields_": fields})
+        self.layout = layout(*sizes.values(), *(array.ctypes.data for array in arrays.values()))
+        self.code = MachineCode("controller", source(functions, tuple(sizes), tuple(arrays)))
+
+    def function(self) -> Any:
+        """The step (angle, whether the reference is previewed) -> `Trouble`, or None without a compiler."""
+        if not self.code.wait() or self.code.library is None:
+            return None
+        step = self.code.library.control_step
+        step.argtypes, step.restype = (ctypes.c_void_p, ctypes.c_double, ctypes.c_int), ctypes.c_int
+        where = ctypes.addressof(self.layout)
+        return lambda angle, previewed: step(where, angle, previewed)
+
+
+def source(functions: tuple[Any, ...], sizes: tuple[str, ...], arrays: tuple[str, ...]) -> str:
+    """C99 code of the step, self-contained: stages, the struct that holds a controller, and `control_step`."""
+    generator = ca.CodeGenerator("stages.c")
+    for function in functions:
+        generator.add(function)
+    stages = _plain(str(generator.dump()), functions)
+    by_name = {function.name(): function for function in functions}
+    constants = f"enum {{ STATES = {by_name['stage'].size1_in(0)}, PARAMETERS = {by_name['stage'].size1_in(2)} }};\n\n"
+    members = "".join(f"  int {name};\n" for name in sizes) + "".join(f"  real *{name};\n" for name in arrays)
+    struct = f"struct controller {{\n{members}}};\n\n"
+    return _HEAD + stages + constants + struct + (files("mpc") / "step.c").read_text(encoding="utf-8")
+
+
+def _plain(code: str, functions: tuple[Any, ...]) -> str:
+    """CasADi's code without what serves its own tools: static functions of named arguments, and what they call."""
+    helpers = re.findall(r"^(?:static )?casadi_real (casadi_\w+)\(.*?^\}\n", code, re.M | re.S)
+    parts = []
+    for name in helpers:
+        found = re.search(rf"^(?:static )?(casadi_real {name}\(.*?^\}}\n)", code, re.M | re.S)
+        assert found is not None
+        parts.append(_MINIMUM.get(name, "static " + found[1].replace("casadi_real", "real")) + "\n")
+    for function in functions:
+        entry = re.search(rf"int {function.name()}\(.*?\{{\s*return (casadi_f\d+)\(", code, re.S)
+        assert entry is not None
+        body = re.search(rf"^static int {entry[1]}\(.*?\{{\n(.*?)  return 0;\n\}}\n", code, re.M | re.S)
+        assert body is not None
+        text = re.sub(r"arg\[(\d+)\]\? arg\[\1\]\[(\d+)\] : 0", r"i\1[\2]", body[1])
+        text = re.sub(r"if \(res\[(\d+)\]!=0\) res\[\1\]\[(\d+)\]", r"o\1[\2]", text)
+        arguments = [f"const real *i{place}" for place in range(function.n_in())]
+        arguments += [f"real *restrict o{place}" for place in range(function.n_out())]
+        signature = f"static void {function.name()}({', '.join(arguments)})"
+        parts.append(f"{signature}\n{{\n{text.replace('casadi_real', 'real')}}}\n")
+    return "\n".join(parts) + "\n"

@@ -1,0 +1,47 @@
+"""The arrays of a controller by name: what a step reads, remembers and writes. Both forms of the step share them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def laid_out(states: int, horizon: int, late: int) -> dict[str, Array]:
+    """Zeros for n states, N samples looked ahead and a delay of so many whole samples.
+
+    The constants of a model are not among them, nor what estimator and governor remember: their owners have them.
+    """
+    n, N, samples = states, horizon, late + horizon
+    remembered = {
+        "numbers": 4,  # how many wanted angles are known, and the last three
+        "past": late + 3,  # torques under way, oldest first: those of a delay, and the two around the last sample
+        "plan": N + 1,  # whether there is one, and its torques
+        "bounds": 3 * N,  # which of them holds, and both, at each stage
+        "load": 1,  # torque that the load takes without accelerating
+    }
+    handed = {
+        "wanted": N + 1,
+        "torques": 2 * N,
+        "angles": N + 1,
+        "outcome": 3,  # margin, disturbance, residual
+    }
+    work = {
+        "ahead": N + late + 2,
+        "guess": N,
+        "states": (samples + 1) * n,
+        "A": samples * n * n,
+        "B": samples * n * 2,
+        "range": 2 * N,
+        "unit": 1,
+        "data": 4 * N,
+        "end": 2,
+        "law": (2 * n + 5) * N,
+        "s": (N + 1) * (n + 1),
+        "e": N,
+        "held": N,
+        "acceleration": N,
+    }
+    inside = dict.fromkeys(("middle", "half", "curvature", "inside", "lower", "upper"), N) | {"change": 3 * N}
+    return {name: np.zeros(size) for name, size in (remembered | handed | work | inside).items()}

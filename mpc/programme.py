@@ -1,0 +1,127 @@
+"""The quadratic programme of a step, solved and certified."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from mpc.interior_point import guess_from_inside
+from mpc.kernel import Kernel, unrolled
+from mpc.riccati import backward, forward, slope, triangle
+
+Array = NDArray[np.float64]
+
+CERTIFIED = 1e-6
+"""Largest residual of an accepted solution, in units of the greatest torque."""
+
+
+class Programme:
+    """The programme of `mpc.riccati`, on arrays that others fill.
+
+    Attributes:
+        data: (N, 4) miss [rad] and rate [N m] of each stage, and what the interior point method adds to the cost.
+        bounds: (N, 3) the bound that holds, or 0 for none (see `mpc.riccati.backward`), least and greatest change of
+            the torque [N m].
+        end: (2,) miss of the last angle and velocity [rad, rad/s].
+        e: (N,) change of the torques [N m], the solution.
+        s: (N + 1, n + 1) what it makes of states and last torque.
+        held: (N,) what the last sweep says about the bounds.
+    """
+
+    def __init__(self, arrays: Mapping[str, Array], rounds: int) -> None:
+        """For arrays by name; `rounds` bounds the sweeps of each method."""
+        self.rounds, self.unit, self._tuning = rounds, arrays["unit"], arrays["tuning"]
+        N, n = arrays["e"].size, arrays["s"].size // (arrays["e"].size + 1) - 1
+        late = arrays["A"].size // n**2 - N
+        A, B = arrays["A"][late * n * n :], arrays["B"][late * 2 * n :]
+        self.data, self.bounds = arrays["data"].reshape(N, 4), arrays["bounds"].reshape(N, 3)
+        self.end, self.e, self.held = arrays["end"], arrays["e"], arrays["held"]
+        self.s, self.law = arrays["s"].reshape(N + 1, n + 1), arrays["law"].reshape(N, 2 * n + 5)
+        self._V, self._v = np.zeros(triangle(n + 1).nnz()), np.zeros(n + 1)
+        w = arrays["tuning"][:1]
+        self._sweep = Kernel(
+            sweep(n, N),
+            {0: self._V, 1: self._v, 2: A, 3: B, 4: arrays["data"], 5: arrays["bounds"], 6: w},
+            {0: self.e, 1: self.held, 2: arrays["s"][n + 1 :], 3: arrays["law"]},
+        )
+        inputs = {1: arrays["s"][: -n - 1], 2: self.e, 3: A, 4: B, 5: arrays["data"], 6: w}
+        self._slopes = Kernel(slopes(n, N), inputs)
+
+    def solve(self) -> float:
+        """The minimiser in `e`; the residual, inf if none was certified.
+
+        Newton steps until the active bounds repeat. They end at the minimiser after a few sweeps, but may cycle: then
+        the interior point method guesses the active bounds anew. Nothing is believed without `residual`.
+        """
+        self._active_set()
+        if (residual := self.residual()) <= CERTIFIED:
+            return residual
+        guess_from_inside(self)
+        self._active_set()
+        return residual if (residual := self.residual()) <= CERTIFIED else float("inf")
+
+    def _active_set(self) -> None:
+        for _ in range(self.rounds):
+            settled = self.sweep()
+            self.bounds[:, 0] = self.held
+            if settled:
+                break
+
+    def sweep(self) -> bool:
+        """Backward for the law, forward for the torques; whether the bounds that hold stay the same."""
+        P = self._tuning[1:4]
+        self._V[:3] = P
+        self._v[0] = P[0] * self.end[0] + P[1] * self.end[1]
+        self._v[1] = P[1] * self.end[0] + P[2] * self.end[1]
+        self._sweep()
+        return bool((self.held == self.bounds[:, 0]).all())
+
+    def residual(self) -> float:
+        """max |e - clip(e - slope/curvature, low, high)| in units of the greatest torque: zero at the minimiser."""
+        low, high = self.bounds[:, 1], self.bounds[:, 2]
+        if not (low <= high).all():
+            return float("inf")
+        P, (angle, velocity) = self._tuning[1:4], self.end + self.s[-1, :2]
+        self._slopes.inputs[0][:2] = P[0] * angle + P[1] * velocity, P[1] * angle + P[2] * velocity
+        (slope_e,) = self._slopes()
+        pulled = np.clip(self.e - slope_e / self.law[:, -1], low, high)
+        return float(np.max(np.abs(self.e - pulled)) / self.unit[0])
+
+
+@lru_cache(maxsize=64)
+def sweep(n: int, N: int) -> Any:
+    """One sweep over N stages: (V, v at the end, A, B, data, bounds, w) -> e, held, s[1..N], law, stage by stage."""
+    m = n + 1
+    V, v = ca.MX.sym("V", triangle(m)), ca.MX.sym("v", m)
+    A, B = ca.MX.sym("A", n, n * N), ca.MX.sym("B", n, 2 * N)
+    data, bounds, w = ca.MX.sym("data", 4, N), ca.MX.sym("bounds", 3, N), ca.MX.sym("w")
+    latest = [_reversed(stages, N) for stages in (A, B, data, bounds)]
+    _, _, law = backward(n).mapaccum("laws", N, [0, 1], [0, 1])(V, v, *latest, ca.repmat(w, 1, N))
+    law = _reversed(law, N)
+    s, e, held = forward(n).mapaccum(N)(ca.MX(m, 1), A, B, law, bounds)
+    loop = ca.Function("sweep", [V, v, A, B, data, bounds, w], [e, held, s, law])
+    return unrolled(loop, N, backward(n), forward(n))
+
+
+@lru_cache(maxsize=64)
+def slopes(n: int, N: int) -> Any:
+    """The derivative of the cost by each torque: (costate at the end, s[0..N-1], e, A, B, data, w) -> (N,)."""
+    m = n + 1
+    end, s, e = ca.MX.sym("end", m), ca.MX.sym("s", m, N), ca.MX.sym("e", 1, N)
+    A, B = ca.MX.sym("A", n, n * N), ca.MX.sym("B", n, 2 * N)
+    data, w = ca.MX.sym("data", 4, N), ca.MX.sym("w")
+    latest = [_reversed(stages, N) for stages in (s, e, A, B, data)]
+    _, by_e = slope(n).mapaccum(N)(end, *latest, ca.repmat(w, 1, N))
+    loop = ca.Function("slopes", [end, s, e, A, B, data, w], [_reversed(by_e, N)])
+    return unrolled(loop, N, slope(n))
+
+
+def _reversed(stages: Any, N: int) -> Any:
+    """The blocks of N stages beside each other, the last one first."""
+    width = stages.shape[1] // N
+    return stages[:, [k * width + i for k in range(N - 1, -1, -1) for i in range(width)]]

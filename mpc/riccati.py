@@ -1,0 +1,101 @@
+"""The quadratic programme of the controller, stage by stage: sweeps whose work grows linearly with the horizon.
+
+Around a course of the model the torques of the horizon change by e[k], the states by z[k] (z[0] = 0, e[-1] = 0):
+
+    minimise    1/2 sum_k (miss[k] + z[k]_angle)^2 + 1/2 w sum_k (rate[k] + e[k] - e[k-1])^2
+                + 1/2 (end + z[N]_angle,velocity)' P (end + z[N]_angle,velocity)
+    subject to  z[k+1] = A[k] z[k] + B[k] [e[k], e[k-1]],    low[k] <= e[k] <= high[k]
+
+The state of a stage is s = (z[k], e[k-1]). The cost to go from it is the parabola 1/2 s'Vs + v's. A torque is free, or
+held at a bound; the `interior_point` method adds 1/2 d e^2 + g e to a stage.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import casadi as ca
+
+
+def triangle(m: int) -> Any:
+    """Where the upper triangle of V is, column by column."""
+    return ca.Sparsity.upper(m)
+
+
+def _dynamics(n: int) -> tuple[Any, Any, Any, Any]:
+    """A, B and the matrices of s[k+1] = F s[k] + G e[k]."""
+    A, B = ca.SX.sym("A", n, n), ca.SX.sym("B", n, 2)
+    return A, B, ca.vertcat(ca.horzcat(A, B[:, 1]), ca.SX(1, n + 1)), ca.vertcat(B[:, 0], 1)
+
+
+@cache
+def backward(n: int) -> Any:
+    """The cost to go one stage earlier, and the law that attains it, as a `casadi.Function`.
+
+    (V, v, A, B, [miss, rate, d, g], [held, low, high], w) -> V, v, law; held is 0 for a free torque, -1 for one at its
+    lower, 1 for one at its upper bound. The law (2n + 5,) is K, k of e = Ks + k, then the derivative of the cost by e,
+    Q_ee e + Q_es s + q_e, as Q_es, q_e, Q_ee.
+    """
+    m = n + 1
+    triangular, v = ca.SX.sym("V", triangle(m)), ca.SX.sym("v", m)
+    A, B, F, G = _dynamics(n)
+    data, bounds, w = ca.SX.sym("data", 4), ca.SX.sym("bounds", 3), ca.SX.sym("w")
+    miss, rate, d, g = ca.vertsplit(data)
+    held, low, high = ca.vertsplit(bounds)
+    V = ca.triu2symm(triangular)
+    last = ca.vertcat(ca.SX(n, 1), 1)
+    VG = ca.mtimes(V, G)
+    Q_ee = ca.dot(G, VG) + w + d
+    Q_es = ca.mtimes(VG.T, F) - w * last.T
+    q_e = ca.dot(G, v) + w * rate + g
+    Q_ss = ca.mtimes(ca.mtimes(F.T, V), F) + ca.diag(ca.vertcat(1, ca.SX(n - 1, 1), w))
+    q_s = ca.mtimes(F.T, v) + ca.vertcat(miss, ca.SX(n - 1, 1), -w * rate)
+    gain = ca.if_else(held == 0, 1 / Q_ee, 0)
+    K = -gain * Q_es
+    k = ca.if_else(held == 0, -gain * q_e, ca.if_else(held < 0, low, high))
+    earlier = [ca.densify(Q_ss + ca.mtimes(Q_es.T, K))[triangle(m)], q_s + Q_es.T * k]
+    law = ca.vertcat(K.T, k, Q_es.T, q_e, Q_ee)
+    inputs = [triangular, v, A, B, data, bounds, w]
+    return ca.Function("backward", inputs, [*map(_filled, earlier), ca.densify(law)], {"cse": True})
+
+
+@cache
+def forward(n: int) -> Any:
+    """One stage on by the law, as a `casadi.Function`: (s, A, B, law, [held, low, high]) -> s, e, held.
+
+    The last output is the correction of the guess which bounds hold: a free torque beyond a bound is held there, a held
+    one that the cost pulls inside is let go, to the other bound if it is pulled as far (the primal-dual active set
+    method; Hintermueller, Ito, Kunisch 2002).
+    """
+    m = n + 1
+    s, law, bounds = ca.SX.sym("s", m), ca.SX.sym("law", 2 * m + 3), ca.SX.sym("bounds", 3)
+    A, B, F, G = _dynamics(n)
+    held, low, high = ca.vertsplit(bounds)
+    e = ca.dot(law[:m], s) + law[m]
+    slope = law[2 * m + 2] * e + ca.dot(law[m + 1 : 2 * m + 1], s) + law[2 * m + 1]
+    pulled = e - ca.if_else(held == 0, 0, slope / law[2 * m + 2])
+    now = ca.if_else(pulled < low, -1, ca.if_else(pulled > high, 1, 0))
+    return ca.Function("forward", [s, A, B, law, bounds], [_filled(ca.mtimes(F, s) + G * e), e, now], {"cse": True})
+
+
+@cache
+def slope(n: int) -> Any:
+    """The derivative of the cost by e, from the costate, as a `casadi.Function`.
+
+    (costate (n + 1,) behind the stage, s, e, A, B, [miss, rate, d, g], w) -> costate before it, derivative. It knows
+    nothing of how e was found, and so it certifies it.
+    """
+    m = n + 1
+    costate, s, e = ca.SX.sym("costate", m), ca.SX.sym("s", m), ca.SX.sym("e")
+    A, B, F, G = _dynamics(n)
+    data, w = ca.SX.sym("data", 4), ca.SX.sym("w")
+    change = w * (data[1] + e - s[n])
+    before = ca.mtimes(F.T, costate) + ca.vertcat(data[0] + s[0], ca.SX(n - 1, 1), -change)
+    outputs = [_filled(before), ca.dot(G, costate) + change]
+    return ca.Function("slope", [costate, s, e, A, B, data, w], outputs, {"cse": True})
+
+
+def _filled(expression: Any) -> Any:
+    """With every place of its pattern, a vector with all of them."""
+    return ca.densify(expression) if expression.is_column() else expression

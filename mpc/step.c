@@ -1,0 +1,309 @@
+/* One sample of the controller: measured angle in, pinion torques out.
+
+   The functions estimate, begin, govern, ... above are one stage each, written by CasADi from the same expressions that
+   the Python form uses (mpc/step.py); here stand the loops around them. No memory is taken, every loop is bounded. */
+
+enum { LOST = 1, BRIDGED = 2, JUMPED = 4, STAYED = 8, DIVERGED = 16, AIMLESS = 32, UNCERTIFIED = 64, PARTING = 128 };
+enum { N = STATES, M = STATES + 1, TRIANGLE = M * (M + 1) / 2, LAW = 2 * M + 3 };
+
+#define CERTIFIED 1e-6 /* largest residual of an accepted solution, in units of the greatest torque */
+#define CONVERGED 1e-9 /* change of the torques at which a full solution ends, in the same unit */
+
+static real larger(real a, real b) { return a > b ? a : b; }
+static real clipped(real x, real low, real high) { return x < low ? low : x > high ? high : x; }
+
+/* The wanted angle over the horizon; of a reference that is one number only that number is given. */
+static int look(struct controller *c, int previewed)
+{
+  int k, trouble = 0;
+  real speed = 0, numbers[4], angle = c->belief[3];
+  real *wanted = c->wanted;
+  for (k = 0; k <= (previewed ? c->horizon : 0); ++k)
+    if (!isfinite(wanted[k])) trouble = AIMLESS;
+  if (trouble) previewed = 0, wanted[0] = angle;
+  if (previewed) {
+    c->numbers[0] = 0;
+    return trouble;
+  }
+  preview(c->numbers, wanted, c->tuning + 7, numbers, &speed);
+  memcpy(c->numbers, numbers, sizeof numbers);
+  for (k = 1; k <= c->horizon; ++k) wanted[k] = wanted[0] + speed * k;
+  return trouble;
+}
+
+/* What of it can be followed, over the horizon and as far beyond as a delay reaches: it goes on at its last
+   acceleration. */
+static void aim(struct controller *c)
+{
+  int k, last = c->horizon;
+  real limits[2], near, speed, bend, now[2], next[2], three[3], *ahead = c->ahead, *wanted = c->wanted;
+  followable(c->belief + 3, c->load, c->machine, c->tuning, limits, &near);
+  if (!(c->path[0] && fabs(c->belief[3] - c->path[1]) <= near)) {
+    c->path[0] = 1;
+    c->path[1] = c->belief[3];
+    c->path[2] = c->belief[4];
+  }
+  memcpy(now, c->path + 1, sizeof now);
+  speed = wanted[last] - wanted[last - 1];
+  for (k = 0; k <= last; ++k) {
+    three[0] = wanted[k];
+    three[1] = k < last ? wanted[k + 1] : wanted[last] + speed;
+    three[2] = k < last - 1 ? wanted[k + 2] : wanted[last] + (k < last ? 1 : 2) * speed;
+    ahead[k] = now[0];
+    govern(now, three, limits, c->model + PARAMETERS - 2, next);
+    memcpy(now, next, sizeof now);
+    if (k == 0) memcpy(c->path + 1, next, sizeof next);
+  }
+  speed = ahead[last] - ahead[last - 1];
+  bend = speed - (ahead[last - 1] - ahead[last - 2]);
+  for (k = 1; k <= c->late + 1; ++k) ahead[last + k] = ahead[last] + speed * k + bend * k * (k + 1) / 2;
+}
+
+/* The programme around the course of the model under the guess. */
+static void linearise(struct controller *c)
+{
+  int k, late = c->late, total = late + c->horizon;
+  real both[2], pace, acceleration, disturbance = c->belief[2], dt = c->model[PARAMETERS - 2];
+  const real *ahead = c->ahead + late, *state;
+  memcpy(c->states, c->belief + 3, N * sizeof(real));
+  for (k = 0; k < total; ++k) {
+    both[0] = (k < late ? c->past[k + 2] : c->guess[k - late]) + disturbance;
+    both[1] = (k <= late ? c->past[k + 1] : c->guess[k - late - 1]) + disturbance;
+    stage(c->states + N * k, both, c->model, c->states + N * (k + 1), c->A + N * N * k, c->B + 2 * N * k);
+  }
+  c->unit[0] = 0;
+  for (k = 0; k < c->horizon; ++k) {
+    real *data = c->data + 4 * k, *bounds = c->bounds + 3 * k, *range = c->range + 2 * k;
+    state = c->states + N * (late + k);
+    pace = state[1];
+    acceleration = (state[N + 1] - state[1]) / dt;
+    reach(&pace, &acceleration, c->machine, range);
+    c->unit[0] = larger(c->unit[0], larger(fabs(range[0]), fabs(range[1])));
+    bounds[1] = range[0] - c->guess[k];
+    bounds[2] = range[1] - c->guess[k];
+    data[0] = k ? state[0] - ahead[k] : 0;
+    data[1] = c->guess[k] - (k ? c->guess[k - 1] : c->past[late + 1]);
+    data[2] = data[3] = 0;
+  }
+  state = c->states + N * total;
+  c->end[0] = state[0] - ahead[c->horizon];
+  c->end[1] = state[1] - (ahead[c->horizon + 1] - ahead[c->horizon - 1]) / (2 * dt);
+}
+
+/* Backward for the law, forward for the torques; how many bounds have changed. */
+static int sweep(struct controller *c)
+{
+  int k, changes = 0, shift = N * c->late;
+  real V[2][TRIANGLE] = {{0}}, v[2][M] = {{0}}, now;
+  const real *P = c->tuning + 1;
+  V[0][0] = P[0], V[0][1] = P[1], V[0][2] = P[2];
+  v[0][0] = P[0] * c->end[0] + P[1] * c->end[1];
+  v[0][1] = P[1] * c->end[0] + P[2] * c->end[1];
+  for (k = c->horizon - 1; k >= 0; --k) {
+    int from = (c->horizon - 1 - k) & 1;
+    backward(V[from], v[from], c->A + N * (shift + N * k), c->B + 2 * (shift + N * k), c->data + 4 * k,
+             c->bounds + 3 * k, c->tuning, V[!from], v[!from], c->law + LAW * k);
+  }
+  for (k = 0; k < M; ++k) c->s[k] = 0;
+  for (k = 0; k < c->horizon; ++k) {
+    real *bounds = c->bounds + 3 * k;
+    forward(c->s + M * k, c->A + N * (shift + N * k), c->B + 2 * (shift + N * k), c->law + LAW * k, bounds,
+            c->s + M * (k + 1), c->e + k, &now);
+    changes += now != bounds[0];
+    c->held[k] = now;
+  }
+  return changes;
+}
+
+/* How far from optimal, in units of the greatest torque; NaN or infinite if there is no saying. */
+static real residual(struct controller *c)
+{
+  int k, shift = N * c->late;
+  real costate[2][M] = {{0}}, slope_e, worst = 0, miss;
+  const real *P = c->tuning + 1, *s = c->s + M * c->horizon;
+  costate[0][0] = P[0] * (c->end[0] + s[0]) + P[1] * (c->end[1] + s[1]);
+  costate[0][1] = P[1] * (c->end[0] + s[0]) + P[2] * (c->end[1] + s[1]);
+  for (k = c->horizon - 1; k >= 0; --k) {
+    int from = (c->horizon - 1 - k) & 1;
+    const real *bounds = c->bounds + 3 * k;
+    if (!(bounds[1] <= bounds[2])) return INFINITY;
+    slope(costate[from], c->s + M * k, c->e + k, c->A + N * (shift + N * k), c->B + 2 * (shift + N * k),
+          c->data + 4 * k, c->tuning, costate[!from], &slope_e);
+    miss = fabs(c->e[k] - clipped(c->e[k] - slope_e / c->law[LAW * k + LAW - 1], bounds[1], bounds[2]));
+    if (!(miss <= worst)) worst = miss;
+  }
+  return worst / c->unit[0];
+}
+
+/* Newton steps until the active bounds repeat. */
+static void active_set(struct controller *c)
+{
+  int round, k, changes = 1;
+  for (round = 0; round < c->rounds && changes; ++round) {
+    changes = sweep(c);
+    for (k = 0; k < c->horizon; ++k) c->bounds[3 * k] = c->held[k];
+  }
+}
+
+/* The primal-dual interior point method (see mpc/interior_point.py): a guess of the active bounds from inside. Torques
+   are counted from the middle between their bounds. */
+static void interior_point(struct controller *c)
+{
+  int k, round, count = c->horizon;
+  real most = 0, mu, target, centring = 0.1, length;
+  real *x = c->inside, *half = c->half, *middle = c->middle, *lower = c->lower, *upper = c->upper;
+  for (k = 0; k < count; ++k) c->bounds[3 * k] = 0;
+  sweep(c);
+  for (k = 0; k < count; ++k) {
+    const real *bounds = c->bounds + 3 * k;
+    x[k] = 0;
+    middle[k] = (bounds[1] + bounds[2]) / 2;
+    half[k] = larger((bounds[2] - bounds[1]) / 2, 1e-7 * c->unit[0]);
+    c->curvature[k] = c->law[LAW * k + LAW - 1];
+    most = larger(most, c->curvature[k] * larger(fabs(c->e[k] - middle[k]), half[k]));
+  }
+  for (k = 0; k < count; ++k) lower[k] = upper[k] = most;
+  for (round = 0; round < c->rounds; ++round) {
+    for (mu = 0, k = 0; k < count; ++k) mu += lower[k] * (half[k] + x[k]) + upper[k] * (half[k] - x[k]);
+    mu /= 2 * count;
+    if (!(mu > 1e-12 * most * c->unit[0])) break;
+    target = centring * mu;
+    for (k = 0; k < count; ++k) {
+      real left = half[k] + x[k], right = half[k] - x[k], d = lower[k] / left + upper[k] / right;
+      c->data[4 * k + 2] = d;
+      c->data[4 * k + 3] = -d * (middle[k] + x[k]) - target / left + target / right;
+    }
+    sweep(c);
+    length = 1;
+    for (k = 0; k < count; ++k) {
+      real left = half[k] + x[k], right = half[k] - x[k], change = c->e[k] - middle[k] - x[k];
+      real down = target / left - lower[k] - lower[k] / left * change;
+      real up = target / right - upper[k] + upper[k] / right * change;
+      c->change[3 * k] = change, c->change[3 * k + 1] = down, c->change[3 * k + 2] = up;
+      if (-change * length > 0.995 * left) length = 0.995 * left / -change;
+      if (change * length > 0.995 * right) length = 0.995 * right / change;
+      if (-down * length > 0.995 * lower[k]) length = 0.995 * lower[k] / -down;
+      if (-up * length > 0.995 * upper[k]) length = 0.995 * upper[k] / -up;
+    }
+    for (k = 0; k < count; ++k) {
+      x[k] += length * c->change[3 * k];
+      lower[k] += length * c->change[3 * k + 1];
+      upper[k] += length * c->change[3 * k + 2];
+    }
+    centring = larger(0.01, (1 - length) * (1 - length));
+  }
+  for (k = 0; k < count; ++k) {
+    real push = (lower[k] - upper[k]) / c->curvature[k];
+    c->bounds[3 * k] = x[k] - push < -half[k] ? -1 : x[k] - push > half[k] ? 1 : 0;
+    c->data[4 * k + 2] = c->data[4 * k + 3] = 0;
+  }
+}
+
+/* The solution of the programme, certified; its residual, infinite if there is none. */
+real solve(struct controller *c)
+{
+  real worst;
+  active_set(c);
+  worst = residual(c);
+  if (worst <= CERTIFIED) return worst;
+  interior_point(c);
+  active_set(c);
+  worst = residual(c);
+  return worst <= CERTIFIED ? worst : INFINITY;
+}
+
+/* Linearise, solve, and go on with the torques found; the residual. */
+static real optimise(struct controller *c)
+{
+  int k, pass;
+  real worst = INFINITY, most = INFINITY;
+  for (pass = 0; pass < c->passes && (!pass || most > CONVERGED * c->unit[0]); ++pass) {
+    if (pass) memcpy(c->guess, c->plan + 1, c->horizon * sizeof(real));
+    linearise(c);
+    worst = solve(c);
+    c->plan[0] = worst <= CERTIFIED;
+    most = 0;
+    if (!c->plan[0]) { /* the guess, as far as the bounds let it stand */
+      for (k = 0; k < c->horizon; ++k) {
+        real *bounds = c->bounds + 3 * k;
+        bounds[0] = -1;
+        bounds[1] = bounds[2] = clipped(0, bounds[1], bounds[2]);
+      }
+      sweep(c);
+    }
+    for (k = 0; k < c->horizon; ++k) {
+      c->plan[k + 1] = clipped(c->guess[k] + c->e[k], c->range[2 * k], c->range[2 * k + 1]);
+      most = larger(most, fabs(c->e[k]));
+    }
+  }
+  return worst;
+}
+
+/* Keep the teeth together with as little torque on the load as that allows, and know nothing. */
+static void hold(struct controller *c)
+{
+  int k;
+  real nothing = 0, given, margin;
+  c->plan[0] = 0;
+  for (k = 0; k < c->horizon; ++k) {
+    split(&nothing, &nothing, &nothing, c->machine, c->torques + 2 * k, &given, &margin);
+    c->angles[k] = NAN;
+  }
+  c->angles[k] = NAN;
+  c->outcome[0] = margin;
+  c->outcome[2] = INFINITY;
+  c->past[c->late + 2] = given;
+}
+
+/* The torques of the horizon for what was planned. */
+static int plan_ahead(struct controller *c)
+{
+  int k, trouble = 0, shift = c->late;
+  real dt = c->model[PARAMETERS - 2], given, margin, sum = 0;
+  for (k = 0; k < c->horizon; ++k) c->guess[k] = c->plan[0] ? c->plan[k + 2 - (k == c->horizon - 1)] : c->past[shift + 1];
+  for (k = 0; k < c->horizon; ++k)
+    c->bounds[3 * k] = c->plan[0] ? c->bounds[3 * (k + 1 - (k == c->horizon - 1))] : 0;
+  c->outcome[2] = optimise(c);
+  if (!c->plan[0]) trouble = UNCERTIFIED;
+  for (k = 0; k <= c->horizon; ++k) {
+    const real *state = c->states + N * (shift + k), *s = c->s + M * k;
+    c->angles[k] = state[0] + s[0];
+    if (k < c->horizon) c->acceleration[k] = (state[N + 1] + s[M + 1] - (state[1] + s[1])) / dt;
+    if (k < c->horizon) sum += fabs(c->acceleration[k]) + fabs(c->plan[k + 1]);
+  }
+  if (!isfinite(sum)) {
+    hold(c);
+    return UNCERTIFIED;
+  }
+  c->load[0] = c->plan[1] - c->tuning[4] * c->acceleration[0];
+  c->outcome[0] = INFINITY;
+  for (k = 0; k < c->horizon; ++k) {
+    split(c->plan + k + 1, c->states + N * (shift + k) + 1, c->acceleration + k, c->machine,
+          c->torques + 2 * k, &given, &margin);
+    c->outcome[0] = margin < c->outcome[0] ? margin : c->outcome[0];
+    if (k == 0) c->past[shift + 2] = given;
+  }
+  if (c->outcome[0] < -1e-9 * c->machine[1]) trouble |= PARTING;
+  return trouble;
+}
+
+int control_step(struct controller *c, double angle, int previewed)
+{
+  int trouble;
+  real reading = angle, torques[2], code, anew, belief[3 + N + TRIANGLE];
+  torques[0] = c->past[1], torques[1] = c->past[0];
+  estimate(c->belief, &reading, torques, c->model, c->levels, belief, &code, &anew);
+  if (anew) begin(&reading, torques, c->model, c->levels, belief);
+  memcpy(c->belief, belief, sizeof belief);
+  trouble = (int)code;
+  if (!c->belief[0]) {
+    hold(c);
+  } else {
+    trouble |= look(c, previewed);
+    aim(c);
+    trouble |= plan_ahead(c);
+  }
+  c->outcome[1] = c->belief[2];
+  memmove(c->past, c->past + 1, (c->late + 2) * sizeof(real));
+  return trouble;
+}

@@ -1,0 +1,173 @@
+"""One sample of the controller without machine code: the same stages as in step.c, looped by CasADi's virtual machine.
+
+Both forms work on the same arrays, so that either can go on where the other has stopped, and give the same numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpc.estimator import Estimator
+from mpc.governor import Governor, followable
+from mpc.kernel import Kernel, unrolled
+from mpc.preview import preview, prolonged
+from mpc.programme import CERTIFIED, Programme
+from mpc.split import reach, split
+from mpc.trouble import Trouble
+
+Array = NDArray[np.float64]
+
+CONVERGED = 1e-9
+"""Change of the torques at which a full solution ends, in units of the greatest torque."""
+
+
+class InterpretedStep:
+    """The whole step, stage by stage: see the functions of the same names in step.c.
+
+    Attributes:
+        programme: the quadratic programme.
+    """
+
+    def __init__(
+        self, sizes: Mapping[str, int], arrays: Mapping[str, Array], estimator: Estimator, governor: Governor
+    ) -> None:
+        """On the arrays of a controller."""
+        N, late = sizes["horizon"], sizes["late"]
+        n = len(estimator.predictor.model.states)
+        self._late, self._passes, self._dt = late, sizes["passes"], float(arrays["model"][-2])
+        self._estimator, self._governor = estimator, governor
+        self.programme = Programme(arrays, sizes["rounds"])
+        self._a = arrays
+        self._states = arrays["states"].reshape(-1, n)
+        self._range, self._torques = arrays["range"].reshape(N, 2), arrays["torques"].reshape(N, 2)
+        machine = arrays["machine"]
+        self._preview = Kernel(preview(), {0: arrays["numbers"], 2: arrays["tuning"][7:]})
+        self._followable = Kernel(followable(), {1: arrays["load"], 2: machine, 3: arrays["tuning"]})
+        stage = estimator.predictor.stage
+        along = unrolled(stage.mapaccum(late + N), late + N, stage)
+        outputs = {0: arrays["states"][n:], 1: arrays["A"], 2: arrays["B"]}
+        self._along = Kernel(along, {0: arrays["states"][:n], 2: np.tile(arrays["model"], late + N)}, outputs)
+        self._reach = Kernel(unrolled(reach().map(N), N, reach()), {2: np.tile(machine, N)}, {0: arrays["range"]})
+        inputs = {0: arrays["plan"][1:], 2: arrays["acceleration"], 3: np.tile(machine, N)}
+        self._split = Kernel(unrolled(split().map(N), N, split()), inputs, {0: arrays["torques"]})
+
+    def __call__(self, angle: float, previewed: bool) -> int:
+        """The measured angle in, the torques and all else in the arrays; what went wrong, see `Trouble`."""
+        with np.errstate(all="ignore"):  # absurd numbers may overflow; every result is checked
+            return self._sample(angle, previewed)
+
+    def _sample(self, angle: float, previewed: bool) -> int:
+        past = self._a["past"]
+        trouble = self._estimator.update(angle, past[1], past[0])
+        if self._estimator.belief[0]:
+            trouble |= self._look(previewed)
+            self._aim()
+            trouble |= self._plan_ahead()
+        else:
+            self._hold()
+        self._a["outcome"][1] = self._estimator.belief[2]
+        past[:-1] = past[1:]
+        return trouble
+
+    def _look(self, previewed: bool) -> int:
+        """The wanted angle over the horizon; of a reference that is one number only that number is given."""
+        wanted, numbers = self._a["wanted"], self._a["numbers"]
+        trouble = Trouble.NONE if np.isfinite(wanted if previewed else wanted[0]).all() else Trouble.AIMLESS
+        if trouble:
+            previewed, wanted[0] = False, self._estimator.belief[3]
+        if previewed:
+            numbers[0] = 0.0
+            return trouble
+        self._preview.inputs[1][0] = wanted[0]
+        after, speed = self._preview()
+        numbers[:] = after
+        wanted[1:] = wanted[0] + speed * np.arange(1, wanted.size)
+        return trouble
+
+    def _aim(self) -> None:
+        """What of it can be followed, over the horizon and as far beyond as a delay reaches."""
+        angle, velocity = self._followable.inputs[0][:] = self._estimator.belief[3:5]
+        limits, near = self._followable()
+        if not self._governor.distance(float(angle)) <= near[0]:
+            self._governor.restart(float(angle), float(velocity))
+        governed = self._governor.govern(self._a["wanted"], (limits[0], limits[1]))
+        self._a["ahead"][:] = prolonged(governed, self._late + 1)
+
+    def _plan_ahead(self) -> int:
+        """The torques of the horizon for what was planned."""
+        a, late, trouble = self._a, self._late, Trouble.NONE
+        held, plan, guess = self.programme.bounds[:, 0], a["plan"], a["guess"]
+        if plan[0]:
+            guess[:-1], guess[-1] = plan[2:], plan[-1]
+            held[:-1] = held[1:]
+        else:
+            guess[:], held[:] = a["past"][late + 1], 0.0
+        a["outcome"][2] = self._optimise()
+        if not plan[0]:
+            trouble = Trouble.UNCERTIFIED
+        states, s = self._states[late:], self.programme.s
+        a["angles"][:] = states[:, 0] + s[:, 0]
+        speeds = states[:, 1] + s[:, 1]
+        a["acceleration"][:] = (speeds[1:] - speeds[:-1]) / self._dt
+        if not (np.isfinite(a["acceleration"]).all() and np.isfinite(plan).all()):
+            self._hold()
+            return Trouble.UNCERTIFIED
+        a["load"][0] = plan[1] - a["tuning"][4] * a["acceleration"][0]
+        self._split.inputs[1][:] = states[:-1, 1]
+        _, given, margin = self._split()
+        a["outcome"][0] = margin.min()
+        a["past"][late + 2] = given[0]
+        return trouble | (Trouble.PARTING if a["outcome"][0] < -1e-9 * a["machine"][1] else Trouble.NONE)
+
+    def _optimise(self) -> float:
+        """Linearise, solve, and go on with the torques found; the residual."""
+        a, programme = self._a, self.programme
+        residual = float("inf")
+        for place in range(self._passes):
+            if place:
+                a["guess"][:] = a["plan"][1:]
+            self._linearise()
+            residual = programme.solve()
+            a["plan"][0] = residual <= CERTIFIED
+            if not a["plan"][0]:  # the guess, as far as the bounds let it stand
+                programme.bounds[:, 0] = -1.0
+                programme.bounds[:, 1] = np.clip(0.0, programme.bounds[:, 1], programme.bounds[:, 2])
+                programme.bounds[:, 2] = programme.bounds[:, 1]
+                programme.sweep()
+            a["plan"][1:] = np.clip(a["guess"] + programme.e, self._range[:, 0], self._range[:, 1])
+            if not np.max(np.abs(programme.e)) > CONVERGED * a["unit"][0]:
+                break
+        return residual
+
+    def _linearise(self) -> None:
+        """The programme around the course of the model under the guess."""
+        a, late, programme = self._a, self._late, self.programme
+        N, guess, past = a["guess"].size, a["guess"], a["past"]
+        a["states"][: self._states.shape[1]] = self._estimator.belief[3 : 3 + self._states.shape[1]]
+        held = np.concatenate((past[1 : late + 2], guess)) + self._estimator.belief[2]
+        self._along.inputs[1][0::2], self._along.inputs[1][1::2] = held[1:], held[:-1]
+        self._along()
+        states, ahead = self._states[late:], a["ahead"][late:]
+        pace = states[:, 1]
+        self._reach.inputs[0][:] = pace[:-1]
+        self._reach.inputs[1][:] = (pace[1:] - pace[:-1]) / self._dt
+        self._reach()
+        a["unit"][0] = np.abs(a["range"]).max()
+        programme.bounds[:, 1:] = self._range - guess[:, None]
+        programme.data[1:, 0] = states[1:-1, 0] - ahead[1:N]
+        programme.data[0, 1] = guess[0] - past[late + 1]
+        programme.data[1:, 1] = guess[1:] - guess[:-1]
+        programme.end[0] = states[-1, 0] - ahead[N]
+        programme.end[1] = pace[-1] - (ahead[N + 1] - ahead[N - 1]) / (2 * self._dt)
+
+    def _hold(self) -> None:
+        """Keep the teeth together with as little torque on the load as that allows, and know nothing."""
+        a = self._a
+        a["plan"][:], a["acceleration"][:], self._split.inputs[1][:] = 0.0, 0.0, 0.0
+        _, given, margin = self._split()
+        a["angles"][:] = np.nan
+        a["outcome"][0], a["outcome"][2] = margin[0], np.inf
+        a["past"][self._late + 2] = given[0]

@@ -1,0 +1,38 @@
+"""What can go wrong in a step, as a number for machine code and as a sentence for people."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+from functools import lru_cache
+
+
+class Trouble(IntFlag):
+    """Reasons why a control is not optimal; several may hold at once."""
+
+    NONE = 0
+    LOST = 1
+    BRIDGED = 2
+    JUMPED = 4
+    STAYED = 8
+    DIVERGED = 16
+    AIMLESS = 32
+    UNCERTIFIED = 64
+    PARTING = 128
+
+
+_SENTENCES = {
+    Trouble.LOST: "the angle is not a number",
+    Trouble.BRIDGED: "the angle is not a number, the model's prediction stands in",
+    Trouble.JUMPED: "the angle jumped, the model's prediction stands in",
+    Trouble.STAYED: "the angle stayed away from the prediction, the estimate began anew",
+    Trouble.DIVERGED: "the estimate diverged and began anew",
+    Trouble.AIMLESS: "the reference is not a number, the angle is held",
+    Trouble.UNCERTIFIED: "no solution of the quadratic programme was certified, the last plan is followed",
+    Trouble.PARTING: "max_torque cannot hold the teeth together at the predicted acceleration",
+}
+
+
+@lru_cache(maxsize=2 * max(Trouble))
+def sentence(trouble: int) -> str:
+    """The reasons in words, empty if there are none."""
+    return "; ".join(words for reason, words in _SENTENCES.items() if reason & trouble)

@@ -1,0 +1,124 @@
+"""The step as machine code and without it: the same numbers, whichever is at work."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from allocation import Bounds, least_effort
+from mpc import Control, Controller
+from mpc.drive import DriveInverse
+from mpc.split import machine, reach, split
+from plant import GearTrain, ServoModel, machine_code
+from plant.effects import (
+    ActuatorLag,
+    BackEmf,
+    Compliance,
+    CoulombFriction,
+    EncoderEccentricity,
+    InputDelay,
+    SensorLag,
+    TorqueSaturation,
+)
+
+Array = NDArray[np.float64]
+PAPER = GearTrain.paper()
+UNEQUAL = GearTrain(pinion_teeth=(20, 31), follower_teeth=161)
+RIGID = ServoModel()
+with_compiler = pytest.mark.skipif(machine_code.compiler() is None, reason="no C compiler here")
+MODELS = {
+    "paper": ServoModel.paper(),
+    "delays": RIGID.with_effect(InputDelay(time=0.013)).with_effect(CoulombFriction(torque=0.2)),
+    "sensor": RIGID.with_effect(EncoderEccentricity(amplitude=0.01, order=3.0, phase=0.1)).with_effect(
+        SensorLag(time_constant=0.01)
+    ),
+    "drive": RIGID.with_effect(BackEmf(constant=0.3)).with_effect(TorqueSaturation(limit=1.5)),
+    "lag": RIGID.with_effect(ActuatorLag(time_constant=0.01)),
+    "compliance": RIGID.with_effect(Compliance(frequency=40.0, damping=0.1, motor_share=0.3)),
+}
+
+
+def same(one: Control, other: Control) -> bool:
+    numbers = (
+        (one.predicted_torques, other.predicted_torques),
+        (one.predicted_angle, other.predicted_angle),
+        ([one.margin, one.disturbance], [other.margin, other.disturbance]),
+    )
+    return one.status == other.status and all(np.array_equal(a, b, equal_nan=True) for a, b in numbers)
+
+
+def interpreted(controller: Controller) -> Controller:
+    controller._step = controller._interpreted
+    return controller
+
+
+@with_compiler
+@pytest.mark.parametrize("gears", [PAPER, UNEQUAL], ids=["paper", "unequal"])
+@pytest.mark.parametrize("model", MODELS)
+def test_both_forms_hand_out_the_same_torques_to_the_last_bit(model: str, gears: GearTrain) -> None:
+    options = {"horizon": 12, "rotor_inertia": 1e-5, "max_torque": 0.2}
+    pair = [Controller(MODELS[model], gears, **options) for _ in range(2)]  # type: ignore[arg-type]
+    interpreted(pair[1])
+    assert [controller.compiled for controller in pair] == [True, False]
+    rng = np.random.default_rng(0)
+    angle, statuses = 0.0, set()
+    for k in range(300):
+        reference = 0.3 * rng.normal() if k < 100 else 0.3 * np.sin(0.05 * (k + np.arange(13)))
+        shown = {40: np.nan, 90: 5.0, 150: np.inf, 200: angle + 2.0}.get(k, angle)
+        if k in (60, 160):
+            reference = np.nan * reference
+        one, other = (controller.step(shown, reference) for controller in pair)
+        assert same(one, other), k
+        statuses.add(one.status)
+        angle = one.predicted_angle[1] + 1e-5 * rng.normal() + (0.5 if k == 250 else 0.0)
+        if not np.isfinite(angle):
+            angle = 0.0
+    assert len(statuses) > 2
+
+
+@with_compiler
+def test_one_form_goes_on_where_the_other_stops() -> None:
+    whole, mixed = (Controller(ServoModel.paper(), PAPER) for _ in range(2))
+    compiled = mixed._step
+    for k in range(60):
+        mixed._step = mixed._interpreted if k % 7 < 3 else compiled
+        angle, reference = 1e-3 * np.sin(0.1 * k), 0.1 * np.sin(0.02 * k)
+        assert same(whole.step(angle, reference), mixed.step(angle, reference)), k
+
+
+def test_without_a_compiler_it_works_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as bare:
+        bare.setattr(machine_code, "compiler", lambda: None)
+        controller = Controller(ServoModel.paper(), PAPER)
+    assert not controller.compiled
+    assert controller.step(0.0, 0.01).status == "optimal"
+
+
+@with_compiler
+def test_a_second_controller_finds_the_machine_code_of_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machine_code, "_cache", lambda: tmp_path)
+    for horizon, inertia in ((10, 2.0), (40, 3.0)):  # neither is part of the code
+        Controller(ServoModel(inertia=inertia), PAPER, horizon=horizon)
+        assert len(list(tmp_path.glob("controller-*.so"))) == 1
+
+
+@pytest.mark.parametrize("gears", [PAPER, UNEQUAL], ids=["paper", "unequal"])
+@pytest.mark.parametrize("rotor", [0.0, 1e-5])
+def test_the_split_is_the_allocators(gears: GearTrain, rotor: float) -> None:
+    bounds = Bounds(gears=gears, min_torque=0.02, max_torque=0.3, rotor_inertia=rotor)
+    drive = DriveInverse(half_width=0.2, back_emf=0.3, limit=1.8)
+    numbers, rng = machine(bounds, drive), np.random.default_rng(0)
+    for _ in range(200):
+        wanted, velocity, acceleration = rng.normal(size=3) * [2.0, 1.0, 20.0]
+        ends = np.array(reach()(velocity, acceleration, numbers))[:, 0]
+        assert ends == pytest.approx(drive.effective(bounds.reachable(acceleration), velocity), abs=1e-12)
+        torques, given, margin = (np.array(x)[:, 0] for x in split()(wanted, velocity, acceleration, numbers))
+        expected = least_effort(bounds, drive.command(wanted, velocity), acceleration)
+        assert torques == pytest.approx(expected, abs=1e-12)
+        assert given[0] == pytest.approx(drive.effective(gears.follower_torque(expected), velocity), abs=1e-12)
+        assert margin[0] == pytest.approx(bounds.margin(expected, acceleration), abs=1e-12)
