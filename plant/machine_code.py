@@ -13,10 +13,12 @@ import os
 import shlex
 import shutil
 import subprocess
+import sys
 import tempfile
 import threading
 import weakref
 from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from platformdirs import user_cache_path
@@ -119,10 +121,17 @@ def _abandon(process: subprocess.Popen[bytes], folder: Path) -> None:
 
 @lru_cache(maxsize=1)
 def compiler() -> tuple[str, ...] | None:
-    """The C compiler: what the environment variable CC says (nothing when it is empty), else cc; None without one."""
+    """The C compiler: what the environment variable CC says (nothing when it is empty), else cc; None without one.
+
+    Where neither is, the one that the package `ziglang` brings serves (`pip install 'antidrive[fast]'`).
+    """
     command = shlex.split(os.environ.get("CC", "cc"))
     found = shutil.which(command[0]) if command else None
-    return (found, *command[1:]) if found else None
+    if found:
+        return (found, *command[1:])
+    if "CC" not in os.environ and find_spec("ziglang"):
+        return (sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline")  # the cache may be shared with other machines
+    return None
 
 
 def _cache() -> Path:

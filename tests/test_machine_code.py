@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from concurrent.futures import ThreadPoolExecutor
+from importlib.util import find_spec
 from pathlib import Path
 
 import casadi as ca
@@ -162,6 +164,31 @@ def test_a_spoilt_library_is_built_anew(tmp_path: Path) -> None:
     assert is_right(recursion)
     assert recursion.wait()
     assert is_right(recursion)
+
+
+def test_a_compiler_that_came_as_a_wheel_serves_where_there_is_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr(machine_code.shutil, "which", lambda name: None)
+    monkeypatch.setattr(machine_code, "find_spec", lambda name: name == "ziglang")
+    machine_code.compiler.cache_clear()
+    found = machine_code.compiler()
+    assert found is not None
+    assert found[:4] == (sys.executable, "-m", "ziglang", "cc")
+    monkeypatch.setenv("CC", "")
+    machine_code.compiler.cache_clear()
+    assert machine_code.compiler() is None
+    machine_code.compiler.cache_clear()
+
+
+@pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang is not installed")
+def test_the_compiler_of_the_wheel_works(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr(machine_code.shutil, "which", lambda name: None)
+    machine_code.compiler.cache_clear()
+    recursion = example()
+    assert recursion.wait()
+    assert is_right(recursion)
+    machine_code.compiler.cache_clear()
 
 
 def test_the_environment_names_the_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
