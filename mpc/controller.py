@@ -74,7 +74,7 @@ class Controller:
     predicted pair of pinion torques satisfies the bounds.
 
     One quadratic programme a sample: the model is linearised along the last solution, shifted (real-time iteration;
-    Diehl, Bock, Schloeder 2005). s and P are those of the rigid servo (`mpc.weights`); the torque at the end of the
+    Diehl, Bock, Schloeder 2005); on request as many as it takes (sequential quadratic programming). s and P are those of the rigid servo (`mpc.weights`); the torque at the end of the
     horizon is left free, because what the reference needs later is not known.
 
     The controller remembers: its estimate, its last solution, the torques under way. One object serves one machine.
@@ -97,6 +97,8 @@ class Controller:
         encoder_noise: standard deviation of its noise [rad].
         torque_noise: what the model misses from sample to sample, standard deviation [N m].
         disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)].
+        sqp_iterations: programmes a sample at most; with more than one the model is linearised anew along each solution
+            until the torques change no more.
 
     Raises:
         BadParameter: a number out of range, or a linear axis.
@@ -116,6 +118,7 @@ class Controller:
     encoder_noise: float = 2e-5
     torque_noise: float = 0.05
     disturbance_rate: float = 1.0
+    sqp_iterations: int = 1
     bounds: Bounds = field(init=False, repr=False)
     governor: Governor = field(init=False, repr=False)
     estimator: Estimator = field(init=False, repr=False)
@@ -130,6 +133,8 @@ class Controller:
                 raise BadParameter(f"{name} must be finite and above zero, not {value!r}.")
         if isinstance(self.horizon, bool) or not isinstance(self.horizon, int) or self.horizon < 2:
             raise BadParameter(f"horizon must be a whole number of at least 2 samples, not {self.horizon!r}.")
+        if isinstance(self.sqp_iterations, bool) or not isinstance(self.sqp_iterations, int) or self.sqp_iterations < 1:
+            raise BadParameter(f"sqp_iterations must be a whole number above zero, not {self.sqp_iterations!r}.")
         if self.bandwidth * self.sample_time > 0.1:
             raise BadParameter(
                 f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."
@@ -154,7 +159,12 @@ class Controller:
         self.governor = Governor(sample_time=self.sample_time)
         self._rate_weight = rate_weight(self.model, self.bandwidth, self.sample_time)
         self._terminal_weight = terminal_weight(self.model, self._rate_weight, self.sample_time)
-        self._sizes = {"horizon": self.horizon, "late": self._whole_delay, "passes": 1, "rounds": _ROUNDS}
+        self._sizes = {
+            "horizon": self.horizon,
+            "late": self._whole_delay,
+            "passes": self.sqp_iterations,
+            "rounds": _ROUNDS,
+        }
         self._arrays = self._all_arrays(machine(self.bounds, drive))
         n = len(behind.states)
         filters = (predictor.stage, estimation(predictor), beginning(predictor))

@@ -116,6 +116,12 @@ class Solver:
 
     def solve(self, stages: Stages, guess: Array | None = None, compiled: bool = False) -> tuple[Array, float]:
         """(N,) solution and its residual, from a guess (N,) of the bounds that hold."""
+        self.load(stages, guess)
+        residual = self.machine_code() if compiled else self.programme.solve()
+        return self.arrays["e"].copy(), residual
+
+    def load(self, stages: Stages, guess: Array | None = None) -> None:
+        """Put a programme into the arrays."""
         a, data, bounds = self.arrays, self.programme.data, self.programme.bounds
         a["A"][:] = stages.A.transpose(0, 2, 1).ravel()
         a["B"][:] = stages.B.transpose(0, 2, 1).ravel()
@@ -123,10 +129,9 @@ class Solver:
         a["end"][:], a["unit"][0], data[:] = stages.end, 1.0, 0.0
         data[:, 0], data[:, 1], bounds[:, 1], bounds[:, 2] = stages.miss, stages.rate, stages.low, stages.high
         bounds[:, 0] = 0.0 if guess is None else guess
-        residual = self._machine_code() if compiled else self.programme.solve()
-        return a["e"].copy(), residual
 
-    def _machine_code(self) -> float:
+    def machine_code(self) -> float:
+        """Solve what is loaded; the residual."""
         code = self._controller._machine_code
         assert code.code.library is not None
         solve = code.code.library.solve

@@ -16,7 +16,7 @@ from allocation import InfeasibleTorque
 from mpc import Control, Controller
 from mpc.programme import Programme
 from plant import ServoModel
-from plant.effects import ActuatorLag, Backlash, DeadZone, InputDelay, TorqueSaturation
+from plant.effects import ActuatorLag, Backlash, Cogging, DeadZone, InputDelay, TorqueSaturation
 from plant.errors import BadParameter
 from plant.gears import GearTrain
 
@@ -115,6 +115,43 @@ def test_the_torques_solve_the_programme_as_written(start: float, horizon: int, 
     assert control.status == "optimal"
     assert PAPER.follower_torque(control.predicted_torques) == pytest.approx(x[2 * N :], abs=1e-5 * reach)
     assert control.predicted_angle[1:] == pytest.approx(x[: 2 * N : 2], abs=1e-6)
+
+
+WAVY = RIGID.with_effect(Cogging(amplitude=1.5, order=200.0, phase=0.3))
+
+
+def nonlinear_optimum(controller: Controller, start: float, wanted: Array) -> Array:
+    """(N,) follower torques that a general solver finds for the model itself, from rest, no torque before."""
+    N, stage, p = controller.horizon, controller.estimator.predictor.stage, controller.estimator.predictor.parameters
+    tau, state, cost, last = ca.SX.sym("tau", N), ca.SX([start, 0.0]), ca.SX(0), ca.SX(0)
+    for k in range(N):
+        state = stage(state, ca.vertcat(tau[k], last), p)[0]
+        cost += controller._rate_weight * (tau[k] - last) ** 2
+        if k < N - 1:
+            cost += (state[0] - wanted[k + 1]) ** 2
+        last = tau[k]
+    miss = state - ca.vertcat(wanted[-1], 0.0)
+    cost += ca.mtimes(miss.T, ca.mtimes(ca.DM(controller._terminal_weight), miss))
+    quiet = {"print_time": False, "ipopt": {"print_level": 0, "tol": 1e-12}}
+    solver = ca.nlpsol("nonlinear", "ipopt", {"x": tau, "f": 1e6 * cost}, quiet)
+    reach = 8.05 * (0.3 - 0.02)
+    return np.asarray(solver(x0=0.0, lbx=-reach, ubx=reach)["x"])[:, 0]
+
+
+def test_a_full_solution_is_that_of_the_nonlinear_programme() -> None:
+    errors = []
+    for iterations in (1, 30):
+        controller = interpreted(Controller(WAVY, PAPER, horizon=12, sqp_iterations=iterations))
+        controller.governor.restart(0.1, 0.0)
+        controller.governor.distance = lambda angle: 0.0  # type: ignore[method-assign]
+        controller.governor.govern = lambda wanted, limits: wanted  # type: ignore[method-assign]
+        wanted = np.full(13, 0.104)
+        control = controller.step(0.1, wanted)
+        assert control.status == "optimal"
+        best = nonlinear_optimum(controller, 0.1, wanted)
+        errors.append(np.max(np.abs(PAPER.follower_torque(control.predicted_torques) - best)))
+    assert errors[1] < 1e-5
+    assert errors[0] > 1e-3
 
 
 def test_the_preload_is_the_least_that_the_bounds_allow() -> None:
@@ -307,6 +344,8 @@ def test_the_governed_reference_waits_for_a_load_that_is_stuck() -> None:
         {"encoder_resolution": 0.0, "encoder_noise": 0.0},
         {"torque_noise": float("inf")},
         {"rotor_inertia": -1e-6},
+        {"sqp_iterations": 0},
+        {"sqp_iterations": 2.5},
     ],
 )
 def test_refuses_parameters_that_cannot_be(bad: dict[str, float]) -> None:

@@ -1,0 +1,241 @@
+"""Other solvers in the place of ours: each gets the programme of a step and hands back the change of the torques.
+
+They are timed for their own call alone; what it takes to bring the programme into their form is not counted. A peer
+that is not installed is left out (`pip install 'antidrive[bench]'`).
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+from programmes import responses
+
+from mpc import Controller
+
+Array = NDArray[np.float64]
+
+
+class Peer:
+    """Solves a controller's programmes in place of its own solver.
+
+    Notes how long each took [s], and how far an answer was beyond its bounds [N m].
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self.controller, self.times, self.beyond = controller, [], 0.0
+        self.step = controller._interpreted
+        self.programme = self.step.programme
+        controller._step = self.step
+        self.programme.solve = self.solve  # type: ignore[method-assign]
+        self.N, self.n = self.programme.e.size, self.programme.s.shape[1] - 1
+        P = controller._terminal_weight
+        self.P, self.w = P, controller._rate_weight
+
+    def solve(self) -> float:
+        call = self.prepared()
+        begin = time.perf_counter()
+        e = call()
+        self.times.append(time.perf_counter() - begin)
+        bounds = self.programme.bounds
+        self.beyond = max(self.beyond, float(np.max(bounds[:, 1] - e)), float(np.max(e - bounds[:, 2])))
+        bounds[:, 0], bounds[:, 1], bounds[:, 2] = -1.0, e, e  # what follows from it is found by our own sweep
+        self.programme.sweep()
+        return 0.0
+
+    def prepared(self) -> Callable[[], Array]:
+        raise NotImplementedError
+
+    @property
+    def stages(self) -> tuple[Array, Array]:
+        """A (N, n, n) and B (N, n, 2)."""
+        a = self.controller._arrays
+        A = a["A"].reshape(-1, self.n, self.n).transpose(0, 2, 1)
+        return A, a["B"].reshape(-1, 2, self.n).transpose(0, 2, 1)
+
+
+class Daqp(Peer):
+    """Dense and condensed, warm from the plan."""
+
+    def prepared(self) -> Callable[[], Array]:
+        import daqp
+
+        S = responses(*self.stages)
+        D = np.eye(self.N) - np.eye(self.N, k=-1)
+        miss, rate, end = self.programme.data[1:, 0], self.programme.data[:, 1], self.programme.end
+        H = S[:-1, 0].T @ S[:-1, 0] + S[-1, :2].T @ self.P @ S[-1, :2] + self.w * D.T @ D
+        g = S[:-1, 0].T @ miss + S[-1, :2].T @ (self.P @ end) + self.w * (D.T @ rate)
+        scale = 1.0 / np.max(np.diag(H))
+        low, high = (np.ascontiguousarray(self.programme.bounds[:, i]) for i in (1, 2))
+        none, start = np.zeros((0, self.N)), np.clip(np.zeros(self.N), low, high)
+        H, g = np.ascontiguousarray(scale * H), scale * g
+        return lambda: daqp.solve(H, g, none, high, low, primal_start=start)[0]
+
+
+class Sparse(Peer):
+    """Torques and states as variables: e[0..N-1], z[1..N]."""
+
+    def __init__(self, controller: Controller) -> None:
+        super().__init__(controller)
+        N, n = self.N, self.n
+        self.size = N + N * n
+        D = np.eye(N) - np.eye(N, k=-1)
+        H = np.zeros((self.size, self.size))
+        H[:N, :N] = self.w * D.T @ D
+        for k in range(N - 1):
+            H[N + n * k, N + n * k] = 1.0
+        H[self.size - n : self.size - n + 2, self.size - n : self.size - n + 2] += self.P
+        self.unit = 1.0 / np.max(np.abs(H[:N, :N]))
+        self.H = sp.csc_matrix(H) * self.unit
+        entries = []  # row, column, place of its value among 1, -A, -B
+        for k in range(N):
+            for i in range(n):
+                row = n * k + i
+                entries.append((row, N + row, 0))
+                if k:
+                    entries += [(row, N + n * (k - 1) + j, 1 + n * n * k + n * i + j) for j in range(n)]
+                    entries.append((row, k - 1, 1 + n * n * N + 2 * (n * k + i) + 1))
+                entries.append((row, k, 1 + n * n * N + 2 * (n * k + i)))
+        rows, columns, self.places = (np.array(column) for column in zip(*entries, strict=True))
+        self.order = np.lexsort((rows, columns))
+        pattern = sp.csc_matrix((np.ones(rows.size), (rows, columns)), shape=(N * n, self.size))
+        pattern.sort_indices()
+        self.pattern = pattern
+
+    def dynamics(self) -> sp.csc_matrix:
+        A, B = self.stages
+        values = np.concatenate(([1.0], -A.ravel(), -B.ravel()))
+        E = self.pattern.copy()
+        E.data[:] = values[self.places[self.order]]
+        return E
+
+    def linear(self) -> Array:
+        data = self.programme.data
+        q = np.zeros(self.size)
+        rate = np.append(data[:, 1], 0.0)
+        q[: self.N] = self.w * (rate[:-1] - rate[1:])
+        q[self.N : self.size - self.n : self.n] = data[1:, 0]
+        q[self.size - self.n : self.size - self.n + 2] = self.P @ self.programme.end
+        return q * self.unit
+
+
+class Osqp(Sparse):
+    solver = None
+
+    def prepared(self) -> Callable[[], Array]:
+        import osqp
+
+        E, N = self.dynamics(), self.N
+        rows = sp.vstack((E, sp.eye(N, self.size)), format="csc")
+        zero = np.zeros(E.shape[0])
+        low = np.concatenate((zero, self.programme.bounds[:, 1]))
+        high = np.concatenate((zero, self.programme.bounds[:, 2]))
+        q = self.linear()
+        if self.solver is None:
+            self.solver = osqp.OSQP()
+            options = {"eps_abs": 1e-6, "eps_rel": 1e-6, "verbose": False, "max_iter": 4000}
+            self.solver.setup(sp.triu(self.H, format="csc"), q, rows, low, high, **options)
+
+        def call() -> Array:
+            self.solver.update(q=q, l=low, u=high, Ax=rows.data)
+            return self.solver.solve(raise_error=False).x[:N]
+
+        return call
+
+
+class Piqp(Sparse):
+    solver = None
+
+    def prepared(self) -> Callable[[], Array]:
+        import piqp
+
+        E, q, N = self.dynamics(), self.linear(), self.N
+        free = np.full(self.size - N, np.inf)
+        low = np.concatenate((self.programme.bounds[:, 1], -free))
+        high = np.concatenate((self.programme.bounds[:, 2], free))
+        b = np.zeros(E.shape[0])
+        if self.solver is None:
+            self.solver = piqp.SparseSolver()
+            self.solver.setup(self.H, q, E, b, None, None, None, low, high)
+
+        def call() -> Array:
+            self.solver.update(c=q, A=E, x_l=low, x_u=high)
+            self.solver.solve()
+            return np.array(self.solver.result.x[:N])
+
+        return call
+
+
+class DoMpc(Peer):
+    """The nonlinear programme with do-mpc's model, its discrete form and IPOPT as it comes."""
+
+    def __init__(self, controller: Controller) -> None:
+        super().__init__(controller)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            import do_mpc
+        predictor = controller.estimator.predictor
+        model = do_mpc.model.Model("discrete", "SX")
+        z, tau = model.set_variable("_x", "z", (self.n, 1)), model.set_variable("_u", "tau")
+        names = ("wanted", "speed", "disturbance")
+        wanted, speed, disturbance = (model.set_variable("_tvp", name) for name in names)
+        model.set_rhs("z", predictor.stage(z, ca.vertcat(tau, tau) + disturbance, predictor.parameters)[0])
+        model.setup()
+        peer = do_mpc.controller.MPC(model)
+        quiet = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": 0}
+        peer.set_param(n_horizon=self.N, t_step=controller.sample_time, store_full_solution=True, nlpsol_opts=quiet)
+        miss = ca.vertcat(z[0] - wanted, z[1] - speed)
+        peer.set_objective(lterm=(z[0] - wanted) ** 2, mterm=ca.mtimes(miss.T, ca.mtimes(ca.DM(self.P), miss)))
+        peer.set_rterm(tau=self.w)
+        reach = controller.bounds.reachable()
+        peer.bounds["lower", "_u", "tau"], peer.bounds["upper", "_u", "tau"] = reach[0], reach[1]
+        template, a = peer.get_tvp_template(), controller._arrays
+
+        def preview(_: float) -> object:
+            ahead = a["ahead"]
+            template["_tvp", :, "wanted"] = list(ahead[: self.N + 1])
+            end = (ahead[self.N + 1] - ahead[self.N - 1]) / (2 * controller.sample_time)
+            template["_tvp", :, "speed"] = [end] * (self.N + 1)
+            template["_tvp", :, "disturbance"] = [controller.estimator.disturbance] * (self.N + 1)
+            return template
+
+        peer.set_tvp_fun(preview)
+        peer.setup()
+        peer.set_initial_guess()
+        self.peer = peer
+
+    def prepared(self) -> Callable[[], Array]:
+        a = self.controller._arrays
+        state = a["states"][: self.n].reshape(-1, 1).copy()
+        self.peer.u0 = np.array([[a["past"][self.controller._whole_delay + 1]]])
+        self.peer.x0 = state
+
+        def call() -> Array:
+            self.peer.make_step(state)
+            plan = np.asarray(self.peer.data.prediction(("_u", "tau"))).ravel()[: self.N]
+            return plan - a["guess"]
+
+        return call
+
+
+PEERS = {
+    name: kind
+    for name, module, kind in (
+        ("DAQP, condensed", "daqp", Daqp),
+        ("PIQP, sparse", "piqp", Piqp),
+        ("OSQP, sparse", "osqp", Osqp),
+        ("do-mpc, IPOPT", "do_mpc", DoMpc),
+    )
+    if importlib.util.find_spec(module)
+}
