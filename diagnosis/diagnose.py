@@ -69,6 +69,11 @@ def diagnose(
         warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
     outcome = search(null, effects, progress=progress)
     null = outcome.base
+    if null.log.colour:
+        warnings.append(
+            f"The noise of the reading is not white, it lasts for about {outcome.fit.noise_memory:.2g} s; "
+            "all fits and odds allow for that."
+        )
 
     tell("looking for what has no name")
     outcome, more = _believed(outcome)

@@ -87,7 +87,7 @@ def _squared_from_fit(fit: Fit) -> Array:
     """(T,) squared error of a free simulation of the runs that were fitted, from their estimated initial states."""
     predictor = Predictor(model=fit.model, runs=fit.log.runs, free=(), substeps=fit.substeps)
     runs = predictor.predict(fit.model.values, fit.initial, bandwidth=0.0, width=0.0, sensitivities=False)
-    errors = np.concatenate([p.innovations for p in runs])
+    errors = np.concatenate([p.errors for p in runs])
     return bounded(errors) ** 2
 
 
@@ -115,7 +115,7 @@ def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[float], tup
     gain = Gain(
         held_out_rms_before=errors[0],
         held_out_rms_after=errors[-1],
-        noise_floor=path[-1].noise_std,
+        noise_floor=path[-1].noise_floor,
         unit="m" if held_out.axis == "linear" else "rad",
         window=window,
         runs=tuple(run.label for run in held_out.runs),

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.log import Run
+from identification.noise import whiten
 from identification.predictor import PIECE, Prediction, moves_with, run_inputs
 from plant.discrete import INPUTS, Structure, sample_reading
 from plant.effects.effect import Array, Effect, Expression, Moment, parameter
@@ -36,6 +37,7 @@ class Linear:
         by_reading: (T, n) next state by an error of the reading.
         seen: (T, n) reading by state.
         weight: (T,) one where the sample counts.
+        colour: autoregression of the reading's noise, which is taken out of the innovations.
     """
 
     closed_loop: Array
@@ -43,6 +45,7 @@ class Linear:
     by_reading: Array
     seen: Array
     weight: Array
+    colour: tuple[float, ...] = ()
 
     def response(self, columns: Array, on_reading: NDArray[np.bool_]) -> Array:
         """(T, M) change of the innovations by torques, or errors of the reading where marked (M,), of (T, M)."""
@@ -55,11 +58,13 @@ class Linear:
                 if marked:
                     shown += columns[:, some]
                 found[:, some] = np.multiply(shown, -self.weight[:, None], out=shown)
-        return found
+        return whiten(found, np.array(self.colour)) * self.weight[:, None] if self.colour else found
 
     def score(self, innovations: Array) -> tuple[Array, Array]:
         """(T,) see the function `score`."""
         push = self.weight * innovations
+        if self.colour:
+            push = self.weight * whiten(push[::-1], np.array(self.colour))[::-1]
         backwards, seen = self.closed_loop.transpose(0, 2, 1)[::-1], self.seen[::-1]
         torque, reading = (
             follow(backwards, seen, path[::-1], push[::-1, None])[::-1, 0] for path in (self.by_torque, self.by_reading)
@@ -137,7 +142,15 @@ class _Push(Effect):
         return self.torque
 
 
-def linearised(model: ServoModel, run: Run, prediction: Prediction, bandwidth: float, *, substeps: int) -> Linear:
+def linearised(
+    model: ServoModel,
+    run: Run,
+    prediction: Prediction,
+    bandwidth: float,
+    *,
+    substeps: int,
+    colour: tuple[float, ...] = (),
+) -> Linear:
     """A run's predictor linearised along its path, with a torque on the load as its input."""
     probe = model.with_effect(_Push(torque=0.0))
     n, samples = len(probe.states), len(run)
@@ -147,7 +160,7 @@ def linearised(model: ServoModel, run: Run, prediction: Prediction, bandwidth: f
         part = slice(first, min(first + PIECE, samples))
         rows, values = run_inputs(run, probe, probe.values, bandwidth, 0.0, part)
         gain = rows[:, -2:] @ moves_with(probe).T
-        corrected = prediction.states[:, part].T + gain * prediction.innovations[part, None]
+        corrected = prediction.states[:, part].T + gain * prediction.errors[part, None]
         inputs = np.hstack((corrected, rows[:, : len(INPUTS)]))
         _, (slopes, seen[part]) = _slopes(Structure(probe), substeps)((), inputs, values)
         transition = slopes[:, n:].reshape(-1, n, n).transpose(0, 2, 1)
@@ -159,6 +172,7 @@ def linearised(model: ServoModel, run: Run, prediction: Prediction, bandwidth: f
         by_reading=by_reading,
         seen=seen,
         weight=run.valid.astype(float),
+        colour=colour,
     )
 
 

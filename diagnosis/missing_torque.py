@@ -154,7 +154,7 @@ def _noise_torque(fit: Fit, cutoff: float) -> float:
     The noise has a density of 2 sigma^2 dt [rad^2/Hz]; (2 pi f)^4 of it integrated up to the cutoff.
     """
     dt = fit.log.runs[0].sample_time
-    power = 2.0 * fit.noise_std**2 * dt * (2.0 * np.pi) ** 4 * cutoff**5 / 5.0
+    power = 2.0 * fit.slow_noise**2 * dt * (2.0 * np.pi) ** 4 * cutoff**5 / 5.0
     return float(fit.model.inertia * np.sqrt(power))
 
 

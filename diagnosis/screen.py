@@ -77,7 +77,7 @@ class Screen:
         predictions = problem.predictor.predict(values, fit.initial, bandwidth=bandwidth, width=0.0)
         innovations, nuisance = np.concatenate([p.innovations for p in predictions]), Nuisance.of(predictions)
         linear = tuple(
-            linearised(fit.model, run, p, bandwidth, substeps=problem.predictor.substeps)
+            linearised(fit.model, run, p, bandwidth, substeps=problem.predictor.substeps, colour=problem.log.colour)
             for run, p in zip(problem.log.runs, predictions, strict=True)
         )
         scores = score(linear, nuisance.beyond(innovations))
@@ -220,6 +220,6 @@ def _settled(structure: Structure) -> Recursion:
 def _acceleration(run: Run, prediction: Prediction, bandwidth: float) -> Array:
     """(T,) acceleration of the model over each sample [rad/s^2], without the jumps of the observer's corrections."""
     dt = np.diff(run.time)
-    corrected = prediction.states[1] + observer_gain(bandwidth, np.append(dt, dt[-1]))[1] * prediction.innovations
+    corrected = prediction.states[1] + observer_gain(bandwidth, np.append(dt, dt[-1]))[1] * prediction.errors
     steps = (prediction.states[1, 1:] - corrected[:-1]) / dt
     return np.append(steps, steps[-1])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
+from identification.colour import with_its_colour
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem
@@ -34,7 +35,7 @@ def fit(
     """
     model = base_model(log) if model is None else model
     problem = Problem.of(log, model, fixed=fixed)
-    return problem.solve(progress=progress)
+    return with_its_colour(problem.solve(progress=progress))
 
 
 def base_model(log: Log) -> ServoModel:

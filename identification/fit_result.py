@@ -9,9 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.log import Log
+from identification.noise import colour
 from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.servo import ServoModel
+
+_ECHO = 1000  # samples for which an innovation may live on in coloured noise
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +77,29 @@ class Fit:
     def fixed(self) -> tuple[str, ...]:
         """Names of the parameters that were not fitted because they were to keep their value."""
         return tuple(p.name for p in self.parameters if p.fixed)
+
+    @property
+    def noise_floor(self) -> float:
+        """Standard deviation of the reading's own noise [rad]."""
+        return self.noise_std * float(np.sqrt(np.sum(self._noise_echo**2)))
+
+    @property
+    def slow_noise(self) -> float:
+        """Standard deviation of white noise that is as strong at low frequencies as the reading's own [rad]."""
+        return self.noise_std * float(abs(np.sum(self._noise_echo)))
+
+    @property
+    def noise_memory(self) -> float:
+        """How long the reading's own noise takes to fall to a third [s]; 0 where it is white."""
+        loud = np.abs(self._noise_echo) > 1.0 / 3.0
+        return float((int(np.flatnonzero(loud)[-1]) + 1) * self.log.sample_time) if self.log.colour else 0.0
+
+    @property
+    def _noise_echo(self) -> Array:
+        """How an innovation lives on in the reading's noise."""
+        start = np.zeros(_ECHO if self.log.colour else 1)
+        start[0] = 1.0
+        return colour(start, np.array(self.log.colour))
 
     @property
     def correlation(self) -> NDArray[np.float64]:

@@ -44,6 +44,7 @@ class Log:
     runs: at least one.
     warnings: what was found, `repairs`: what was masked, continued or left out; one sentence each.
     command_unit: "N m", "N", or "V", "A" where the torque's scale is unknown, as `notes` then say.
+    colour: autoregression of the reading's noise, as `identification.colour` finds it; empty for white noise.
 
     Raises `MalformedLog` when there is no run.
     """
@@ -55,6 +56,7 @@ class Log:
     sources: tuple[Source, ...] = ()
     command_unit: str = "N m"
     notes: tuple[str, ...] = ()
+    colour: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         """Refuse an empty log or an unknown axis."""

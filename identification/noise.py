@@ -7,6 +7,8 @@ autoregression of the innovations (Box and Jenkins 1970) says by how much.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
@@ -41,6 +43,29 @@ def autoregression(innovations: Array, order: int = ORDER) -> Array:
 def whiten(values: Array, coefficients: Array) -> Array:
     """(T, ...) what the autoregression does not predict of the values, along the first axis."""
     return np.asarray(lfilter(np.concatenate(([1.0], -coefficients)), [1.0], values, axis=0), dtype=float)
+
+
+def short_autoregression(innovations: Array) -> tuple[float, float]:
+    """Yule-Walker coefficients of order two."""
+    n = innovations.size
+    lags = np.array([innovations[lag:] @ innovations[: n - lag] for lag in range(3)]) / n
+    first, second = solve_toeplitz(lags[:2] + np.array([1e-12 * lags[0], 0.0]), lags[1:])
+    return float(first), float(second)
+
+
+class Whitening:
+    """The same piece by piece."""
+
+    def __init__(self, coefficients: Sequence[float]) -> None:
+        """Before the first piece everything was zero."""
+        self._filter = np.concatenate(([1.0], -np.asarray(coefficients, dtype=float)))
+        self._state: Array | None = None
+
+    def __call__(self, values: Array) -> Array:
+        """(T, M) of the next piece (T, M)."""
+        before = np.zeros((self._filter.size - 1, values.shape[1])) if self._state is None else self._state
+        found, self._state = lfilter(self._filter, [1.0], values, axis=0, zi=before)
+        return np.asarray(found, dtype=float)
 
 
 def colour(values: Array, coefficients: Array) -> Array:

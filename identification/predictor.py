@@ -21,6 +21,7 @@ import casadi as ca
 import numpy as np
 
 from identification.log import Run
+from identification.noise import Whitening
 from plant.discrete import INPUTS, Structure, sample_reading
 from plant.effects import State
 from plant.effects.effect import Array
@@ -56,12 +57,14 @@ class Prediction:
     """Innovations of one run.
 
     Attributes:
-        innovations: (T,) measured less predicted output; zero where the sample is masked.
+        errors: (T,) measured less predicted output; zero where the sample is masked.
+        innovations: (T,) what of the errors the colour of the reading's noise does not predict.
         jacobian: (T, F + 2) their derivative with respect to the free parameters and the initial angle and velocity.
         states: (n, T) predicted states, before the measurement is used.
         output: (T,) predicted output.
     """
 
+    errors: Array
     innovations: Array
     jacobian: Array
     states: Array
@@ -77,12 +80,14 @@ class Predictor:
         runs: what to predict.
         free: (F,) places of the parameters to differentiate for.
         substeps: integration steps in one sample.
+        colour: autoregression of the reading's noise, see `identification.colour`.
     """
 
     model: ServoModel
     runs: tuple[Run, ...]
     free: tuple[int, ...]
     substeps: int = 1
+    colour: tuple[float, ...] = ()
 
     def predict(
         self, values: Array, initial: Array, *, bandwidth: float, width: float, sensitivities: bool = True
@@ -108,6 +113,7 @@ class Predictor:
         follow = _prediction(Structure(self.model), self.free if sensitivities else None, self.substeps)
         for place, (run, start) in enumerate(zip(self.runs, initial, strict=True)):
             carried = self._beginning(run, values, start, sensitivities)
+            whitened = Whitening(self.colour)
             for first in range(0, len(run), PIECE):
                 part = slice(first, min(first + PIECE, len(run)))
                 rows, moved = run_inputs(run, self.model, values, bandwidth, width, part)
@@ -116,7 +122,17 @@ class Predictor:
                 if not run.valid[part].all():
                     errors *= run.valid[part, None]
                     jacobian *= run.valid[part, None]
-                yield place, Prediction(innovations=errors[:, 0], jacobian=jacobian, states=states.T, output=output)
+                white = whitened(np.hstack((errors, jacobian))) * run.valid[part, None] if self.colour else None
+                yield (
+                    place,
+                    Prediction(
+                        errors=errors[:, 0],
+                        innovations=errors[:, 0] if white is None else white[:, 0],
+                        jacobian=jacobian if white is None else white[:, 1:],
+                        states=states.T,
+                        output=output,
+                    ),
+                )
 
     def _beginning(self, run: Run, values: Array, start: Array, sensitivities: bool) -> list[Array]:
         """State (n,) at the first sample of a run, and its slopes (F + 2, n), of which only the last are not zero."""
@@ -139,6 +155,7 @@ def _joined(pieces: Sequence[Prediction]) -> Prediction:
     if len(pieces) == 1:
         return pieces[0]
     return Prediction(
+        errors=np.concatenate([p.errors for p in pieces]),
         innovations=np.concatenate([p.innovations for p in pieces]),
         jacobian=np.concatenate([p.jacobian for p in pieces]),
         states=np.concatenate([p.states for p in pieces], axis=1),

@@ -9,16 +9,17 @@ at the end.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.bandwidth import between, neighbours, parabola_top
 from identification.certainty import fit_of
 from identification.fit_result import Fit
 from identification.inverse import starting_values
 from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
-from identification.noise import log_likelihood
+from identification.noise import log_likelihood, short_autoregression
 from identification.over_runs import normal_equations
 from identification.predictor import Predictor
 from plant.discrete import integration_steps
@@ -27,6 +28,7 @@ from plant.errors import BadParameter
 from plant.servo import ServoModel
 
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
+_COLOURINGS = 3  # passes from the errors' colour to the fit and back
 _HOPELESS = 4.0  # loss of log-likelihood per sample at a lower bandwidth that no refit makes good
 
 
@@ -64,7 +66,7 @@ class Problem:
         return cls(
             log=log,
             model=model,
-            predictor=Predictor(model=model, runs=log.runs, free=free, substeps=substeps),
+            predictor=Predictor(model=model, runs=log.runs, free=free, substeps=substeps, colour=log.colour),
             lower=np.concatenate(([spec.lower for spec in specs], -unbounded)),
             upper=np.concatenate(([spec.upper for spec in specs], unbounded)),
         )
@@ -114,11 +116,18 @@ class Problem:
             iterations=iterations,
         )
 
-    def solve(self, *, starts: Sequence[Array] | None = None, progress: Callable[[str], None] | None = None) -> Fit:
+    def solve(
+        self,
+        *,
+        starts: Sequence[Array] | None = None,
+        free: bool = False,
+        progress: Callable[[str], None] | None = None,
+    ) -> Fit:
         """Fit from scratch: starts from the data, bandwidth from large to zero, friction from smooth to exact.
 
         Args:
             starts: parameter vectors (P,) to begin from besides the model's own and those from the data.
+            free: settle for a free simulation, also where an observer is likelier.
             progress: called with a line of text at each stage.
         """
         widest = 0.1 / self.log.runs[0].sample_time
@@ -137,6 +146,8 @@ class Problem:
             point = best.point
             if progress is not None:
                 progress(f"observer at {bandwidth:.3g} rad/s: noise {np.sqrt(best.equations.cost / self.samples):.3g}")
+        if free and not bandwidth:
+            return fit_of(self, 0.0, best, best.evaluations)
         smoothed = self.model.slides
         trials = {
             bandwidth: self._trial(minimum.point, bandwidth, 4) if smoothed else self._judged(minimum, bandwidth)
@@ -185,7 +196,21 @@ class Problem:
         if not start.bandwidth and trials[0.0].score < start.log_likelihood:
             self._risen(trials, 4.0 * slowest)
         evaluations = sum(trial.minimum.evaluations for trial in trials.values())
-        return fit_of(self, *self._refined(trials), evaluations)
+        found = fit_of(self, *self._refined(trials), evaluations)
+        return self.recoloured(found) if self.log.colour else found
+
+    def recoloured(self, fit: Fit) -> Fit:
+        """The fit with the colour that the reading's noise has by its own errors, and that of the next, and so on."""
+        for _ in range(_COLOURINGS):
+            point = self.pack(fit.model.values, fit.initial)
+            predictions = self.predictor.predict(
+                fit.model.values, fit.initial, bandwidth=fit.bandwidth, width=0.0, sensitivities=False
+            )
+            colour = short_autoregression(np.concatenate([p.errors for p in predictions]))
+            log, predictor = replace(self.log, colour=colour), replace(self.predictor, colour=colour)
+            problem = replace(self, log=log, predictor=predictor)
+            fit = fit_of(problem, fit.bandwidth, problem.minimise(point, fit.bandwidth, 0.0, 10), fit.evaluations)
+        return fit
 
     def _risen(self, trials: dict[float, _Trial], bandwidth: float) -> None:
         """Raise the bandwidth as far as it pays: what a model says less than its start did, an observer takes over."""
@@ -252,38 +277,18 @@ class Problem:
         fastest = 1.0 / self.log.runs[0].sample_time
         for _ in range(_BRACKETS):
             top = best()
-            missing = [b for b in _neighbours(top) if top and b <= fastest and not _between(trials, top, b)]
+            missing = [b for b in neighbours(top) if top and b <= fastest and not between(trials, top, b)]
             if not missing:
                 break
             for bandwidth in missing:
                 attempt(bandwidth)
         for _ in range(2):
-            vertex = _parabola_top({b: trial.score for b, trial in trials.items() if b}, best())
+            vertex = parabola_top({b: trial.score for b, trial in trials.items() if b}, best())
             if vertex is not None:
                 attempt(min(vertex, fastest))
         top = best()
         found = trials[top].minimum
         return top, found if found.converged else self.minimise(found.point, top, 0.0)
-
-
-def _neighbours(bandwidth: float) -> tuple[float, float]:
-    return 2.0 * bandwidth, 0.5 * bandwidth
-
-
-def _between(trials: dict[float, _Trial], top: float, limit: float) -> bool:
-    """Whether a trial lies between the top and a limit, the limit included."""
-    low, high = sorted((top, limit))
-    return any(low * 0.99 <= b <= high * 1.01 and abs(np.log(b / top)) > 0.03 for b in trials if b)
-
-
-def _parabola_top(scores: dict[float, float], top: float) -> float | None:
-    """Where a parabola in log(bandwidth) through the top and its nearest neighbours is highest, None without a peak."""
-    below, above = [b for b in scores if b < top], [b for b in scores if b > top]
-    if top not in scores or not below or not above:
-        return None
-    points = np.array([max(below), top, min(above)])
-    curvature, slope, _ = np.polyfit(np.log(points / top), [scores[b] - scores[top] for b in points], 2)
-    return float(top * np.exp(-slope / (2.0 * curvature))) if curvature < 0.0 else None
 
 
 def first_states(log: Log) -> Array:

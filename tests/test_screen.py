@@ -22,6 +22,7 @@ from plant.effects import CoulombFriction, Trace, catalogue
 
 def prediction(rng: np.random.Generator, samples: int, free: int) -> Prediction:
     return Prediction(
+        errors=np.zeros(samples),
         innovations=rng.normal(size=samples),
         jacobian=rng.normal(size=(samples, free + 2)),
         states=np.zeros((2, samples)),

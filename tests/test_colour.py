@@ -1,0 +1,71 @@
+"""Coloured noise of the reading: the fit finds its colour, and what is missing is named through it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+from scipy.signal import lfilter
+
+from diagnosis import diagnose
+from identification.fit import base_model, fit
+from identification.log import Log
+from identification.noise import Whitening, short_autoregression, whiten
+from identification.problem import Problem
+
+FADES = 0.9  # from one sample to the next
+STD = 1e-3
+
+
+def coloured(machine: Machine, seed: int) -> Log:
+    log = record(machine, excitation(seed, duration=20.0), seed=seed, noise=0.0).log()
+    (run,) = log.runs
+    shake = np.random.default_rng(seed).standard_normal(len(run))
+    noise = STD * np.sqrt(1.0 - FADES**2) * lfilter([1.0], [1.0, -FADES], shake)
+    return replace(log, runs=(replace(run, output=run.output + noise),))
+
+
+def test_the_fit_finds_the_colour_and_the_parameters_behind_it():
+    log = coloured(Machine(), 3)
+    found = fit(log)
+    assert sum(found.log.colour) == pytest.approx(FADES, abs=0.05)
+    assert found.bandwidth == 0.0
+    assert found.noise_floor == pytest.approx(STD, rel=0.2)
+    truth = {"inertia": 2.0, "gravity": 0.5, "viscous_friction": 0.8, "dead_zone.half_width": 0.5}
+    for name, value in truth.items():
+        assert found[name].value == pytest.approx(value, abs=4.0 * found[name].std)
+    # An observer that takes the noise for motion misses friction by a tenth and more.
+    led_astray = Problem.of(log, base_model(log)).solve()
+    assert abs(led_astray["viscous_friction"].value - 0.8) > 10.0 * abs(found["viscous_friction"].value - 0.8)
+
+
+def test_white_noise_stays_white():
+    assert fit(record(Machine(), excitation(3, duration=20.0), seed=3, noise=STD).log()).log.colour == ()
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_coloured_noise_has_no_cause(seed):
+    found = diagnose(coloured(Machine(), seed))
+    assert found.verdict == "nothing_missing"
+    assert any("not white, it lasts for about 0.05" in warning for warning in found.warnings)
+
+
+def test_a_cause_is_named_through_coloured_noise_and_the_colour_is_found_again_beside_it():
+    found = diagnose(coloured(Machine().hiding(coulomb_friction={"torque": 0.18}), 4))
+    assert [cause.effect for cause in found.causes] == ["coulomb_friction"]
+    assert found.causes[0].parameters["torque"].value == pytest.approx(0.18, rel=0.03)
+    assert sum(found.extended.log.colour) == pytest.approx(FADES, abs=0.05)
+
+
+def test_whitening_goes_on_from_piece_to_piece():
+    rng = np.random.default_rng(0)
+    values = rng.standard_normal((50, 3))
+    white = Whitening((0.7, -0.2))
+    pieces = np.vstack([white(values[:20]), white(values[20:])])
+    assert pieces == pytest.approx(whiten(values, np.array([0.7, -0.2])))
+
+
+def test_a_short_autoregression_finds_what_made_the_noise():
+    rng = np.random.default_rng(1)
+    noise = lfilter([1.0], [1.0, -1.2, 0.4], rng.standard_normal(20000))
+    assert short_autoregression(noise) == pytest.approx((1.2, -0.4), abs=0.03)
