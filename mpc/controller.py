@@ -74,8 +74,9 @@ class Controller:
     predicted pair of pinion torques satisfies the bounds.
 
     One quadratic programme a sample: the model is linearised along the last solution, shifted (real-time iteration;
-    Diehl, Bock, Schloeder 2005); on request as many as it takes (sequential quadratic programming). s and P are those of the rigid servo (`mpc.weights`); the torque at the end of the
-    horizon is left free, because what the reference needs later is not known.
+    Diehl, Bock, Schloeder 2005); on request as many as it takes (sequential quadratic programming). s and P are those
+    of the rigid servo (`mpc.weights`); the torque at the end of the horizon is left free, because what the reference
+    needs later is not known.
 
     The controller remembers: its estimate, its last solution, the torques under way. One object serves one machine.
 

@@ -19,23 +19,25 @@ _USED = 0.85
 """Share of the reachable acceleration that the governed reference may ask for; the rest is left to feedback."""
 
 
-def time_optimal_acceleration(error: Any, rate: Any, limit: Any, step: Any) -> Any:
+def time_optimal_acceleration(error: Any, rate: Any, limits: tuple[Any, Any], step: Any) -> Any:
     """Acceleration that brings a double integrator to rest at zero in least time, in discrete time, as an expression.
 
-    The control law of Han ("From PID to active disturbance rejection control", 2009, eq. 3): unlike the switching curve
-    of continuous time it ends exactly at zero after finitely many steps and does not chatter there.
+    The control law of Han ("From PID to active disturbance rejection control", 2009, eq. 3), with one limit for each
+    sense: unlike the switching curve of continuous time it ends exactly at zero after finitely many steps and does not
+    chatter there. The curve is that of the sense which brakes.
 
     Args:
         error, rate: position and its rate [rad], [rad/s].
-        limit: greatest acceleration [rad/s^2], above zero.
+        limits: greatest acceleration backward and forward [rad/s^2], both above zero.
         step: time step [s].
     """
-    d = limit * step**2
+    backward, forward = limits
     a0 = step * rate
     y = error + a0
+    d = ca.if_else(y > 0, forward, backward) * step**2
     a1 = ca.sqrt(d * (d + 8.0 * ca.fabs(y)))
     a = a0 + ca.if_else(ca.fabs(y) <= d, y, ca.copysign((a1 - d) / 2.0, y))
-    return ca.if_else(ca.fabs(a) <= d, -limit * a / d, -ca.copysign(limit, a))
+    return ca.fmax(ca.fmin(-a / step**2, forward), -backward)
 
 
 @cache
@@ -51,7 +53,8 @@ def governed() -> Any:
     speed = (wanted[1] - wanted[0]) / dt
     turn = ((wanted[2] - wanted[1]) / dt - speed) / dt
     own = ca.fmin(ca.fmax(turn, -backward), forward)
-    room = ca.fmax(ca.fmin(forward - own, backward + own), 0.2 * ca.fmin(forward, backward))
+    least = 0.2 * ca.fmin(forward, backward)
+    room = (ca.fmax(backward + own, least), ca.fmax(forward - own, least))
     pull = time_optimal_acceleration(angle - wanted[0], rate - speed, room, dt)
     after = ca.vertcat(angle + dt * rate, rate + dt * ca.fmin(ca.fmax(own + pull, -backward), forward))
     return ca.Function("govern", [path, wanted, limits, dt], [after], {"cse": True})

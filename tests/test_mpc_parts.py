@@ -198,6 +198,16 @@ def test_it_arrives_exactly_within_its_acceleration(
     assert now[-1] == pytest.approx(goal, abs=1e-9)
 
 
+def test_it_brakes_with_all_that_the_braking_sense_has() -> None:
+    # a load thrown backward: 1 s to brake, then 1 rad back, which the weak sense must brake: 4.6 s in least time
+    governor = Governor(sample_time=DT)
+    governor.restart(0.0, -2.0)
+    path = np.array([governor.govern(np.zeros(2), (0.1, 2.0))[0] for _ in range(1180)])
+    assert np.min(path) == pytest.approx(-1.0, abs=0.02)
+    assert np.max(path) < 1e-6
+    assert path[-1] == pytest.approx(0.0, abs=1e-9)
+
+
 @given(st.integers(0, 2**32 - 1), limits, limits)
 def test_it_never_asks_for_more_than_its_acceleration(seed: int, backward: float, forward: float) -> None:
     # a reference that bends harder than the limits and in both senses leaves no room for corrections

@@ -1,0 +1,64 @@
+"""A controller through 100,000 samples of mishaps: readings, references, estimates, solvers and drives that fail.
+
+    python benchmarks/mpc_never_lost.py [samples]
+
+At each sample the torques of the whole horizon must keep their bounds to the last bit and the status must be honest;
+after each mishap the controller must come back. Writes benchmarks/results/mpc_never_lost.txt.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+from mishaps import BACK, GEARS, MISHAPS, broken_promises, life
+
+from mpc import Controller
+from plant import ServoModel
+from plant.effects import CoulombFriction, InputDelay
+
+MODELS = {
+    "the paper's plant": (ServoModel.paper(), 0.0),
+    "heavy rotors": (ServoModel(), 1e-5),
+    "delay": (ServoModel().with_effect(InputDelay(time=0.012)), 0.0),
+    "friction": (ServoModel().with_effect(CoulombFriction(torque=0.1)), 0.0),
+}
+
+
+def lived(name: str, count: int) -> list[str]:
+    """A controller through so many samples of mishaps, in lines."""
+    model, rotor = MODELS[name]
+    controller = Controller(model, GEARS, rotor_inertia=rotor)
+    broken, met, back = Counter[str](), Counter[str](), dict.fromkeys(MISHAPS, 0)
+    total, degraded, mishap = 0, 0, ""
+    for sample in life(model, controller, seed=2):
+        if sample.mishap and met.total() == count:
+            break
+        broken.update(broken_promises(controller, sample))
+        total, degraded = total + 1, degraded + (sample.control.status != "optimal")
+        if sample.mishap:
+            mishap = sample.mishap
+            met[mishap] += 1
+        elif mishap and abs(sample.error) < BACK and sample.control.status == "optimal":
+            back[mishap], mishap = max(back[mishap], sample.calm), ""
+    lines = [f"{name}: {count} samples of mishaps among {total}, {degraded} degraded, {broken.total()} promises broken"]
+    lines += [f"  {number} x {what}" for what, number in broken.items()]
+    return lines + [f"  {what:22}{met[what]:7d} samples, back after {back[what]:5d} at most" for what in MISHAPS]
+
+
+def main() -> None:
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
+    lines = []
+    for name in MODELS:
+        lines += [*lived(name, count // len(MODELS)), ""]
+        print("\n".join(lines[-len(MISHAPS) - 2 :]), flush=True)
+    folder = Path(__file__).parent / "results"
+    folder.mkdir(exist_ok=True)
+    (folder / "mpc_never_lost.txt").write_text("\n".join(lines[:-1]) + "\n")
+
+
+if __name__ == "__main__":
+    main()
