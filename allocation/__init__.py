@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from allocation.admissible import Admissibility, admissible, admissible_senses, null_space
-from allocation.allocator import Allocation, Allocator
+from allocation.allocation import Allocation
+from allocation.allocator import Allocator
 from allocation.bounds import Bounds
 from allocation.enumeration import enumerate_admissible
 from allocation.errors import InfeasibleTorque
 from allocation.least_effort import least_effort
+from allocation.limits import Limits
 from allocation.structure import Structure
 
 __all__ = [
@@ -16,6 +18,7 @@ __all__ = [
     "Allocator",
     "Bounds",
     "InfeasibleTorque",
+    "Limits",
     "Structure",
     "admissible",
     "admissible_senses",

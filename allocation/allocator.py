@@ -1,4 +1,4 @@
-"""The allocator: one follower torque in, two pinion torques out, with a certificate."""
+"""The allocator: joint torques in, drive torques out, with a certificate."""
 
 from __future__ import annotations
 
@@ -6,162 +6,239 @@ from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import qpsolvers
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from allocation.bounds import Bounds
-from allocation.least_effort import least_effort, preload_interval
-from allocation.qp import check_solver, largest_residual, solve_qp
+from allocation.allocation import Allocation
+from allocation.limits import Limits, PerDrive, per_drive
+from allocation.loss import loss, still_preloaded
+from allocation.programme import UNPROVEN, Residuals
+from allocation.qp import check_solver
+from allocation.rows import Rows
+from allocation.sharing import CERTIFIED, share, share_in_closed_form
+from allocation.structure import Structure
 from plant.errors import BadParameter
 from plant.gears import GearTrain
 
 Array = NDArray[np.float64]
 
-_CERTIFIED = 1e-6
-"""Largest residual of an accepted solution, with torques in units of the greatest torque."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Allocation:
-    """How a follower torque is shared, and the proof that it is shared well.
-
-    Attributes:
-        torques: (2,) pinion torques [N m], always inside the bounds.
-        preload: lambda of equation (3) [N m per tooth].
-        status: "optimal", or "degraded: " and why.
-        margin: least flank torque above the minimum, seen from the pinion [N m]; negative if a flank may open.
-        missing_torque: demanded less delivered follower torque [N m].
-        heat: xi1^2 + xi2^2 [N^2 m^2], to which the Joule heat is proportional.
-        primal_residual, dual_residual, duality_gap: how far from optimal, with torques in units of the greatest
-            torque; inf if no solution was found.
-    """
-
-    torques: Array
-    preload: float
-    status: str
-    margin: float
-    missing_torque: float
-    heat: float
-    primal_residual: float
-    dual_residual: float
-    duality_gap: float
-
-    def is_optimal(self, tol: float) -> bool:
-        """Whether the demand is met at least effort within `tol`, with torques in units of the greatest torque."""
-        return self.status == "optimal" and max(self.primal_residual, self.dual_residual, self.duality_gap) <= tol
-
 
 @dataclass(frozen=True)
 class Allocator:
-    """Share a follower torque among two unidirectional drives at least effort.
+    """Share a torque among unidirectional drives at least effort.
 
-        minimise    w1 xi1^2 + w2 xi2^2
-        subject to  -(Nf/N1) xi1 - (Nf/N2) xi2 = tau                           (equation 2)
-                    xi1 >= min_torque,  xi2 <= -min_torque,  |xi_i| <= max_torque
-                    flank torque of each drive >= min_torque                   (see `Bounds`)
+        minimise    sum w_i xi_i^2
+        subject to  A xi = tau                        (equation 2: -(Nf/N1) xi1 - (Nf/N2) xi2 = tau)
+                    min_torque <= sigma_i xi_i <= max_torque           (xi1 >= min_torque, xi2 <= -min_torque)
+                    flank torque of each drive >= min_torque           (see `Limits`)
+                    |change of xi_i| <= torque_rate dt,  |change of the preload| <= preload_rate dt
 
-    Equation (3) meets the first constraint for every lambda, so the programme is solved in lambda: the torque is then
-    exact whatever the solver does, and the problem is feasible up to the very edge of reach.
-
-    A torque out of reach is answered by the reachable torque nearest to it: the preload comes first.
+    When not everything can hold, what the motors can do comes first, then the preload, then the torque: the answer is
+    the reachable torque nearest to the demand, with the least effort that gives it. Two drives have a closed form;
+    any other structure is a quadratic programme whose answer is made exact and proven (see `allocation.sharing`).
 
     Attributes:
-        gears: the gear train.
-        min_torque: least torque of each pinion and flank, seen from the pinion [N m]. It has to cover what friction
-            of the motors and vibration of the teeth take.
-        max_torque: greatest torque of each pinion [N m].
-        weights: w1, w2; larger spares that drive.
+        gears: a gear train, a `Structure`, or its matrix A (n, m) with the senses absorbed in the columns.
+        min_torque: least torque of each drive and flank, seen from the drive (pinion) [N m]. It has to cover what
+            vibration of the teeth takes.
+        max_torque: greatest torque of each drive in its sense [N m].
+        reverse_torque: greatest torque of a drive against its sense [N m], used when a loss has cost it its preload;
+            None: as `max_torque`. Zero for drives that cannot reverse.
+        weights: w; larger spares that drive.
         rotor_inertia: of each motor at its shaft [kg m^2]; zero leaves rotors out.
-        solver: any dense QP solver that qpsolvers finds.
+        motor_friction: dry friction of each motor at its shaft [N m], counted against the flank in either sense.
+        torque_rate: greatest change of each torque [N m/s].
+        preload_rate: greatest change of each drive's part of the preload [N m/s], see `Rows`; with it the preload
+            is built up from rest. A flank that asks for more gets it at once.
+        lost: numbers, from 1, of the drives that give no torque.
+        solver: a QP solver that qpsolvers finds. None: the closed form for two drives, otherwise OSQP.
+
+    Every number for all drives may be a tuple with one for each.
 
     Raises:
-        BadParameter: a number out of range, or a solver that is not installed.
+        BadParameter: a number out of range, a structure that is not admissible, or a solver that is not installed.
         InfeasibleTorque: min_torque above max_torque.
     """
 
-    gears: GearTrain
+    gears: GearTrain | Structure | ArrayLike
     _: KW_ONLY
-    min_torque: float
-    max_torque: float
-    weights: tuple[float, float] = (1.0, 1.0)
-    rotor_inertia: float = 0.0
-    solver: str = "osqp"
+    min_torque: PerDrive
+    max_torque: PerDrive
+    reverse_torque: PerDrive | None = None
+    weights: PerDrive = 1.0
+    rotor_inertia: PerDrive = 0.0
+    motor_friction: PerDrive = 0.0
+    torque_rate: float = np.inf
+    preload_rate: float = np.inf
+    lost: tuple[int, ...] = ()
+    solver: str | None = None
 
     def __post_init__(self) -> None:
         """Check every field."""
-        if len(self.weights) != 2 or not all(np.isfinite(w) and w > 0 for w in self.weights):
-            raise BadParameter(f"weights must be two positive numbers, not {self.weights!r}.")
-        check_solver(self.solver)
-        _ = self.bounds
+        structure = self.bounds.structure
+        if np.any(self._weights == 0):
+            raise BadParameter(f"weights must be above zero, not {self.weights!r}.")
+        if self.reverse_torque is not None:
+            per_drive("reverse_torque", self.reverse_torque, structure.drives)
+        for name in ("torque_rate", "preload_rate"):
+            if not getattr(self, name) > 0:
+                raise BadParameter(f"{name} must be above zero, not {getattr(self, name)!r}.")
+        numbers = set(range(1, structure.drives + 1))
+        if not set(self.lost) < numbers or len(set(self.lost)) != len(self.lost):
+            raise BadParameter(f"lost must name some of the drives 1 to {len(numbers)}, not all: {self.lost!r}.")
+        if not structure.admissibility.admissible:
+            raise BadParameter(
+                "These drives cannot hold every joint free of backlash: A must have full rank and a strictly positive "
+                "null vector; `admissible_senses` tells the senses that would do."
+            )
+        if self.solver is not None:
+            check_solver(self.solver)
+        _ = self.preloaded  # a linear programme, better now than in the loop
 
     @cached_property
-    def bounds(self) -> Bounds:
+    def bounds(self) -> Limits:
         """What each drive may do."""
-        return Bounds(
-            gears=self.gears,
+        machine = self.gears
+        return Limits(
+            gears=machine if isinstance(machine, GearTrain) else Structure.of(machine),
             min_torque=self.min_torque,
             max_torque=self.max_torque,
             rotor_inertia=self.rotor_inertia,
+            motor_friction=self.motor_friction,
         )
 
-    def allocate(self, torque: float, acceleration: float = 0.0) -> Allocation:
-        """Share one follower torque [N m] at one load acceleration [rad/s^2] by the quadratic programme.
+    @cached_property
+    def preloaded(self) -> NDArray[np.bool_]:
+        """(m,) which drives can hold a preload; where one that lives cannot, its backlash control is lost."""
+        drives = self.bounds.structure.drives
+        return still_preloaded(self.bounds.structure, self.lost) if self.lost else np.ones(drives, dtype=bool)
 
-        The solution is certified by its residuals; if the solver fails, the closed form stands in and the status says
-        so.
+    def without(self, drive: int) -> Allocator:
+        """The allocator that goes on when one more drive, of this number from 1, gives no torque."""
+        return replace(self, lost=(*self.lost, drive))
+
+    def at_rest(self) -> Allocation:
+        """No torque and no preload: the `before` of the first `allocate`, from which the preload is built up."""
+        nothing, demand = np.zeros(self.bounds.structure.drives), np.zeros(self.bounds.structure.joints)
+        still = self._motion(0.0)
+        return self._allocation(nothing, demand, still, floor=nothing, troubles=["at rest, without preload"])
+
+    def allocate(
+        self,
+        torque: ArrayLike,
+        acceleration: ArrayLike = 0.0,
+        *,
+        before: Allocation | None = None,
+        dt: float | None = None,
+    ) -> Allocation:
+        """Share one torque at one acceleration.
+
+        Args:
+            torque: on the joint (follower) [N m]; on several joints (n,).
+            acceleration: of the joint [rad/s^2]; of several joints (n,).
+            before: what was handed out one step ago, from which the rates count. None: no rate limits.
+            dt: the step [s]; needed with `before`.
 
         Raises:
-            BadParameter: a number that is not finite.
+            BadParameter: a number that is not finite or of the wrong shape, or a step that is not positive.
         """
-        if not np.isfinite(torque) or not np.isfinite(acceleration):
-            raise BadParameter(f"Torque and acceleration must be finite, not {torque!r} and {acceleration!r}.")
-        least, greatest = self.bounds.reachable(acceleration)
-        demand = float(np.clip(torque, least, greatest))
-        solution = self._solve(demand, acceleration)
-        certified = largest_residual(solution) <= _CERTIFIED
-        if certified and solution.x is not None:
-            preload = float(solution.x[0]) * self._preload_scale
-            torques = self.bounds.clip(self.gears.split(demand, preload))
+        demand, a = self._per_joint("torque", torque), self._motion(acceleration)
+        if before is not None and not (dt is not None and np.isfinite(dt) and dt > 0):
+            raise BadParameter(f"With `before`, dt must be finite and above zero, not {dt!r}.")
+        if before is not None and before.torques.shape != self._weights.shape:
+            raise BadParameter(
+                f"`before` holds {before.torques.size} torques, but there are {self._weights.size} drives."
+            )
+        floor = self._floor(before, dt or 0.0)
+        steady = Rows.of(self.bounds, a, floor).without(self._lost, ~self.preloaded, self._reverse)
+        rows = steady if before is None else self._limited(steady, before, dt or 0.0)
+        B, binding_within = self.bounds.structure.pushing, CERTIFIED * float(np.max(self.bounds.greatest))
+        if self.solver is None and B.shape == (1, 2):
+            sharing = share_in_closed_form(B, demand, rows, self._weights)
         else:
-            torques = least_effort(self.bounds, demand, acceleration, self.weights)
-        result = self._result(torques, torque, acceleration, solution)
-        if np.any(self.bounds.lower(acceleration) > self.max_torque):
-            return replace(result, status="degraded: max_torque cannot hold the teeth together at this acceleration")
-        if demand != torque:
-            return replace(result, status=f"degraded: {abs(torque - demand):.3g} N m of the torque are out of reach")
-        if not certified:
-            return replace(result, status=f"degraded: {self.solver} was not certified, the closed form stands in")
-        return result
-
-    @property
-    def _preload_scale(self) -> float:
-        """Unit of the programme's variable [N m per tooth]: lambda that puts max_torque on the larger pinion."""
-        return self.max_torque / max(self.gears.pinion_teeth)
-
-    def _solve(self, torque: float, acceleration: float) -> qpsolvers.Solution:
-        """Solve for lambda in units of `_preload_scale`, torques in units of `max_torque`."""
-        p, interval = preload_interval(self.bounds, torque, acceleration)
-        v = self.gears.null_vector / max(self.gears.pinion_teeth)
-        w = np.asarray(self.weights) / max(self.weights)
-        return solve_qp(
-            P=np.array([[v @ (w * v)]]),
-            q=np.array([(p / self.max_torque) @ (w * v)]),
-            lb=interval[:1] / self._preload_scale,
-            ub=interval[1:] / self._preload_scale,
-            solver=self.solver,
+            sharing = share(B, demand, rows, self._weights, self.solver or "osqp")
+        binding = rows.binding(sharing.x, binding_within)
+        missing = float(np.linalg.norm(demand - B @ sharing.x))
+        troubles = [*loss(self._lost, self.preloaded)]
+        if np.any((self.bounds.lower(a, floor) > self.bounds.greatest) & self.preloaded):
+            troubles.append("max_torque cannot hold the teeth together at this acceleration")
+        if np.any(rows.lower < steady.lower):
+            troubles.append("torque_rate holds the preload back")
+        if np.any(floor < self.bounds.floor):
+            troubles.append("the preload is being built up")
+        if missing > binding_within * np.linalg.norm(B):
+            troubles.append(f"{missing:.3g} N m of the torque are out of reach ({', '.join(binding)})")
+        if sharing.instead:
+            troubles.append(f"{self.solver or 'osqp'} was not certified, {sharing.instead} stands in")
+        return self._allocation(
+            sharing.x, demand, a, floor=floor, troubles=troubles, binding=binding, residuals=sharing.residuals
         )
 
-    def _result(self, torques: Array, demand: float, acceleration: float, solution: qpsolvers.Solution) -> Allocation:
-        """The allocation that these torques are."""
-        v = self.gears.null_vector
+    @cached_property
+    def _weights(self) -> Array:
+        return per_drive("weights", self.weights, self.bounds.structure.drives)
+
+    @cached_property
+    def _reverse(self) -> Array:
+        value = self.max_torque if self.reverse_torque is None else self.reverse_torque
+        return per_drive("reverse_torque", value, self.bounds.structure.drives)
+
+    @cached_property
+    def _lost(self) -> NDArray[np.bool_]:
+        return np.isin(np.arange(1, self.bounds.structure.drives + 1), self.lost)
+
+    def _per_joint(self, name: str, value: ArrayLike) -> Array:
+        """(n,) finite numbers; one number serves for one joint, and for all of them if it is zero."""
+        numbers, n = np.asarray(value, dtype=np.float64), self.bounds.structure.joints
+        if not np.all(np.isfinite(numbers)):
+            raise BadParameter(f"The {name} must be finite, not {value!r}.")
+        if numbers.shape != (n,) and not (numbers.ndim == 0 and (n == 1 or numbers == 0)):
+            raise BadParameter(f"The {name} needs a number for each of the {n} joints, not {value!r}.")
+        return np.broadcast_to(numbers, (n,))
+
+    def _motion(self, acceleration: ArrayLike) -> Array:
+        """Accelerations as `Limits` takes them: (n,), or a number for one joint."""
+        numbers = self._per_joint("acceleration", acceleration)
+        return numbers if len(numbers) > 1 else numbers[0]
+
+    def _floor(self, before: Allocation | None, dt: float) -> Array:
+        """(m,) least torque and friction to hold now [N m], on its way from what was held before."""
+        full, change = self.bounds.floor, self.preload_rate * dt
+        return full if before is None else np.clip(full, before.floor - change, before.floor + change)
+
+    def _limited(self, rows: Rows, before: Allocation, dt: float) -> Rows:
+        """The rows within reach of the rates; after a loss the preload may change as it must."""
+        x = self.bounds.structure.signs * before.torques
+        if np.isfinite(self.torque_rate):
+            rows = rows.limit_rate(x, self.torque_rate * dt, exempt=self._lost)
+        if np.isfinite(self.preload_rate) and not self.lost:
+            rows = rows.limit_preload_rate(x, self.preload_rate * dt)
+        return rows
+
+    def _allocation(
+        self,
+        x: Array,
+        demand: Array,
+        acceleration: Array,
+        *,
+        floor: Array,
+        troubles: list[str],
+        binding: tuple[str, ...] = (),
+        residuals: Residuals = UNPROVEN,
+    ) -> Allocation:
+        """What these magnitudes (m,) amount to."""
+        structure, v = self.bounds.structure, self.bounds.gears.null_vector
+        torques = structure.signs * x + 0.0  # no negative zero
+        missing = demand - structure.matrix @ torques
         return Allocation(
             torques=torques,
             preload=float(torques @ v / (v @ v)),
-            status="optimal",
+            status=f"degraded: {'; '.join(troubles)}" if troubles else "optimal",
+            binding=binding,
             margin=float(self.bounds.margin(torques, acceleration)),
-            missing_torque=float(demand - self.gears.follower_torque(torques)),
+            missing_torque=float(missing[0]) if structure.joints == 1 else missing,
             heat=float(torques @ torques),
-            primal_residual=float(solution.primal_residual()),
-            dual_residual=float(solution.dual_residual()),
-            duality_gap=float(abs(solution.duality_gap())),
+            floor=floor,
+            primal_residual=residuals.primal,
+            dual_residual=residuals.dual,
+            duality_gap=residuals.gap,
         )

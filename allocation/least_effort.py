@@ -1,52 +1,79 @@
-"""The closed form of the least-effort split for two drives."""
+"""The closed form of the least-effort split for two drives on one joint."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from allocation.bounds import SENSE, Bounds
+from allocation.limits import Limits, PerDrive, per_drive
+from plant.errors import BadParameter
 
 Array = NDArray[np.float64]
 
 
-def least_effort(
-    bounds: Bounds, torque: ArrayLike, acceleration: ArrayLike = 0.0, weights: tuple[float, float] = (1.0, 1.0)
-) -> Array:
-    """Pinion torques of least weighted square sum for follower torques that can be reached.
-
-    With xi = p + lambda v (equation 3) the effort sum w_i xi_i^2 is a parabola in lambda and every bound an interval,
-    so the best lambda is the parabola's vertex clipped to [largest lower bound, least upper bound]:
-
-        vertex = -(p' W v)/(v' W v),   (low_i - sigma_i p_i)/N_i <= lambda <= (max - sigma_i p_i)/N_i
+def least_effort(bounds: Limits, torque: ArrayLike, acceleration: ArrayLike = 0.0, weights: PerDrive = 1.0) -> Array:
+    """Torques of two drives with the least weighted square sum, for torques on their joint that can be reached.
 
     Args:
-        bounds: on the pinion torques.
-        torque: follower torque [N m], shape (...); moved to the nearest reachable one first.
-        acceleration: load acceleration [rad/s^2], for the torque that the rotors take; broadcasts with `torque`.
+        bounds: of two drives on one joint: a gear train, or another structure.
+        torque: on the joint (follower) [N m], shape (...); moved to the nearest reachable one first.
+        acceleration: of the joint [rad/s^2], for the torque that the rotors take; broadcasts with `torque`.
         weights: w1, w2.
 
     Returns:
         Pinion torques [N m], shape (..., 2), inside the box to the last bit.
+
+    Raises:
+        BadParameter: not two drives on one joint.
     """
-    p, interval = preload_interval(bounds, torque, acceleration)
-    v = bounds.gears.null_vector
-    w = np.asarray(weights, dtype=np.float64)
-    vertex = -(p @ (w * v)) / (v @ (w * v))
-    preload = np.clip(vertex, interval[..., 0], interval[..., 1])
-    return bounds.clip(p + preload[..., None] * v)
-
-
-def preload_interval(bounds: Bounds, torque: ArrayLike, acceleration: ArrayLike = 0.0) -> tuple[Array, Array]:
-    """Particular solution p (..., 2) [N m] and least and greatest admitted lambda (..., 2) [N m per tooth].
-
-    The torque (...) is moved to the nearest reachable one first; at the edge of reach the interval is a point.
-    """
+    if bounds.structure.matrix.shape != (1, 2):
+        raise BadParameter("The closed form is for two drives on one joint; use `Allocator` for others.")
     tau, a = np.broadcast_arrays(np.asarray(torque, dtype=np.float64), np.asarray(acceleration, dtype=np.float64))
-    reach = bounds.reachable(a)
-    p = bounds.gears.particular(np.clip(tau, reach[..., 0], reach[..., 1]))
-    teeth = np.abs(bounds.gears.null_vector)
-    low = np.minimum(bounds.lower(a), bounds.max_torque)
-    least = np.max((low - SENSE * p) / teeth, axis=-1)
-    greatest = np.min((bounds.max_torque - SENSE * p) / teeth, axis=-1)
-    return p, np.stack((least, np.maximum(least, greatest)), axis=-1)
+    low = np.minimum(bounds.lower(a), bounds.greatest)
+    high = np.broadcast_to(bounds.greatest, low.shape)
+    shared = share_between_two(bounds.structure.pushing[0], tau, low, high, per_drive("weights", weights, 2))
+    return np.asarray(bounds.structure.signs * shared)
+
+
+def share_between_two(
+    pushing: Array, torque: Array, lower: Array, upper: Array, weights: Array, preload: Array | None = None
+) -> Array:
+    """Minimise sum w_i x_i^2 subject to b x = tau (b of two opposite signs) and lower <= x <= upper, in closed form.
+
+    With the unit vectors u along the null space and e = b/|b| across it, x = c u + tau/|b| e (equation 3, c being the
+    preload). The effort is a parabola in c and every bound an interval, so the best c is the vertex of the parabola
+    clipped to [largest lower bound, least upper bound]:
+
+        vertex = -tau/|b| (e' W u)/(u' W u),   (lower_i - tau/|b| e_i)/u_i <= c <= (upper_i - tau/|b| e_i)/u_i
+
+    A torque out of reach is moved to the nearest one within reach. The greatest one lies in a corner of the box, or
+    where the edge of the box meets the limit of c.
+
+    Args:
+        pushing: (2,) b, torque on the joint for one newton metre of each drive in its sense.
+        torque: (...) tau [N m].
+        lower, upper: (..., 2) bounds on x [N m]; lower <= upper.
+        weights: (2,) w.
+        preload: (..., 2) least and greatest c [N m]; the c of `lower` must lie between them. None: any.
+
+    Returns:
+        (..., 2) x [N m], inside the box to the last bit.
+    """
+    size = np.linalg.norm(pushing)
+    across, along = pushing / size, np.abs(pushing[::-1]) / size
+    limits = np.array([-np.inf, np.inf]) if preload is None else preload
+    to_least = np.where(across > 0, lower, upper)
+    to_greatest = np.where(across > 0, upper, lower)
+    least, greatest = (
+        sign * np.min(sign * (corner - _clip(corner @ along, limits)[..., None] * along) / across, axis=-1)
+        for sign, corner in ((-1.0, to_least), (1.0, to_greatest))
+    )
+    t = np.clip(torque / size, least, greatest)[..., None] * across
+    vertex = -(t @ (weights * along)) / (along @ (weights * along))
+    from_box = np.stack((np.max((lower - t) / along, axis=-1), np.min((upper - t) / along, axis=-1)), axis=-1)
+    c = np.clip(vertex, np.maximum(from_box[..., 0], limits[..., 0]), np.minimum(from_box[..., 1], limits[..., 1]))
+    return np.asarray(np.clip(c[..., None] * along + t, lower, upper))
+
+
+def _clip(c: Array, limits: Array) -> Array:
+    return np.asarray(np.clip(c, limits[..., 0], limits[..., 1]))

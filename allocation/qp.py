@@ -15,8 +15,21 @@ from plant.errors import BadParameter
 Array = NDArray[np.float64]
 
 _SETTINGS: dict[str, dict[str, Any]] = {
-    # Defaults of a first-order solver are far too loose for a minimum torque; `raise_error` must be said explicitly.
-    "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 20_000, "polishing": True, "raise_error": False},
+    # Defaults of first-order solvers are far too loose for a minimum torque. Our programmes are scaled and feasible, so
+    # OSQP need neither scale them nor look for proofs that they are not. `raise_error` must be said explicitly.
+    "osqp": {
+        "eps_abs": 1e-9,
+        "eps_rel": 1e-9,
+        "eps_prim_inf": 1e-15,
+        "eps_dual_inf": 1e-15,
+        "max_iter": 20_000,
+        "scaling": 0,
+        "polishing": True,
+        "delta": 1e-9,
+        "polish_refine_iter": 10,
+        "raise_error": False,
+    },
+    "proxqp": {"eps_abs": 1e-11},
 }
 
 
@@ -29,9 +42,18 @@ def check_solver(name: str) -> None:
 
 
 def solve_qp(
-    *, P: Array, q: Array, lb: Array, ub: Array, A: Array | None = None, b: Array | None = None, solver: str = "osqp"
+    *,
+    P: Array,
+    q: Array,
+    lb: Array,
+    ub: Array,
+    A: Array | None = None,
+    b: Array | None = None,
+    G: Array | None = None,
+    h: Array | None = None,
+    solver: str = "osqp",
 ) -> qpsolvers.Solution:
-    """Minimise 1/2 x'Px + q'x subject to A x = b and lb <= x <= ub, always from a cold start.
+    """Minimise 1/2 x'Px + q'x subject to A x = b, G x <= h and lb <= x <= ub, always from a cold start.
 
     Scale the problem so that x is of the order of one. Accept the answer by its residuals: those of a failed solve are
     infinite, and no exception or warning of the solver gets out.
@@ -40,6 +62,8 @@ def solve_qp(
     problem = qpsolvers.Problem(
         P=csc_matrix(P) if sparse else P,
         q=q,
+        G=None if G is None else csc_matrix(G) if sparse else G,
+        h=h,
         A=None if A is None else csc_matrix(A) if sparse else A,
         b=b,
         lb=lb,

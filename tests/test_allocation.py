@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import qpsolvers
@@ -9,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-import allocation.allocator
 import allocation.qp
+import allocation.sharing
 from allocation import Allocator, Bounds, InfeasibleTorque, least_effort
 from plant.errors import AntidriveError, BadParameter
 from plant.gears import GearTrain
@@ -54,12 +56,14 @@ def test_the_qp_agrees_with_the_closed_form(
         max_torque=scale,
         weights=weights,
         rotor_inertia=rotor * scale / float(np.max(gears.mesh_ratios)),
+        solver="osqp",
     )
     low, high = allocator.bounds.reachable(acceleration)
     torque = float(low + share * (high - low))
     result = allocator.allocate(torque, acceleration)
     expected = least_effort(allocator.bounds, torque, acceleration, weights)
-    assert result.torques == pytest.approx(expected, abs=1e-5 * scale)
+    assert result.torques == pytest.approx(expected, abs=1e-9 * scale)
+    assert replace(allocator, solver=None).allocate(torque, acceleration).torques == pytest.approx(expected)
     assert box_violation(allocator, result.torques) <= 0.0
     assert "certified" not in result.status
     reached = np.clip(torque, low, high)
@@ -67,15 +71,16 @@ def test_the_qp_agrees_with_the_closed_form(
     assert missing == pytest.approx(torque - reached, abs=1e-9 * scale * np.max(gears.mesh_ratios))
 
 
+@pytest.mark.parametrize("solver", [None, "osqp"])
 @pytest.mark.parametrize("scale", [0.01, 100.0])
-def test_small_and_large_machines_are_solved_alike(scale: float) -> None:
-    allocator = Allocator(PAPER, min_torque=0.05 * scale, max_torque=scale)
+def test_small_and_large_machines_are_solved_alike(scale: float, solver: str | None) -> None:
+    allocator = Allocator(PAPER, min_torque=0.05 * scale, max_torque=scale, solver=solver)
     for share in np.linspace(-0.95, 0.95, 39):
         torque = float(share * 8.05 * 0.95 * scale)
         result = allocator.allocate(torque)
-        assert result.is_optimal(1e-6)
-        assert result.torques == pytest.approx(least_effort(allocator.bounds, torque), abs=1e-7 * scale)
-        assert abs(result.missing_torque) < 1e-6 * scale
+        assert result.is_optimal(1e-9)
+        assert result.torques == pytest.approx(least_effort(allocator.bounds, torque), abs=1e-9 * scale)
+        assert abs(result.missing_torque) < 1e-9 * scale
         assert result.margin >= 0.0
 
 
@@ -177,35 +182,35 @@ def test_refuses_a_torque_that_is_not_a_number() -> None:
         Allocator(PAPER, min_torque=0.02, max_torque=0.3).allocate(float("nan"))
 
 
-@pytest.mark.parametrize("failure", ["not found", "lies", "nan"])
-def test_a_solver_that_fails_cannot_pass(monkeypatch: pytest.MonkeyPatch, failure: str) -> None:
-    def broken(**arguments: Array) -> qpsolvers.Solution:
-        solution = qpsolvers.Solution(
-            qpsolvers.Problem(arguments["P"], arguments["q"], lb=arguments["lb"], ub=arguments["ub"])
-        )
+@pytest.mark.parametrize("failure", ["not found", "lies", "nan", "raises"])
+@pytest.mark.parametrize("torque", [1.0, 9.0])
+def test_a_solver_that_fails_cannot_pass(monkeypatch: pytest.MonkeyPatch, failure: str, torque: float) -> None:
+    def broken(problem: qpsolvers.Problem, *_: object, **__: object) -> qpsolvers.Solution:
+        if failure == "raises":
+            raise ZeroDivisionError
+        solution = qpsolvers.Solution(problem)
         if failure != "not found":
             solution.found = True
-            solution.x = np.full(1, 0.9 if failure == "lies" else np.nan)
-            solution.y, solution.z, solution.z_box = np.zeros(0), np.zeros(0), np.zeros(1)
+            solution.x = np.full(3, 0.9 if failure == "lies" else np.nan)
+            solution.y, solution.z, solution.z_box = np.zeros(1), np.zeros(0), np.zeros(3)
         return solution
 
-    allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3)
-    monkeypatch.setattr(allocation.allocator, "solve_qp", broken)
-    result = allocator.allocate(1.0)
-    assert "not certified" in result.status
-    assert not result.is_optimal(1.0)
-    assert result.torques == pytest.approx(least_effort(allocator.bounds, 1.0))
-
-
-def test_a_solver_that_raises_cannot_pass(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: object, **__: object) -> qpsolvers.Solution:
-        raise ZeroDivisionError
-
-    allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3)
+    allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3, solver="osqp")
     monkeypatch.setattr(allocation.qp.qpsolvers, "solve_problem", broken)
+    result = allocator.allocate(torque)
+    assert "osqp was not certified, the exact method stands in" in result.status
+    assert not result.is_optimal(1.0)
+    assert result.torques == pytest.approx(least_effort(allocator.bounds, torque), abs=1e-12)
+
+
+def test_an_answer_without_proof_keeps_the_preload_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(allocation.sharing, "solve_exactly", lambda *_: np.full(2, 0.5))
+    allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3, solver="osqp")
     result = allocator.allocate(1.0)
-    assert "not certified" in result.status
-    assert result.torques == pytest.approx(least_effort(allocator.bounds, 1.0))
+    assert result.torques.tolist() == [0.02, -0.02]
+    assert "not certified, the preload alone stands in" in result.status
+    assert not result.is_optimal(1e9)
+    assert result.margin == 0.0
 
 
 def test_a_point_that_is_not_complementary_is_not_optimal() -> None:

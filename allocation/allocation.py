@@ -1,0 +1,46 @@
+"""The answer of the allocator: torques, what they achieve, what binds, and the proof."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Allocation:
+    """How a torque is shared by the drives, and the proof that it is shared well.
+
+    Attributes:
+        torques: (m,) torques of the drives (pinions) [N m], always inside their limits.
+        preload: lambda of equation (3) [N m per tooth]; of a structure that is no gear train, how much of its
+            `null_vector` the torques hold [N m].
+        status: "optimal", or "degraded: " and why.
+        binding: names of the rows that hold with equality, as "drive 1: least torque".
+        margin: least motor or flank torque above the minimum, seen from the drive [N m]; negative if a flank may open.
+        missing_torque: demanded less delivered torque [N m]; a number for one joint, (n,) for several.
+        heat: sum of xi_i^2 [N^2 m^2], to which the Joule heat is proportional.
+        floor: (m,) least torque (with friction) asked of each flank now [N m]; it rises from zero while the preload
+            is built up.
+        primal_residual, dual_residual, duality_gap: how far from optimal, with torques in units of the greatest
+            torque; inf if no solution was found.
+    """
+
+    torques: Array
+    preload: float
+    status: str
+    binding: tuple[str, ...]
+    margin: float
+    missing_torque: float | Array
+    heat: float
+    floor: Array
+    primal_residual: float
+    dual_residual: float
+    duality_gap: float
+
+    def is_optimal(self, tol: float) -> bool:
+        """Whether the demand is met at least effort within `tol`, with torques in units of the greatest torque."""
+        return self.status == "optimal" and max(self.primal_residual, self.dual_residual, self.duality_gap) <= tol

@@ -1,0 +1,157 @@
+"""What each drive may do: unidirectional, limited, and with teeth that stay together.
+
+Torques here are often magnitudes in the required sense, sigma_i xi_i (sigma = [+1, -1] for the paper's machine), so
+that every bound is a plain interval and the whole machine a box.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from allocation.errors import InfeasibleTorque
+from allocation.structure import Structure
+from plant.errors import BadParameter
+from plant.gears import GearTrain
+
+Array = NDArray[np.float64]
+PerDrive = float | tuple[float, ...]
+"""One number for all drives, or one for each."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Limits of m drives; of the two pinions of a gear train they are
+
+        xi1 >= min_torque,  xi2 <= -min_torque,  |xi_i| <= max_torque
+
+    A rotor of inertia Jm behind a reduction r eats part of its motor's torque when the joints accelerate by a, and the
+    motor's friction f a part of unknown sign; what surely arrives at the flank, seen from the drive (the pinion), is
+
+        F_i = sigma_i (xi_i - r^2 Jm (A' a)_i) - r f >= min_torque      (Newton's law for the rotor, with equation 1)
+
+    Motor and flank are both held, so the lower bound of each drive is the larger of the two.
+
+    Attributes:
+        gears: the gear train, or the structure of another machine.
+        min_torque: least torque of each drive and of each flank, seen from the drive [N m].
+        max_torque: greatest torque of each drive [N m].
+        rotor_inertia: of each motor, at its shaft [kg m^2].
+        motor_friction: dry friction of each motor, at its shaft [N m].
+
+    Raises:
+        BadParameter: a number that is not finite or negative, or not one for each drive.
+        InfeasibleTorque: min_torque above max_torque: nothing is admitted.
+    """
+
+    gears: GearTrain | Structure
+    min_torque: PerDrive
+    max_torque: PerDrive
+    rotor_inertia: PerDrive = 0.0
+    motor_friction: PerDrive = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers, and that the box is not empty."""
+        for name in ("min_torque", "max_torque", "rotor_inertia", "motor_friction"):
+            per_drive(name, getattr(self, name), self.structure.drives)
+        if np.any(self.greatest == 0):
+            raise BadParameter("max_torque must be above zero.")
+        if np.any(self.least > self.greatest):
+            worst = int(np.argmax(self.least - self.greatest))
+            raise InfeasibleTorque(
+                f"min_torque = {self.least[worst]:g} N m of drive {worst + 1} is above its max_torque = "
+                f"{self.greatest[worst]:g} N m, so no torque is admitted; lower the first or raise the second."
+            )
+
+    @cached_property
+    def structure(self) -> Structure:
+        """Which drive turns which joint."""
+        return Structure.of(self.gears)
+
+    @cached_property
+    def least(self) -> Array:
+        """(m,) min_torque of each drive [N m]."""
+        return per_drive("min_torque", self.min_torque, self.structure.drives)
+
+    @cached_property
+    def greatest(self) -> Array:
+        """(m,) max_torque of each drive [N m]."""
+        return per_drive("max_torque", self.max_torque, self.structure.drives)
+
+    @cached_property
+    def friction(self) -> Array:
+        """(m,) dry friction of each motor, seen from the drive [N m]."""
+        at_shaft = per_drive("motor_friction", self.motor_friction, self.structure.drives)
+        return at_shaft * self.structure.reduction
+
+    @cached_property
+    def floor(self) -> Array:
+        """(m,) torque that each drive at rest needs for its flank [N m]: the least torque, and what friction takes."""
+        return self.least + self.friction
+
+    @cached_property
+    def _rotor(self) -> Array:
+        """(n, m) torque that each rotor takes in its sense, for one rad/s^2 of each joint [N m]."""
+        at_shaft = per_drive("rotor_inertia", self.rotor_inertia, self.structure.drives)
+        return self.structure.pushing * at_shaft * self.structure.reduction**2
+
+    def rotor_torque(self, acceleration: ArrayLike) -> Array:
+        """(..., m) torque that each rotor takes in its sense [N m]; positive: the flank gets less than the motor gives.
+
+        Args:
+            acceleration: of the joint [rad/s^2], shape (...); of several joints, shape (..., n).
+        """
+        a = np.asarray(acceleration, dtype=np.float64)
+        return np.asarray(a[..., None] * self._rotor[0] if self.structure.joints == 1 else a @ self._rotor)
+
+    def lower(self, acceleration: ArrayLike = 0.0, floor: Array | None = None) -> Array:
+        """(..., m) least magnitudes of the torques [N m]; above `max_torque` where the flank cannot be held.
+
+        Args:
+            acceleration: as for `rotor_torque`.
+            floor: (m,) least torque and friction to hold [N m], lower than `floor` while the preload is built up.
+        """
+        held = self.floor if floor is None else floor
+        return np.maximum(np.minimum(held, self.least), held + self.rotor_torque(acceleration))
+
+    def reachable(self, acceleration: ArrayLike = 0.0) -> Array:
+        """(..., 2) least and greatest torque [N m] on a single joint that keep every bound.
+
+        Preload comes first: where a flank cannot be held even by the full torque of its drive, that drive gives all.
+
+        Raises:
+            BadParameter: the drives turn several joints, whose torques are no interval.
+        """
+        if self.structure.joints != 1:
+            raise BadParameter(f"{self.structure.joints} joints have no interval of reachable torques.")
+        pushing = self.structure.pushing[0]
+        low, high = pushing * np.minimum(self.lower(acceleration), self.greatest), pushing * self.greatest
+        return np.stack((np.minimum(low, high).sum(axis=-1), np.maximum(low, high).sum(axis=-1)), axis=-1)
+
+    def margin(self, torques: Array, acceleration: ArrayLike = 0.0) -> Array:
+        """(...,) least motor or flank torque above `min_torque` [N m] of torques (..., m), seen from the drive."""
+        motor = self.structure.signs * torques
+        flank = motor - self.rotor_torque(acceleration) - self.friction
+        return np.asarray(np.min(np.minimum(flank, motor) - self.least, axis=-1))
+
+    def clip(self, torques: Array) -> Array:
+        """Torques (..., m) moved into the box, to the last bit."""
+        signs = self.structure.signs
+        return np.asarray(signs * np.clip(signs * torques, self.least, self.greatest))
+
+
+def per_drive(name: str, value: PerDrive, drives: int) -> Array:
+    """(m,) one number for each drive.
+
+    Raises:
+        BadParameter: they are not finite, negative, or not as many as there are drives.
+    """
+    numbers = np.asarray(value, dtype=np.float64)
+    if numbers.shape not in ((), (drives,)):
+        raise BadParameter(f"{name} must be one number, or one for each of the {drives} drives, not {value!r}.")
+    if not np.all(np.isfinite(numbers)) or np.any(numbers < 0):
+        raise BadParameter(f"{name} must be finite and not negative, not {value!r}.")
+    return np.broadcast_to(numbers, (drives,)).copy()

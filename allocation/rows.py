@@ -1,0 +1,107 @@
+"""What holds at one instant, as rows with names: torque limits, flanks, rates, drives that are lost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from allocation.limits import Limits
+
+Array = NDArray[np.float64]
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows:
+    """The constraints on the magnitudes x (m,) of the drive torques, in their sense [N m].
+
+        lower <= x <= upper,    preload[:, 0] <= P x <= preload[:, 1]
+
+    P is the projection onto the null space of the structure: P x is the part of each drive's torque that moves nothing.
+    The rows always hold together, whatever torque is asked for, because `inside` keeps to all of them.
+
+    Attributes:
+        lower, upper: (m,) [N m].
+        lower_names, upper_names: what each of them stems from.
+        projection: (m, m) P.
+        inside: (m,) a point that keeps to every row [N m].
+        preload: (m, 2) limits of P x [N m], or None.
+    """
+
+    lower: Array
+    upper: Array
+    lower_names: Names
+    upper_names: Names
+    projection: Array
+    inside: Array
+    preload: Array | None = None
+
+    @classmethod
+    def of(cls, bounds: Limits, acceleration: Array, floor: Array) -> Rows:
+        """The bounds of each drive at joint accelerations (n,) [rad/s^2] (a number for one joint).
+
+        A flank that even the greatest torque cannot hold is given all of it.
+        """
+        wanted = bounds.lower(acceleration, floor)
+        flank = wanted > np.minimum(floor, bounds.least)
+        numbers = range(1, bounds.structure.drives + 1)
+        null_space = bounds.structure.signs[:, None] * bounds.structure.null_space
+        lower = np.minimum(wanted, bounds.greatest)
+        return cls(
+            lower=lower,
+            upper=bounds.greatest,
+            lower_names=tuple(
+                f"drive {i}: {'flank' if f else 'least'} torque" for i, f in zip(numbers, flank, strict=True)
+            ),
+            upper_names=tuple(f"drive {i}: greatest torque" for i in numbers),
+            projection=null_space @ null_space.T,
+            inside=lower,
+        )
+
+    def without(self, lost: NDArray[np.bool_], reversible: NDArray[np.bool_], reverse_torque: Array) -> Rows:
+        """Lost drives give nothing; reversible ones may push in either sense, against theirs up to `reverse_torque`."""
+        lower = np.where(lost, 0.0, np.where(reversible, -reverse_torque, self.lower))
+        upper = np.where(lost, 0.0, self.upper)
+        lower_names = _renamed(_renamed(self.lower_names, reversible, "reverse torque"), lost, "lost")
+        return replace(self, lower=lower, upper=upper, lower_names=lower_names, inside=np.clip(0.0, lower, upper))
+
+    def limit_rate(self, before: Array, change: float, exempt: NDArray[np.bool_]) -> Rows:
+        """No torque changes by more than `change` [N m] from `before`; the bounds come as near as that allows."""
+        least = np.where(exempt, -np.inf, before - change)
+        most = np.where(exempt, np.inf, before + change)
+        lower, upper = np.clip(self.lower, least, most), np.clip(self.upper, least, most)
+        return replace(
+            self,
+            lower=lower,
+            upper=upper,
+            inside=np.clip(before, lower, upper),
+            lower_names=_renamed(self.lower_names, lower != self.lower, "torque rate"),
+            upper_names=_renamed(self.upper_names, upper != self.upper, "torque rate"),
+        )
+
+    def limit_preload_rate(self, before: Array, change: float) -> Rows:
+        """No drive's part of the preload changes by more than `change` [N m], unless other rows move it themselves."""
+        inside = np.clip(before, self.lower, self.upper)
+        now, moved = self.projection @ before, self.projection @ inside
+        window = np.stack((np.minimum(now - change, moved), np.maximum(now + change, moved)), axis=-1)
+        return replace(self, preload=window, inside=inside)
+
+    def binding(self, x: Array, tolerance: float) -> Names:
+        """Names of the rows that hold with equality within `tolerance` [N m]."""
+        at_lower, at_upper = x - self.lower <= tolerance, self.upper - x <= tolerance
+        names = [
+            *(name for name, held in zip(self.lower_names, at_lower, strict=True) if held),
+            *(n for n, held, also in zip(self.upper_names, at_upper, at_lower, strict=True) if held and not also),
+        ]
+        if self.preload is not None:
+            part = (self.projection @ x)[:, None]
+            if np.any(np.abs(part - self.preload) <= tolerance):
+                names.append("preload rate")
+        return tuple(names)
+
+
+def _renamed(names: Names, changed: NDArray[np.bool_], row: str) -> Names:
+    """The names of drives whose bound has moved are those of another row: "drive 1: torque rate"."""
+    return tuple(f"{name.split(':')[0]}: {row}" if moved else name for name, moved in zip(names, changed, strict=True))
