@@ -72,7 +72,14 @@ def share_between_two(
     vertex = -(t @ (weights * along)) / (along @ (weights * along))
     from_box = np.stack((np.max((lower - t) / along, axis=-1), np.min((upper - t) / along, axis=-1)), axis=-1)
     c = np.clip(vertex, np.maximum(from_box[..., 0], limits[..., 0]), np.minimum(from_box[..., 1], limits[..., 1]))
-    return np.asarray(np.clip(c[..., None] * along + t, lower, upper))
+    return settled(c[..., None] * along + t, lower, upper)
+
+
+def settled(x: Array, lower: Array, upper: Array) -> Array:
+    """x inside its bounds, and exactly on them where nothing but rounding keeps it away."""
+    rounding = 8 * np.finfo(float).eps * np.maximum(np.abs(lower), np.abs(upper))
+    x = np.where(x <= lower + rounding, lower, x)
+    return np.where(x >= upper - rounding, upper, x)
 
 
 def _clip(c: Array, limits: Array) -> Array:

@@ -9,7 +9,7 @@ import qpsolvers
 from numpy.typing import NDArray
 
 from allocation.active_set import solve_exactly
-from allocation.least_effort import share_between_two
+from allocation.least_effort import settled, share_between_two
 from allocation.programme import UNPROVEN, Programme, Residuals
 from allocation.qp import largest_residual, solve_qp
 from allocation.rows import Rows
@@ -80,7 +80,7 @@ def share(pushing: Array, torque: Array, rows: Rows, weights: Array, solver: str
     instead = "" if solved else "the exact method"
     if residuals.largest > CERTIFIED:  # keep the preload, whatever becomes of the torque
         x, residuals, instead = rows.inside / unit, UNPROVEN, "the preload alone"
-    return Sharing(x=np.clip(x * unit, rows.lower, rows.upper), residuals=residuals, instead=instead)
+    return Sharing(x=settled(x * unit, rows.lower, rows.upper), residuals=residuals, instead=instead)
 
 
 def _unit(rows: Rows) -> float:

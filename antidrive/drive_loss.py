@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from allocation import least_effort
+from allocation import Allocator, least_effort
 from mpc import ClosedLoopResult, Controller
 from plant.rig import Rig
 
@@ -17,8 +17,9 @@ def loop_with_drive_loss(
 ) -> ClosedLoopResult:
     """Run a controller on the rig while one drive fails.
 
-    From then on the follower torque that the controller asks for is given by the other drive alone, in both senses and
-    within its limit. Motion is kept; its flank parts whenever the torque reverses, and the backlash shows.
+    From then on the follower torque that the controller asks for goes to the allocator of what is left: the other drive
+    gives it alone, in both senses and within its limit. Motion is kept; its flank parts whenever the torque reverses,
+    and the backlash shows.
 
     Args:
         controller: a fresh one.
@@ -30,7 +31,7 @@ def loop_with_drive_loss(
         seed: of the encoder's noise.
     """
     dt, ahead = controller.sample_time, controller.horizon
-    lost, kept = drive - 1, 2 - drive
+    left = Allocator(rig.gears, min_torque=controller.min_torque, max_torque=controller.max_torque, lost=(drive,))
     wanted = np.append(reference, np.full(ahead, reference[-1]))
     rng = np.random.default_rng(seed)
     broken_from = round(time / dt)
@@ -43,10 +44,8 @@ def loop_with_drive_loss(
         control = controller.step(measured, wanted[k : k + ahead + 1])
         applied, said, margin = control.torques, control.status, control.margin
         if k >= broken_from:
-            alone = float(rig.gears.follower_torque(applied)) / float(rig.gears.torque_map[kept])
-            applied = np.zeros(2)
-            applied[kept] = np.clip(alone, -controller.max_torque, controller.max_torque)
-            said, margin = f"degraded: drive {lost + 1} is lost, drive {kept + 1} works alone", -controller.min_torque
+            alone = left.allocate(float(rig.gears.follower_torque(applied)))
+            applied, said, margin = alone.torques, alone.status, alone.margin
         for name, value in zip(rows, (state.angle, state.velocity, measured, control.disturbance, margin), strict=True):
             rows[name].append(value)
         state = rig.advance(state, applied, dt, float(push))
