@@ -10,6 +10,7 @@ from allocation.enumeration import enumerate_admissible
 from allocation.errors import InfeasibleTorque
 from allocation.least_effort import least_effort
 from allocation.limits import Limits
+from allocation.preload import Preload
 from allocation.structure import Structure
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "Bounds",
     "InfeasibleTorque",
     "Limits",
+    "Preload",
     "Structure",
     "admissible",
     "admissible_senses",

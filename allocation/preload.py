@@ -1,0 +1,88 @@
+"""One preload, in the units in which drive makers count it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.errors import BadParameter
+from plant.gears import GearTrain
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preload:
+    """How hard two drives push against each other.
+
+    There is one definition, lambda; the torques that it adds move nothing. The rest are names for it:
+
+        torques        xi = lambda [N1, -N2]                          (equation 3 at no follower torque)
+        difference     d = xi1 - xi2 = lambda (N1 + N2)               (2 lambda N for equal gears)
+        percent        100 d / rated torque of one drive              ("tension" of SEW)
+        per mille      1000 d / rated torque of one drive
+
+    All have the sign of lambda: positive for [+ -], drive 1 pushing positively. Makers that count the other way round
+    have their first drive at D2. Beware of a factor of two: a preload in % of rated as FANUC and Fagor count it, and a
+    torque offset in per mille as CiA 402 takes it, are those of *each* drive (`torques` over the rated torque).
+
+    Attributes:
+        gears: the gear train.
+        coefficient: lambda [N m per tooth].
+
+    Raises:
+        BadParameter: lambda is not finite, or a rated torque is not positive.
+    """
+
+    gears: GearTrain
+    coefficient: float
+
+    def __post_init__(self) -> None:
+        """Check the number."""
+        if not np.isfinite(self.coefficient):
+            raise BadParameter(f"A preload must be finite, not {self.coefficient!r}.")
+
+    @classmethod
+    def from_difference(cls, gears: GearTrain, difference: float) -> Preload:
+        """From the difference of the two pinion torques at no follower torque [N m]."""
+        return cls(gears=gears, coefficient=difference / sum(gears.pinion_teeth))
+
+    @classmethod
+    def from_percent(cls, gears: GearTrain, percent: float, *, rated_torque: float) -> Preload:
+        """From the difference in % of the rated torque of one drive [N m], seen from the pinion."""
+        return cls.from_difference(gears, percent / 100 * _rated(rated_torque))
+
+    @classmethod
+    def from_per_mille(cls, gears: GearTrain, per_mille: float, *, rated_torque: float) -> Preload:
+        """From the difference in per mille of the rated torque of one drive [N m], seen from the pinion."""
+        return cls.from_difference(gears, per_mille / 1000 * _rated(rated_torque))
+
+    @property
+    def torques(self) -> Array:
+        """(2,) pinion torques at no follower torque [N m]."""
+        return np.asarray(self.coefficient * self.gears.null_vector)
+
+    @property
+    def difference(self) -> float:
+        """Of the two pinion torques at no follower torque [N m]."""
+        return self.coefficient * sum(self.gears.pinion_teeth)
+
+    def percent(self, rated_torque: float) -> float:
+        """The difference in % of the rated torque of one drive [N m], seen from the pinion."""
+        return 100 * self.difference / _rated(rated_torque)
+
+    def per_mille(self, rated_torque: float) -> float:
+        """The difference in per mille of the rated torque of one drive [N m], seen from the pinion."""
+        return 1000 * self.difference / _rated(rated_torque)
+
+    def split(self, torque: float) -> Array:
+        """(2,) pinion torques that put this preload under a follower torque [N m], equation (3)."""
+        return self.gears.split(torque, self.coefficient)
+
+
+def _rated(torque: float) -> float:
+    if not (np.isfinite(torque) and torque > 0):
+        raise BadParameter(f"rated_torque must be finite and above zero, not {torque!r}.")
+    return torque
