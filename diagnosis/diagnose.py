@@ -75,6 +75,11 @@ def diagnose(
             "all fits and odds allow for that."
         )
 
+    for name in outcome.wanderers:
+        warnings.append(
+            f"{effects[name].title.capitalize()} would fit, but no better than a load torque that wanders at random; "
+            "a longer log or a repeated run would tell."
+        )
     tell("looking for what has no name")
     outcome, more = _believed(outcome)
     missing = missing_torque(outcome.fit)

@@ -159,7 +159,7 @@ def linearised(
     for first in range(0, samples, PIECE):
         part = slice(first, min(first + PIECE, samples))
         rows, values = run_inputs(run, probe, probe.values, bandwidth, 0.0, part)
-        gain = rows[:, -2:] @ moves_with(probe).T
+        gain = rows[:, len(INPUTS) + 1 :] @ moves_with(probe).T
         corrected = prediction.states[:, part].T + gain * prediction.errors[part, None]
         inputs = np.hstack((corrected, rows[:, : len(INPUTS)]))
         _, (slopes, seen[part]) = _slopes(Structure(probe), substeps)((), inputs, values)

@@ -10,6 +10,7 @@ from diagnosis.refit import evidence_of
 from diagnosis.result import Candidate
 from diagnosis.round import Addition, one_round
 from diagnosis.unseen import holds_up
+from diagnosis.wandering import without_wanderers
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects import Effect, catalogue
@@ -20,11 +21,19 @@ _AHEAD = 1  # clear names that may fail to hold up unseen as long as the next ma
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """What the search found: additions in order, the final fit and everything that was tried."""
+    """What the search found.
+
+    Attributes:
+        base: the fit that it started from, or a better one of the same model.
+        additions: in order.
+        candidates: everything that was tried.
+        wanderers: names that did no better than a load that wanders.
+    """
 
     base: Fit
     additions: tuple[Addition, ...]
     candidates: tuple[Candidate, ...]
+    wanderers: tuple[str, ...] = ()
 
     @property
     def fit(self) -> Fit:
@@ -66,7 +75,14 @@ def search(
             firm = list(additions)
         elif not found.clear or len(additions) > len(firm) + _AHEAD:
             break
-    return Outcome(base=base, additions=tuple(with_best_names(firm, progress)), candidates=tuple(candidates))
+    kept = without_wanderers(base, firm, progress)
+    names = {addition.effect for addition in kept}
+    return Outcome(
+        base=base,
+        additions=tuple(with_best_names(kept, progress)),
+        candidates=tuple(candidates),
+        wanderers=tuple(addition.effect for addition in firm if addition.effect not in names),
+    )
 
 
 def _better_null(fit: Fit, found: Addition) -> Fit | None:

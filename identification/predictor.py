@@ -34,18 +34,37 @@ from plant.simulation import beginning, whole_samples
 PIECE = 4096  # samples after which the same memory is used again
 
 
-def observer_gain(bandwidth: float, dt: Array) -> Array:
+def observer_gain(bandwidth: float, dt: Array, *, wandering: bool = False) -> Array:
     """(2, T) gain on angle [-] and velocity [1/s] of the alpha-beta filter (Kalata 1984, eqs. for the tracking index).
 
     Args:
         bandwidth: square root of acceleration noise [rad/s^2] over measurement noise [rad]: [rad/s].
         dt: (T,) time step of each sample [s].
+        wandering: the acceleration wanders instead, which is the alpha-beta-gamma filter; then (3, T), with the gain on
+            the acceleration [1/s^2].
     """
+    if wandering:
+        return _third_order_gain(bandwidth, dt)
     index = (bandwidth * dt) ** 2
     r = (4.0 + index - np.sqrt(8.0 * index + index**2)) / 4.0
     alpha = 1.0 - r**2
     beta = 2.0 * (2.0 - alpha) - 4.0 * np.sqrt(1.0 - alpha)
     return np.stack((alpha, beta / np.maximum(dt, 1e-12)))
+
+
+def _third_order_gain(bandwidth: float, dt: Array) -> Array:
+    """Gray and Murray (1993): alpha = 1 - s^2 with 2 (1 - s)^3 = index s (1 + s), by bisection."""
+    steps, place = np.unique(dt, return_inverse=True)
+    index, low, high = (bandwidth * steps) ** 3, np.zeros(steps.size), np.ones(steps.size)
+    for _ in range(50):
+        s = 0.5 * (low + high)
+        above = 2.0 * (1.0 - s) ** 3 > index * s * (1.0 + s)
+        low, high = np.where(above, s, low), np.where(above, high, s)
+    s = high  # one where the bandwidth is zero
+    alpha, beta = 1.0 - s**2, 2.0 * (1.0 - s) ** 2
+    gamma = beta**2 / np.maximum(2.0 * alpha, 1e-300)
+    least = np.maximum(steps, 1e-12)
+    return np.asarray(np.stack((alpha, beta / least, gamma / least**2))[:, place])
 
 
 FADING = 30.0
@@ -139,7 +158,7 @@ class Predictor:
         (first,), _ = run_inputs(run, self.model, values, 0.0, 0.0, slice(0, 1))
         slopes = np.zeros((len(self.free) + 2 if sensitivities else 0, len(self.model.states)))
         if sensitivities:
-            slopes[-2:] = moves_with(self.model).T
+            slopes[-2:] = moves_with(self.model)[:, :2].T
         begin = beginning(
             self.model,
             angle=start[0],
@@ -166,7 +185,7 @@ def _joined(pieces: Sequence[Prediction]) -> Prediction:
 def run_inputs(
     run: Run, model: ServoModel, values: Array, bandwidth: float, width: float, part: slice
 ) -> tuple[Array, Array]:
-    """(k, 10) inputs of the steps of a part of a run, with measurement and gain, and the parameters (P,) for them.
+    """(k, 10) inputs of the steps of a part of a run, with measurement and gains, and the parameters (P,) for them.
 
     Of a delay only the part inside a sample is left in the parameters; whole samples are in the inputs.
     """
@@ -177,7 +196,8 @@ def run_inputs(
     if "input_delay.time" in model.names:
         delay, values = model.names.index("input_delay.time"), values.copy()
         whole, values[delay] = whole_samples(float(values[delay]), run.sample_time)
-    rows = np.empty((index.size, len(INPUTS) + 3))
+    gains = observer_gain(bandwidth, dt, wandering=model.wanders)
+    rows = np.empty((index.size, len(INPUTS) + 1 + len(gains)))
     columns = (
         run.command[np.maximum(index - whole, 0)],
         run.command[np.maximum(index - whole - 1, 0)],
@@ -187,7 +207,7 @@ def run_inputs(
         dt,
         width,
         np.where(run.valid[part], run.output[part], 0.0),
-        *(observer_gain(bandwidth, dt) * run.valid[part]),
+        *(gains * run.valid[part]),
     )
     for place, column in enumerate(columns):
         rows[:, place] = column
@@ -195,8 +215,12 @@ def run_inputs(
 
 
 def moves_with(model: ServoModel) -> Array:
-    """(n, 2) which states an observer moves with its correction of the angle, and of the velocity."""
-    return np.array([[kind is State.ANGLE, kind is State.VELOCITY] for kind in model.kinds], dtype=float)
+    """(n, 2) which states an observer moves with its correction of the angle, and of the velocity.
+
+    (n, 3) where the load wanders: and of that.
+    """
+    moved = (State.ANGLE, State.VELOCITY, State.WANDERING)[: 3 if model.wanders else 2]
+    return np.array([[kind is one for one in moved] for kind in model.kinds], dtype=float)
 
 
 @lru_cache(maxsize=512)
@@ -209,13 +233,14 @@ def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: in
     n, columns = len(model.states), 0 if free is None else len(free) + 2
     step = step_with_slopes(model, free or (), columns, substeps=substeps)
     state, slopes = ca.SX.sym("state", n), ca.SX.sym("slopes", n, columns)
-    row, parameters = ca.SX.sym("row", len(INPUTS) + 3), ca.SX.sym("parameters", len(model.names))
+    moved_by = moves_with(model)
+    row, parameters = ca.SX.sym("row", len(INPUTS) + 1 + moved_by.shape[1]), ca.SX.sym("parameters", len(model.names))
     shown = sample_reading(model)(state, parameters)
     error = row[len(INPUTS)] - shown
     error_slopes = -ca.mtimes(ca.jacobian(shown, state), slopes)
     if free is not None:
         error_slopes -= ca.horzcat(ca.jacobian(shown, parameters[list(free)]), ca.SX(1, 2))
-    correction = ca.mtimes(ca.DM(moves_with(model)), row[len(INPUTS) + 1 :])
+    correction = ca.mtimes(ca.DM(moved_by), row[len(INPUTS) + 1 :])
     followed = slopes + ca.mtimes(correction, error_slopes)
     corrected = [state + correction * error, _forgetful(model, followed, row[INPUTS.index("dt")])]
     outputs = [ca.densify(value) for value in (*corrected, error, error_slopes, state)]

@@ -58,6 +58,7 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
             time=step.time + elapsed,
             travel=motion[0] - x,
             step=h,
+            inertia=model.inertia,
         )
 
     def arriving(motion: list[Any], part: str) -> tuple[Any, Any]:
@@ -102,7 +103,7 @@ def _own_after(model: ServoModel, own: Own, step: Step, angles: tuple[Any, Any, 
         mine: tuple[Any, ...] = own[effect.name]
         if effect.flexible:
             mine = tuple(end[2:])
-        elif State.RELAXED in effect.states:
+        elif effect.states in ((State.RELAXED,), (State.WANDERING,)):
             mine = (effect.slide(mine[0], angles[2] - angles[0]),)
         elif _is_sensor(effect):
             shown = effect.sense(mine[0], before, after, h)

@@ -184,6 +184,11 @@ class ServoModel:
         return own
 
     @property
+    def wanders(self) -> bool:
+        """Whether a load wanders that only an observer can follow."""
+        return State.WANDERING in self.kinds
+
+    @property
     def drivetrain(self) -> Effect | None:
         """The effect that puts a motor of its own motion before the load, or None."""
         return next((effect for effect in self.effects if effect.flexible), None)

@@ -54,6 +54,7 @@ class State(StrEnum):
     ANGLE = "angle"
     VELOCITY = "velocity"
     RELAXED = "relaxed"  # begins at zero
+    WANDERING = "wandering"  # begins at zero too, and only an observer moves it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +67,7 @@ class Moment:
         time: on the log's clock [s].
         travel: of the load since the step began [rad].
         step: length of the step [s].
+        inertia: J of the model [N m s^2/rad].
     """
 
     angle: Expression = 0.0
@@ -74,6 +76,7 @@ class Moment:
     time: Expression = 0.0
     travel: Expression = 0.0
     step: Expression = 0.0
+    inertia: Expression = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

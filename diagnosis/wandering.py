@@ -1,0 +1,56 @@
+"""What remains of names once the load may wander: a slow random torque looks like many a small effect for a while.
+
+Where a model is complete, nothing is left for an observer to do. Where one is needed to the end, each name has to beat
+a load that wanders in its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.odds import MISSING
+from diagnosis.round import Addition
+from identification.fit_result import Fit
+from identification.problem import Problem
+from plant.effects.wandering_load import WanderingLoad
+from plant.servo import ServoModel
+
+
+def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[str], None] | None) -> list[Addition]:
+    """The additions that still pay if the load may wander, fitted anew where one had to go."""
+    final = additions[-1].fit if additions else base
+    if not final.bandwidth:
+        return additions
+    if progress is not None:
+        progress("or does the load only wander?")
+    kept = list(additions)
+    beside = _fitted(final, final.model.with_effect(WanderingLoad()))
+    at_hand = max(final, beside, key=lambda fit: fit.log_likelihood)
+    for addition in sorted(additions, key=lambda addition: addition.evidence):
+        less = _fitted(at_hand, at_hand.model.without_effect(addition.effect).with_effect(WanderingLoad()))
+        if not _is_needed(addition, at_hand, less):
+            kept.remove(addition)
+            at_hand = less
+    if len(kept) == len(additions):
+        return additions
+    fitted, at = [], base
+    for addition in kept:
+        effect = final.model.effect(addition.effect)
+        at = _fitted(final, at.model.with_effect(effect) if effect is not None else at.model)
+        fitted.append(replace(addition, fit=at))
+    return fitted
+
+
+def _is_needed(addition: Addition, fit: Fit, less: Fit) -> bool:
+    """Whether something is missing without it, as probably as a name needs."""
+    own = next((rival for rival in addition.contest if rival.effect.name == addition.effect), None)
+    if own is None or fit.model.effect(addition.effect) is None:
+        return True
+    return own.visible(fit, less) > float(np.log(MISSING / (1.0 - MISSING)))
+
+
+def _fitted(fit: Fit, model: ServoModel) -> Fit:
+    return Problem.of(fit.log, model, fixed=[name for name in fit.fixed if name in model.names]).descend(fit)
