@@ -144,10 +144,19 @@ def test_kscale_limits_the_speed_of_its_goal():
     assert np.mean(np.concatenate(errors)) < 0.017
 
 
-def test_bam_holds_out_every_fourth_file():
+def test_bam_holds_out_the_highest_gain():
     dataset = load_dataset("bam", folder("bam"))
-    assert len(dataset.estimation.runs) == 9
-    assert len(dataset.holdout.runs) == 3
+    assert len(dataset.estimation.runs) == 8
+    assert len(dataset.holdout.runs) == 4
+    assert all(run.label.endswith("kp 800") for run in dataset.holdout.runs)
+
+
+def test_bam_with_one_gain_holds_out_every_fourth_file(tmp_path):
+    for file in sorted(folder("bam").glob("*.json")):
+        if '"kp": 100,' in file.read_text():
+            (tmp_path / file.name).symlink_to(file)
+    dataset = load_dataset("bam", tmp_path)
+    assert (len(dataset.estimation.runs), len(dataset.holdout.runs)) == (3, 1)
 
 
 @pytest.mark.parametrize("joint", [1, 2, 3])
@@ -156,7 +165,7 @@ def test_ur10e_current_drives_the_joint(joint):
     dataset = load_dataset("ur10e", folder("ur10e"), joint=joint)
     (run,), (last,) = dataset.estimation.runs, dataset.holdout.runs
     assert last.time[0] > run.time[-1]
-    assert last.duration / (run.duration + last.duration) == pytest.approx(0.3, abs=0.02)
+    assert last.duration / (run.duration + last.duration) == pytest.approx(0.5, abs=0.02)
     turned = [gravity, lambda r, v: np.sin(r.output)]
     (inertia, viscous, friction, alpha, beside), share = regression(run, [coulomb, *turned], 21)
     assert min(inertia, viscous, friction) > 0

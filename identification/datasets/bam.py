@@ -21,20 +21,26 @@ from plant.servo import ServoModel
 
 _DUTY_PER_RAD = 4096.0 / (2.0 * np.pi) / (256.0 * 885.0)  # for each unit of kp
 _NOTES = (
-    "BAM (Duclusaud et al. 2025), Dynamixel XL330: every fourth file is held out, the others are fitted.",
+    "BAM (Duclusaud et al. 2025), Dynamixel XL330: the runs at the highest gain are held out, the others are fitted.",
     VOLTS_UNKNOWN_SCALE,
     ENDS_WHEN_OFF,
 )
 
 
 def read(files: list[Path]) -> Dataset:
-    """Read all runs; every fourth file in the order of the names is held out."""
+    """Read all runs; those at the highest gain are held out, or every fourth where all have one gain."""
     if len(files) < 2:
         raise MalformedLog("BAM's logs are one file a run; give at least two, one of them is held out.")
-    runs = [_recording(file, number) for number, file in enumerate(files)]
+    contents = [_content(file) for file in files]
+    runs = [_recording(file, contents[number], number) for number, file in enumerate(files)]
+    gains = [float(content["kp"]) for content in contents]
+    if min(gains) < max(gains):
+        held_out = [gain == max(gains) for gain in gains]
+    else:
+        held_out = [place % 4 == 3 or (len(files) < 4 and place == 1) for place in range(len(files))]
     logs = []
     for held in (False, True):
-        places = [place for place in range(len(files)) if (place % 4 == 3 or (len(files) < 4 and place == 1)) is held]
+        places = [place for place in range(len(files)) if held_out[place] is held]
         sources = [source(files[place]) for place in places]
         logs.append(
             Log.from_recordings([runs[p] for p in places], axis="rotary", sources=sources, command_unit="V")
@@ -43,9 +49,21 @@ def read(files: list[Path]) -> Dataset:
     return Dataset(estimation=logs[0], holdout=logs[1], base=base, notes=_NOTES)
 
 
-def _recording(file: Path, number: int) -> Recording:
+def _content(file: Path) -> dict[str, Any]:
     try:
         content: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        float(content["kp"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise _not_bam(file, error) from None
+    return content
+
+
+def _not_bam(file: Path, error: Exception) -> MalformedLog:
+    return MalformedLog(f"{file.name} is not a log of BAM ({type(error).__name__}: {error}).")
+
+
+def _recording(file: Path, content: dict[str, Any], number: int) -> Recording:
+    try:
         entries = content["entries"]
 
         def channel(name: str) -> np.ndarray:
@@ -61,5 +79,5 @@ def _recording(file: Path, number: int) -> Recording:
             volts=channel("input_volts"),
             enabled=channel("torque_enable") > 0.5,
         )
-    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
-        raise MalformedLog(f"{file.name} is not a log of BAM ({type(error).__name__}: {error}).") from None
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        raise _not_bam(file, error) from None

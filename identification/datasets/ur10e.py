@@ -18,14 +18,14 @@ from identification.log import Log
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
-_SHARE = 0.7  # of the run that is fitted
+_SHARE = 0.5  # of the run that is fitted
 # What takes a joint's reading to the angle of the swinging part above the horizon, the other joints being where they
 # rest in these sweeps: eq. (4) has gravity alpha cos x. The first joint's axis is vertical, its zero does not matter.
 _ABOVE_HORIZON = {2: np.pi, 3: 0.5 * np.pi}
 
 
 def read(files: list[Path], *, joint: int | None = None) -> Dataset:
-    """Read the sweep of one joint (1, 2, 3); its last 30 % are held out.
+    """Read the sweep of one joint (1, 2, 3); its second half is held out.
 
     The current `i` is what was measured; `tau_des` is the robot's own model of the torque, so a fit to it would find
     the maker's model and not the machine.
@@ -47,9 +47,9 @@ def read(files: list[Path], *, joint: int | None = None) -> Dataset:
     log = Log.from_recordings([run], axis="rotary", sources=[source(file)], command_unit="A")
     whole = max(log.runs, key=len)
     cut = int(len(whole) * _SHARE)
-    last = replace(whole.slice(cut, len(whole)), label=f"{whole.label}, last 30 %")
+    last = replace(whole.slice(cut, len(whole)), label=f"{whole.label}, second half")
     notes = (
-        f"UR10e (Mamedov, Mikhel 2020), joint {chosen}: the first 70 % of the sweep are fitted, the rest is held out.",
+        f"UR10e (Mamedov, Mikhel 2020), joint {chosen}: the first half of the sweep is fitted, the second is held out.",
         "The torque's scale is unknown: torques are in amperes at the motor, so J, alpha and K are per ampere.",
     )
     return Dataset(
