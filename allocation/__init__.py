@@ -6,6 +6,7 @@ from allocation.admissible import Admissibility, admissible, admissible_senses, 
 from allocation.allocation import Allocation
 from allocation.allocator import Allocator
 from allocation.bounds import Bounds
+from allocation.capability import CapabilityMap, capability_map
 from allocation.enumeration import enumerate_admissible
 from allocation.errors import InfeasibleTorque
 from allocation.least_effort import least_effort
@@ -18,12 +19,14 @@ __all__ = [
     "Allocation",
     "Allocator",
     "Bounds",
+    "CapabilityMap",
     "InfeasibleTorque",
     "Limits",
     "Preload",
     "Structure",
     "admissible",
     "admissible_senses",
+    "capability_map",
     "enumerate_admissible",
     "least_effort",
     "null_space",

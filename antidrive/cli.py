@@ -1,4 +1,4 @@
-"""The command line: `antidrive demo | identify | diagnose | predict | simulate | effects | allocate`.
+"""The command line: `antidrive demo | identify | diagnose | predict | simulate | effects | allocate | capability`.
 
 Heavy packages are imported inside the commands, so that `--help` answers at once.
 """
@@ -32,6 +32,8 @@ Base = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model to 
 Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else.")]
+MinTorque = Annotated[float, typer.Option(help="Least torque of each pinion [N m].")]
+MaxTorque = Annotated[float, typer.Option(help="Greatest torque of each pinion [N m].")]
 OUT = Path("antidrive-out")
 
 
@@ -158,8 +160,8 @@ def effects(
 @app.command(context_settings={"ignore_unknown_options": True})
 def allocate(
     torques: Annotated[list[float], typer.Argument(metavar="TORQUE...", help="Follower torques [N m].")],
-    min_torque: Annotated[float, typer.Option(help="Least torque of each pinion [N m].")] = 0.02,
-    max_torque: Annotated[float, typer.Option(help="Greatest torque of each pinion [N m].")] = 0.3,
+    min_torque: MinTorque = 0.02,
+    max_torque: MaxTorque = 0.3,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
@@ -168,6 +170,32 @@ def allocate(
 
     voice = commands.Voice(quiet=quiet, json=json)
     commands.allocate(torques, min_torque=min_torque, max_torque=max_torque, voice=voice)
+
+
+@app.command()
+def capability(
+    context: typer.Context,
+    inertia: Annotated[float, typer.Option(help="Of load and rotors, seen from the load [kg m^2].")] = 2.0,
+    min_torque: MinTorque = 0.02,
+    max_torque: MaxTorque = 0.3,
+    rotor_inertia: Annotated[float, typer.Option(help="Of each motor, at its shaft [kg m^2].")] = 0.0,
+    motor_friction: Annotated[float, typer.Option(help="Dry friction of each motor, at its shaft [N m].")] = 0.0,
+    out: Out = OUT,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """What the paper's two drives can do with teeth that stay together: capability.csv, report.html."""
+    from antidrive import commands
+
+    commands.capability(
+        inertia=inertia,
+        min_torque=min_torque,
+        max_torque=max_torque,
+        rotor_inertia=rotor_inertia,
+        motor_friction=motor_friction,
+        out=out,
+        voice=commands.Voice(quiet=quiet, json=json, words=context.obj),
+    )
 
 
 def _log_options(

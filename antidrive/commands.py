@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from diagnosis.experiment import Experiment
     from diagnosis.result import Diagnosis
 
-__all__ = ["Voice", "allocate", "demo", "diagnose", "effects", "identify", "predict", "simulate"]
+__all__ = ["Voice", "allocate", "capability", "demo", "diagnose", "effects", "identify", "predict", "simulate"]
 
 _EXPERIMENT = "separating_experiment.csv"
 
@@ -168,6 +168,7 @@ def allocate(torques: list[float], *, min_torque: float, max_torque: float, voic
             "margin": split.margin,
             "heat": split.heat,
             "missing_torque": split.missing_torque,
+            "binding": split.binding,
             "status": split.status,
         }
         for torque, split in splits
@@ -181,6 +182,37 @@ def allocate(torques: list[float], *, min_torque: float, max_torque: float, voic
     widths = [max(len(row[place]) for row in (columns, units, *rows)) for place in range(len(columns))]
     lines = ["  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in (columns, units, *rows)]
     voice.result("\n".join(lines), {"unit": "N m", "splits": content})
+
+
+def capability(
+    *,
+    inertia: float,
+    min_torque: float,
+    max_torque: float,
+    rotor_inertia: float,
+    motor_friction: float,
+    out: Path,
+    voice: Voice,
+) -> None:
+    """Map what the drives of the paper's gear train can do, and write capability.csv and report.html."""
+    from allocation import Allocator
+    from antidrive import capability as told
+    from plant.gears import GearTrain
+
+    allocator = Allocator(
+        GearTrain.paper(),
+        min_torque=min_torque,
+        max_torque=max_torque,
+        rotor_inertia=rotor_inertia,
+        motor_friction=motor_friction,
+    )
+    with whole_folder(out) as draft:
+        found = told.whole_map(allocator, inertia)
+        told.table(found).to_csv(draft / "capability.csv", index=False, float_format="%.10g")
+        page = report.capability_page(found, told.sentences(found), Provenance.now(voice.words))
+        (draft / "report.html").write_text(page, encoding="utf-8")
+    lines = [*told.sentences(found), _written(out, "capability.csv, report.html")]
+    voice.result("\n".join(lines), told.summary(found))
 
 
 def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:

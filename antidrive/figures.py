@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
+from allocation import CapabilityMap
 from antidrive.thinning import thin
 from diagnosis.explanation.contest import Contest
 from diagnosis.explanation.evidence_picture import Gathered, Shown
@@ -216,6 +217,23 @@ def traces_figure(
         figure.update_yaxes(title_text=title, row=row, col=1)
     figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
     return _finish(figure, 110 + 190 * len(rows))
+
+
+def capability_figure(found: CapabilityMap) -> go.Figure:
+    """Least preload, margin and heat over acceleration and load torque, where the teeth stay together."""
+    parts = (
+        ("least preload [N m per tooth]", found.least_preload),
+        ("margin [N m]", np.where(found.reachable, found.margin, np.nan)),
+        ("heat [N² m²]", found.heat),
+    )
+    figure = make_subplots(rows=len(parts), cols=1, shared_xaxes=True, vertical_spacing=0.06)
+    for row, (title, values) in enumerate(parts, start=1):
+        bar = {"title": {"text": title, "side": "right"}, "len": 0.3, "y": 1.0 - (row - 0.5) / len(parts)}
+        shown = {"x": _short(found.acceleration), "y": _short(found.load_torque), "z": _short(values.T)}
+        figure.add_trace(go.Heatmap(**shown, colorscale="Viridis", colorbar=bar), row, 1)
+        figure.update_yaxes(title_text="load torque [N m]", row=row, col=1)
+    figure.update_xaxes(title_text="acceleration [rad/s²]", row=len(parts), col=1)
+    return _finish(figure, 960, legend=False)
 
 
 def _line(time: Array, values: Array, name: str, colour: str, *, width: float = 1.6, legend: bool = True) -> Any:

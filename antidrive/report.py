@@ -19,6 +19,7 @@ from identification.fit_result import Fit, FittedParameter, correlations
 from plant.effects.effect import Array
 
 if TYPE_CHECKING:
+    from allocation import CapabilityMap
     from antidrive.demo import Demo
     from antidrive.simulation import Trial
 
@@ -64,6 +65,12 @@ def fit_page(fit: Fit, simulated: Sequence[Array], provenance: Provenance, notes
 def trial_page(trial: Trial, provenance: Provenance) -> str:
     """The page of a closed loop."""
     return page("trial", provenance, trial.title, trials=[_trial(trial)])
+
+
+def capability_page(found: CapabilityMap, told: Sequence[str], provenance: Provenance) -> str:
+    """The page of a capability map."""
+    drawn = figure_json(figures.capability_figure(found))
+    return page("capability", provenance, "What the drives can do without backlash", sentences=told, figures=[drawn])
 
 
 def demo_page(told: Demo, provenance: Provenance) -> str:

@@ -1,0 +1,118 @@
+"""What two drives can do without ever letting the teeth part: the price of preload, as a map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from allocation.allocator import Allocator
+from allocation.least_effort import least_effort
+from plant.errors import BadParameter
+
+Array = NDArray[np.float64]
+
+_ROUNDING = 1e-12
+"""Of the margin at the very edge, in units of the greatest torque."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CapabilityMap:
+    """What it takes to move a load with teeth that stay together, over P accelerations and Q load torques.
+
+    Attributes:
+        acceleration: (P,) of the load [rad/s^2], rising.
+        load_torque: (Q,) that the load asks for at no acceleration: gravity, friction, process [N m], rising.
+        least_preload: (P, Q) least lambda [N m per tooth] that holds every flank, see `Allocation.preload`; NaN out of
+            reach.
+        margin: (P, Q) by how much the minimum torque of motors and flanks could be raised before something gives, seen
+            from the drive [N m]; negative out of reach, zero at the edge.
+        heat: (P, Q) sum of the squared drive torques at that preload [N^2 m^2]; NaN out of reach.
+    """
+
+    acceleration: Array
+    load_torque: Array
+    least_preload: Array
+    margin: Array
+    heat: Array
+
+    @property
+    def reachable(self) -> NDArray[np.bool_]:
+        """(P, Q) where the teeth stay together."""
+        return np.isfinite(self.heat)
+
+    @property
+    def edge(self) -> Array:
+        """(Q, 2) least and greatest acceleration [rad/s^2] at each load torque; NaN where there is none.
+
+        The margin is interpolated between the accelerations of the map; an edge beyond the map is cut at its border.
+        """
+        found = np.full((self.load_torque.size, 2), np.nan)
+        for row, margin in zip(found, self.margin.T, strict=True):
+            inside = np.flatnonzero(margin >= 0)
+            if inside.size:
+                row[:] = self._crossing(margin, inside[0], -1), self._crossing(margin, inside[-1], 1)
+        return found
+
+    def _crossing(self, margin: Array, last: int, step: int) -> float:
+        """Acceleration [rad/s^2] at which the margin (P,) crosses zero between `last` and the next one outwards."""
+        beyond = last + step
+        if not 0 <= beyond < margin.size:
+            return float(self.acceleration[last])
+        share = margin[last] / (margin[last] - margin[beyond])
+        return float((1 - share) * self.acceleration[last] + share * self.acceleration[beyond])
+
+
+def capability_map(
+    allocator: Allocator, *, inertia: float, acceleration: ArrayLike, load_torque: ArrayLike
+) -> CapabilityMap:
+    """Where a machine can go without losing contact, and at what preload and heat.
+
+    The drives together give J a + tau_L, and none of them may fall below its lower bound (motor or flank, see
+    `Limits`); since the drive that holds back takes away what the other one gives, about half of the torque is left
+    that both could give together.
+
+    With x the torques in their sense and J a + tau_L = b x, the margin is the greatest t for which some preload c keeps
+    lower + t <= x <= upper; in the terms of `share_between_two` that is, over all pairs of a lower and an upper bound,
+
+        t = min_ij  u_i (upper_j - e_j tau/|b|)/u_j + e_i tau/|b| - lower_i
+
+    Args:
+        allocator: of two drives on one joint.
+        inertia: J of the load and both rotors, as a model has it that was fitted to motor torques [kg m^2].
+        acceleration: (P,) of the load, rising [rad/s^2].
+        load_torque: (Q,) without the inertial torque, rising [N m].
+
+    Raises:
+        BadParameter: not two living drives on one joint, or numbers that are not finite, positive, or in order.
+    """
+    limits, a, load = allocator.bounds, _rising("acceleration", acceleration), _rising("load_torque", load_torque)
+    if limits.structure.matrix.shape != (1, 2) or allocator.lost:
+        raise BadParameter("A capability map is drawn for two living drives on one joint.")
+    if not (np.isfinite(inertia) and inertia > 0):
+        raise BadParameter(f"inertia must be finite and above zero, not {inertia!r}.")
+    motion, torque = a[:, None], inertia * a[:, None] + load
+    pushing = limits.structure.pushing[0]
+    size = float(np.linalg.norm(pushing))
+    across, along = torque[..., None] * pushing / size**2, np.abs(pushing[::-1]) / size
+    from_above = np.min((limits.greatest - across) / along, axis=-1)
+    margin = np.min(along * from_above[..., None] + across - limits.lower(motion), axis=-1)
+    margin = np.where(np.abs(margin) <= _ROUNDING * np.max(limits.greatest), 0.0, margin)
+    torques = least_effort(limits, torque, motion, allocator.weights)
+    v = limits.gears.null_vector
+    out_of_reach = margin < 0
+    return CapabilityMap(
+        acceleration=a,
+        load_torque=load,
+        least_preload=np.where(out_of_reach, np.nan, torques @ v / (v @ v)),
+        margin=margin,
+        heat=np.where(out_of_reach, np.nan, np.sum(torques**2, axis=-1)),
+    )
+
+
+def _rising(name: str, values: ArrayLike) -> Array:
+    numbers = np.asarray(values, dtype=np.float64)
+    if numbers.ndim != 1 or not np.all(np.isfinite(numbers)) or np.any(np.diff(numbers) <= 0):
+        raise BadParameter(f"{name} must be finite numbers in rising order.")
+    return numbers
