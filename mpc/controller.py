@@ -98,6 +98,10 @@ class Controller:
         encoder_noise: standard deviation of its noise [rad].
         torque_noise: what the model misses from sample to sample, standard deviation [N m].
         disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)].
+        torque_rate: greatest change of the follower torque behind the drive [N m/s]. The plan stays within what can
+            be reached from now on at this rate; between two later samples it may change faster.
+        preload_rate: greatest change of the preload, as torque on pinion 1 [N m/s]. Both rates yield to the bounds: the
+            preload falls slowly, and rises as soon as contact needs it.
         sqp_iterations: programmes a sample at most; with more than one the model is linearised anew along each solution
             until the torques change no more.
 
@@ -119,6 +123,8 @@ class Controller:
     encoder_noise: float = 2e-5
     torque_noise: float = 0.05
     disturbance_rate: float = 1.0
+    torque_rate: float = float("inf")
+    preload_rate: float = float("inf")
     sqp_iterations: int = 1
     bounds: Bounds = field(init=False, repr=False)
     governor: Governor = field(init=False, repr=False)
@@ -134,6 +140,9 @@ class Controller:
                 raise BadParameter(f"{name} must be finite and above zero, not {value!r}.")
         if isinstance(self.horizon, bool) or not isinstance(self.horizon, int) or self.horizon < 2:
             raise BadParameter(f"horizon must be a whole number of at least 2 samples, not {self.horizon!r}.")
+        for name in ("torque_rate", "preload_rate"):
+            if not getattr(self, name) > 0:
+                raise BadParameter(f"{name} must be above zero, not {getattr(self, name)!r}.")
         if isinstance(self.sqp_iterations, bool) or not isinstance(self.sqp_iterations, int) or self.sqp_iterations < 1:
             raise BadParameter(f"sqp_iterations must be a whole number above zero, not {self.sqp_iterations!r}.")
         if self.bandwidth * self.sample_time > 0.1:
@@ -166,7 +175,8 @@ class Controller:
             "passes": self.sqp_iterations,
             "rounds": _ROUNDS,
         }
-        self._arrays = self._all_arrays(machine(self.bounds, drive))
+        preload_step = self.preload_rate * self.sample_time / self.gears.pinion_teeth[0]
+        self._arrays = self._all_arrays(machine(self.bounds, drive, preload_step))
         n = len(behind.states)
         filters = (predictor.stage, estimation(predictor), beginning(predictor))
         stages = (preview(), followable(), governed(), reach(), backward(n), forward(n), slope(n), split())
@@ -180,13 +190,12 @@ class Controller:
         greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * self.max_torque)
         attainable = 2.0 * greatest / self.model.inertia * self.sample_time**2
         wave = 2 * np.pi * self.bandwidth
+        own = [self.model.inertia, greatest, wave, attainable, self.torque_rate * self.sample_time]
         constant = {
             "model": self.estimator.predictor.parameters,
             "levels": self.estimator.levels,
             "machine": machine,
-            "tuning": np.array(
-                [self._rate_weight, P[0, 0], P[0, 1], P[1, 1], self.model.inertia, greatest, wave, attainable]
-            ),
+            "tuning": np.array([self._rate_weight, P[0, 0], P[0, 1], P[1, 1], *own]),
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
         return constant | remembered | laid_out(n, self.horizon, self._whole_delay)

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.kernel import Kernel, unrolled
-from mpc.split import reach
+from mpc.split import MACHINE, reach
+from mpc.weights import TUNING
 
 Array = NDArray[np.float64]
 
@@ -64,11 +65,11 @@ def governed() -> Any:
 def followable() -> Any:
     """What the torques can follow, as a `casadi.Function`.
 
-    (angle and velocity of the load, torque that it takes without accelerating, machine (10,), tuning (8,)) -> greatest
+    (angle and velocity of the load, torque that it takes without accelerating, machine, tuning) -> greatest
     acceleration backward and forward (2,) [rad/s^2], and from how far off [rad] the governed reference begins anew.
     """
     state, load = ca.SX.sym("state", 2), ca.SX.sym("load")
-    numbers, tuning = ca.SX.sym("machine", 10), ca.SX.sym("tuning", 8)
+    numbers, tuning = ca.SX.sym("machine", MACHINE), ca.SX.sym("tuning", TUNING)
     inertia, greatest, wave = tuning[4], tuning[5], tuning[6]
     ends = reach()(state[1], 0.0, numbers)
     floor = 0.1 * greatest

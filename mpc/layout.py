@@ -19,6 +19,7 @@ def laid_out(states: int, horizon: int, late: int) -> dict[str, Array]:
         "past": late + 3,  # torques under way, oldest first: those of a delay, and the two around the last sample
         "plan": N + 1,  # whether there is one, and its torques
         "bounds": 3 * N,  # which of them holds, and both, at each stage
+        "preload": 1,  # lambda of the last sample
         "load": 1,  # torque that the load takes without accelerating
     }
     handed = {

@@ -19,19 +19,26 @@ from mpc.drive import DriveInverse, clip
 Array = NDArray[np.float64]
 
 
-def machine(bounds: Bounds, drive: DriveInverse) -> Array:
-    """(10,) numbers of gears, bounds and drive that the functions below ask for."""
+MACHINE = 11
+"""Numbers of a machine."""
+
+
+def machine(bounds: Bounds, drive: DriveInverse, preload_step: float = np.inf) -> Array:
+    """(11,) numbers of gears, bounds and drive that the functions below ask for.
+
+    The last one is by how much lambda may change from sample to sample [N m per tooth].
+    """
     inertia = bounds.rotor_inertia * bounds.gears.pre_reduction**2
     own = [bounds.min_torque, bounds.max_torque, *(inertia * bounds.gears.mesh_ratios)]
     teeth = [bounds.gears.follower_teeth, *bounds.gears.pinion_teeth]
-    return np.array([*own, *teeth, drive.half_width, drive.back_emf, drive.limit], dtype=np.float64)
+    return np.array([*own, *teeth, drive.half_width, drive.back_emf, drive.limit, preload_step], dtype=np.float64)
 
 
 class _Pair:
     """The two drives in symbols; torques are magnitudes in the sense that each must keep, as in `Bounds`."""
 
     def __init__(self, numbers: Any, acceleration: Any) -> None:
-        self.least, self.most, rotor_1, rotor_2, follower, teeth_1, teeth_2, *drive = ca.vertsplit(numbers)
+        self.least, self.most, rotor_1, rotor_2, follower, teeth_1, teeth_2, *drive, self.step = ca.vertsplit(numbers)
         self.ratios, self.teeth = (follower / teeth_1, follower / teeth_2), (teeth_1, teeth_2)
         self.rotors = (-rotor_1 * acceleration, rotor_2 * acceleration)  # torque that each takes
         self.low = [ca.fmin(self.least + ca.fmax(taken, 0), self.most) for taken in self.rotors]
@@ -43,8 +50,11 @@ class _Pair:
         (n1, n2), (low_1, low_2) = self.ratios, self.low
         return n2 * low_2 - n1 * self.most, n2 * self.most - n1 * low_1
 
-    def magnitudes(self, torque: Any) -> list[Any]:
-        """Of least effort: the particular solution of equation (3) plus the best admitted preload."""
+    def magnitudes(self, torque: Any, before: Any) -> tuple[Any, list[Any]]:
+        """Of least effort: the particular solution of equation (3) plus the best admitted preload, which comes first.
+
+        It leaves the one before only as fast as it may, unless the bounds ask for more.
+        """
         torque = clip(torque, *self.reach)
         n1, n2 = self.ratios
         particular = [-n1 * torque / (n1**2 + n2**2), n2 * torque / (n1**2 + n2**2)]
@@ -52,14 +62,15 @@ class _Pair:
         lowest = ca.fmax(*((low - p) / N for low, (p, N) in zip(self.low, pairs, strict=True)))
         highest = ca.fmin(*((self.most - p) / N for p, N in pairs))
         vertex = -sum(p * N for p, N in pairs) / sum(N**2 for N in self.teeth)
-        preload = clip(vertex, lowest, ca.fmax(lowest, highest))
-        return [clip(p + preload * N, self.least, self.most) for p, N in pairs]
+        preload = clip(clip(vertex, lowest, highest), before - self.step, before + self.step)
+        preload = clip(preload, lowest, ca.fmax(lowest, highest))
+        return preload, [clip(p + preload * N, self.least, self.most) for p, N in pairs]
 
 
 @cache
 def reach() -> Any:
-    """(velocity, acceleration, machine (10,)) -> least and greatest torque behind the drive (2,) [N m]."""
-    velocity, acceleration, numbers = ca.SX.sym("velocity"), ca.SX.sym("acceleration"), ca.SX.sym("machine", 10)
+    """(velocity, acceleration, machine) -> least and greatest torque behind the drive (2,) [N m]."""
+    velocity, acceleration, numbers = ca.SX.sym("velocity"), ca.SX.sym("acceleration"), ca.SX.sym("machine", MACHINE)
     pair = _Pair(numbers, acceleration)
     ends = ca.vertcat(*(pair.drive.effective(torque, velocity) for torque in pair.reach))
     return ca.Function("reach", [velocity, acceleration, numbers], [ends], {"cse": True})
@@ -69,14 +80,20 @@ def reach() -> Any:
 def split() -> Any:
     """The pinion torques of a stage, as a `casadi.Function`.
 
-    (torque behind the drive [N m], velocity, acceleration, machine (10,)) -> pinion torques (2,), what they put out
-    behind the drive, and the least flank torque above the minimum, seen from the pinion [N m].
+    (lambda before [N m per tooth], torque behind the drive [N m], velocity, acceleration, machine) -> lambda, pinion
+    torques (2,), what they put out behind the drive, and the least flank torque above the minimum, seen from the
+    pinion [N m].
     """
     wanted, velocity, acceleration = ca.SX.sym("wanted"), ca.SX.sym("velocity"), ca.SX.sym("acceleration")
-    numbers = ca.SX.sym("machine", 10)
+    before, numbers = ca.SX.sym("before"), ca.SX.sym("machine", MACHINE)
     pair = _Pair(numbers, acceleration)
-    first, second = pair.magnitudes(pair.drive.command(wanted, velocity))
+    preload, (first, second) = pair.magnitudes(pair.drive.command(wanted, velocity), before)
     follower = pair.ratios[1] * second - pair.ratios[0] * first
     flanks = [xi - ca.fmax(taken, 0) for xi, taken in zip((first, second), pair.rotors, strict=True)]
-    outputs = [ca.vertcat(first, -second), pair.drive.effective(follower, velocity), ca.fmin(*flanks) - pair.least]
-    return ca.Function("split", [wanted, velocity, acceleration, numbers], outputs, {"cse": True})
+    outputs = [
+        preload,
+        ca.vertcat(first, -second),
+        pair.drive.effective(follower, velocity),
+        ca.fmin(*flanks) - pair.least,
+    ]
+    return ca.Function("split", [before, wanted, velocity, acceleration, numbers], outputs, {"cse": True})

@@ -10,6 +10,7 @@ enum { N = STATES, M = STATES + 1, TRIANGLE = M * (M + 1) / 2, LAW = 2 * M + 3 }
 #define CONVERGED 1e-9 /* change of the torques at which a full solution ends, in the same unit */
 
 static real larger(real a, real b) { return a > b ? a : b; }
+static real smaller(real a, real b) { return a < b ? a : b; }
 static real clipped(real x, real low, real high) { return x < low ? low : x > high ? high : x; }
 
 /* The wanted angle over the horizon; of a reference that is one number only that number is given. */
@@ -64,6 +65,7 @@ static void linearise(struct controller *c)
 {
   int k, late = c->late, total = late + c->horizon;
   real both[2], pace, acceleration, disturbance = c->belief[2], dt = c->model[PARAMETERS - 2];
+  real low = c->past[late + 1], high = low, step = c->tuning[8], least, most;
   const real *ahead = c->ahead + late, *state;
   memcpy(c->states, c->belief + 3, N * sizeof(real));
   for (k = 0; k < total; ++k) {
@@ -78,6 +80,9 @@ static void linearise(struct controller *c)
     pace = state[1];
     acceleration = (state[N + 1] - state[1]) / dt;
     reach(&pace, &acceleration, c->machine, range);
+    least = range[0], most = range[1]; /* what of it can be reached in steps of bounded size */
+    low = range[0] = smaller(larger(low - step, least), most);
+    high = range[1] = larger(smaller(high + step, most), least);
     c->unit[0] = larger(c->unit[0], larger(fabs(range[0]), fabs(range[1])));
     bounds[1] = range[0] - c->guess[k];
     bounds[2] = range[1] - c->guess[k];
@@ -243,23 +248,26 @@ static real optimise(struct controller *c)
 static void hold(struct controller *c)
 {
   int k;
-  real nothing = 0, given, margin;
+  real nothing = 0, given, margin, preload = c->preload[0], next;
   c->plan[0] = 0;
+  c->outcome[2] = INFINITY;
   for (k = 0; k < c->horizon; ++k) {
-    split(&nothing, &nothing, &nothing, c->machine, c->torques + 2 * k, &given, &margin);
+    split(&preload, &nothing, &nothing, &nothing, c->machine, &next, c->torques + 2 * k, &given, &margin);
+    preload = next;
     c->angles[k] = NAN;
+    if (k) continue;
+    c->preload[0] = preload;
+    c->outcome[0] = margin;
+    c->past[c->late + 2] = given;
   }
   c->angles[k] = NAN;
-  c->outcome[0] = margin;
-  c->outcome[2] = INFINITY;
-  c->past[c->late + 2] = given;
 }
 
 /* The torques of the horizon for what was planned. */
 static int plan_ahead(struct controller *c)
 {
   int k, trouble = 0, shift = c->late;
-  real dt = c->model[PARAMETERS - 2], given, margin, sum = 0;
+  real dt = c->model[PARAMETERS - 2], given, margin, sum = 0, preload = c->preload[0], next;
   for (k = 0; k < c->horizon; ++k) c->guess[k] = c->plan[0] ? c->plan[k + 2 - (k == c->horizon - 1)] : c->past[shift + 1];
   for (k = 0; k < c->horizon; ++k)
     c->bounds[3 * k] = c->plan[0] ? c->bounds[3 * (k + 1 - (k == c->horizon - 1))] : 0;
@@ -278,10 +286,11 @@ static int plan_ahead(struct controller *c)
   c->load[0] = c->plan[1] - c->tuning[4] * c->acceleration[0];
   c->outcome[0] = INFINITY;
   for (k = 0; k < c->horizon; ++k) {
-    split(c->plan + k + 1, c->states + N * (shift + k) + 1, c->acceleration + k, c->machine,
-          c->torques + 2 * k, &given, &margin);
+    split(&preload, c->plan + k + 1, c->states + N * (shift + k) + 1, c->acceleration + k, c->machine,
+          &next, c->torques + 2 * k, &given, &margin);
+    preload = next;
     c->outcome[0] = margin < c->outcome[0] ? margin : c->outcome[0];
-    if (k == 0) c->past[shift + 2] = given;
+    if (k == 0) c->past[shift + 2] = given, c->preload[0] = preload;
   }
   if (c->outcome[0] < -1e-9 * c->machine[1]) trouble |= PARTING;
   return trouble;

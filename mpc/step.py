@@ -44,15 +44,15 @@ class InterpretedStep:
         self._states = arrays["states"].reshape(-1, n)
         self._range, self._torques = arrays["range"].reshape(N, 2), arrays["torques"].reshape(N, 2)
         machine = arrays["machine"]
-        self._preview = Kernel(preview(), {0: arrays["numbers"], 2: arrays["tuning"][7:]})
+        self._preview = Kernel(preview(), {0: arrays["numbers"], 2: arrays["tuning"][7:8]})
         self._followable = Kernel(followable(), {1: arrays["load"], 2: machine, 3: arrays["tuning"]})
         stage = estimator.predictor.stage
         along = unrolled(stage.mapaccum(late + N), late + N, stage)
         outputs = {0: arrays["states"][n:], 1: arrays["A"], 2: arrays["B"]}
         self._along = Kernel(along, {0: arrays["states"][:n], 2: np.tile(arrays["model"], late + N)}, outputs)
         self._reach = Kernel(unrolled(reach().map(N), N, reach()), {2: np.tile(machine, N)}, {0: arrays["range"]})
-        inputs = {0: arrays["plan"][1:], 2: arrays["acceleration"], 3: np.tile(machine, N)}
-        self._split = Kernel(unrolled(split().map(N), N, split()), inputs, {0: arrays["torques"]})
+        inputs = {0: arrays["preload"], 1: arrays["plan"][1:], 3: arrays["acceleration"], 4: np.tile(machine, N)}
+        self._split = Kernel(unrolled(split().mapaccum(N), N, split()), inputs, {1: arrays["torques"]})
 
     def __call__(self, angle: float, previewed: bool) -> int:
         """The measured angle in, the torques and all else in the arrays; what went wrong, see `Trouble`."""
@@ -116,8 +116,9 @@ class InterpretedStep:
             self._hold()
             return Trouble.UNCERTIFIED
         a["load"][0] = plan[1] - a["tuning"][4] * a["acceleration"][0]
-        self._split.inputs[1][:] = states[:-1, 1]
-        _, given, margin = self._split()
+        self._split.inputs[2][:] = states[:-1, 1]
+        preload, _, given, margin = self._split()
+        a["preload"][0] = preload[0]
         a["outcome"][0] = margin.min()
         a["past"][late + 2] = given[0]
         return trouble | (Trouble.PARTING if a["outcome"][0] < -1e-9 * a["machine"][1] else Trouble.NONE)
@@ -155,6 +156,8 @@ class InterpretedStep:
         self._reach.inputs[0][:] = pace[:-1]
         self._reach.inputs[1][:] = (pace[1:] - pace[:-1]) / self._dt
         self._reach()
+        if a["tuning"][8] < np.inf:
+            self._range[:] = within_rate(self._range, past[late + 1], a["tuning"][8])
         a["unit"][0] = np.abs(a["range"]).max()
         programme.bounds[:, 1:] = self._range - guess[:, None]
         programme.data[1:, 0] = states[1:-1, 0] - ahead[1:N]
@@ -166,8 +169,20 @@ class InterpretedStep:
     def _hold(self) -> None:
         """Keep the teeth together with as little torque on the load as that allows, and know nothing."""
         a = self._a
-        a["plan"][:], a["acceleration"][:], self._split.inputs[1][:] = 0.0, 0.0, 0.0
-        _, given, margin = self._split()
+        a["plan"][:], a["acceleration"][:], self._split.inputs[2][:] = 0.0, 0.0, 0.0
+        preload, _, given, margin = self._split()
+        a["preload"][0] = preload[0]
         a["angles"][:] = np.nan
         a["outcome"][0], a["outcome"][2] = margin[0], np.inf
         a["past"][self._late + 2] = given[0]
+
+
+def within_rate(ranges: Array, last: float, step: float) -> Array:
+    """What of the ranges (N, 2) can be reached from a last torque in steps of bounded size [N m].
+
+    Where the range is out of reach the step yields, and the torque goes to the nearest end.
+    """
+    reached, (low, high) = np.empty_like(ranges), (last, last)
+    for k, (least, most) in enumerate(ranges.tolist()):
+        reached[k] = low, high = min(max(low - step, least), most), max(min(high + step, most), least)
+    return reached

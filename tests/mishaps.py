@@ -65,7 +65,7 @@ class Patient:
         rng, controller = self.rng, self.controller
         if calm == 0 and mishap == "moved by hand":
             self._state[0] += rng.normal()
-            self._state[1] = 3.0 * rng.normal()
+            self._state[1] = 2.0 * rng.normal()  # 2.1 rad/s is the fastest that the motors give
         if calm == 1:  # from here on it is to come back
             self._wanted = float(self._state[0] + 0.02 * rng.normal())
         reading = self._reading if mishap == "stale reading" else float(self._state[0] + 1e-5 * rng.normal())

@@ -147,6 +147,45 @@ def test_a_dead_zone_that_is_known_is_compensated() -> None:
     assert follow(paper, paper) < 0.5 * follow(paper.without_effect("dead_zone"), paper)
 
 
+def test_the_torque_changes_no_faster_than_it_may() -> None:
+    advance, state = exact_servo(RIGID), np.zeros(2)
+    bounded = Controller(RIGID, PAPER, torque_rate=20.0)
+    torques, worst = [], 0.0
+    for k in range(600):
+        control = bounded.step(state[0], np.full(31, 0.2 * (k > 50)))
+        assert control.status == "optimal"
+        torques.append(float(PAPER.follower_torque(control.torques)))
+        if k:
+            ahead = PAPER.follower_torque(control.predicted_torques) - torques[-2]
+            worst = max(worst, float(np.max(np.abs(ahead) - 0.1 * np.arange(1, 31))))
+        state = advance(state, control.torques)
+    steps = np.abs(np.diff(torques))
+    assert np.max(steps) == pytest.approx(0.1, abs=1e-9)
+    assert np.sum(steps > 0.0999) > 10
+    assert worst < 1e-9
+    assert state[0] == pytest.approx(0.2, abs=1e-4)
+
+
+def test_the_preload_falls_no_faster_than_it_may_and_rises_with_the_torque() -> None:
+    advance, state = exact_servo(RIGID), np.zeros(2)
+    slow, least = Controller(RIGID, PAPER, preload_rate=0.2), Controller(RIGID, PAPER)
+    preloads, lowest = [], []
+    for k in range(400):
+        reference = np.full(31, 0.2 * (k > 50))
+        control, other = slow.step(state[0], reference), least.step(state[0], reference)
+        preloads.append((control.torques[0] - control.torques[1]) / 2)
+        lowest.append((other.torques[0] - other.torques[1]) / 2)
+        assert PAPER.follower_torque(control.torques) == pytest.approx(PAPER.follower_torque(other.torques), abs=1e-9)
+        assert np.all(control.torques * [1, -1] >= 0.02)
+        assert control.margin >= -1e-12
+        state = advance(state, control.torques)
+    fall = -np.diff(preloads)
+    assert np.max(fall) == pytest.approx(0.2 * 0.005, rel=1e-6)
+    assert np.max(-np.diff(lowest)) > 0.01
+    assert np.max(-fall) > 0.01
+    assert np.all(np.array(preloads) >= np.array(lowest) - 1e-12)
+
+
 def test_results_add_up() -> None:
     result = run(RIGID, duration=0.5)
     assert result.time.shape == result.angle.shape == (100,)

@@ -345,6 +345,8 @@ def test_the_governed_reference_waits_for_a_load_that_is_stuck() -> None:
         {"torque_noise": float("inf")},
         {"rotor_inertia": -1e-6},
         {"sqp_iterations": 0},
+        {"torque_rate": 0.0},
+        {"preload_rate": float("nan")},
         {"sqp_iterations": 2.5},
     ],
 )
