@@ -74,6 +74,8 @@ class Allocator:
 
     def __post_init__(self) -> None:
         """Check every field."""
+        if not isinstance(self.gears, GearTrain):
+            object.__setattr__(self, "gears", Structure.of(self.gears))
         structure = self.bounds.structure
         if np.any(self._weights == 0):
             raise BadParameter(f"weights must be above zero, not {self.weights!r}.")
@@ -85,7 +87,7 @@ class Allocator:
         numbers = set(range(1, structure.drives + 1))
         if not set(self.lost) < numbers or len(set(self.lost)) != len(self.lost):
             raise BadParameter(f"lost must name some of the drives 1 to {len(numbers)}, not all: {self.lost!r}.")
-        if not structure.admissibility.admissible:
+        if not isinstance(self.gears, GearTrain) and not structure.admissibility.admissible:
             raise BadParameter(
                 "These drives cannot hold every joint free of backlash: A must have full rank and a strictly positive "
                 "null vector; `admissible_senses` tells the senses that would do."

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machines import random_allocator
+from machines import DT, asked, random_allocator, two_drives
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
@@ -95,6 +95,22 @@ def test_rates_hold_on_any_structure_and_the_answer_is_proven(n: int, m: int) ->
             if np.all(last.torques >= least):  # built up: from here on the preload keeps its rate, and is never lost
                 assert np.max(np.abs(P @ (P.T @ change))) <= allocator.preload_rate * 0.005 + 1e-12
                 assert np.all(now.torques >= least - 1e-15)
+
+
+@pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
+def test_both_ways_agree_to_a_billionth_of_rated_torque(scale: float) -> None:
+    """A small edition of benchmarks/allocation_agreement.py."""
+    rng = np.random.default_rng(12)
+    for _ in range(30):
+        closed = two_drives(rng, scale)
+        solved = replace(closed, solver="osqp")
+        for ask in asked(rng, closed, 20):
+            one, other = (
+                way.allocate(ask.torque, ask.acceleration, before=ask.before, dt=DT) for way in (closed, solved)
+            )
+            assert other.torques == pytest.approx(one.torques, rel=0, abs=1e-9 * float(np.max(closed.bounds.greatest)))
+            for way in (one, other):
+                assert max(way.primal_residual, way.dual_residual, way.duality_gap) <= 1e-9
 
 
 def test_the_effort_within_rates_is_the_least_by_another_solver() -> None:
