@@ -111,7 +111,8 @@ def closed_loop(
     status = []
     for k in range(count):
         angle[k], velocity[k], measured[k] = state.angle, state.velocity, rig.measure(state, rng)
-        control = controller.step(measured[k], wanted[k : k + N + 1])
+        shown = None if controller.motor_resolution is None else rig.motor_angles(state)
+        control = controller.step(measured[k], wanted[k : k + N + 1], shown)
         state = rig.advance(state, control.torques, dt, float(pushes[k]))
         torques[k], margin[k], unknown[k] = control.torques, control.margin, control.disturbance
         flanks[k] = state.least_flank_torques

@@ -62,7 +62,9 @@ def source(functions: tuple[Any, ...], sizes: tuple[str, ...], arrays: tuple[str
         generator.add(function)
     stages = _plain(str(generator.dump()), functions)
     by_name = {function.name(): function for function in functions}
-    constants = f"enum {{ STATES = {by_name['stage'].size1_in(0)}, PARAMETERS = {by_name['stage'].size1_in(2)} }};\n\n"
+    sizes_of = {"STATES": ("stage", 0), "PARAMETERS": ("stage", 2), "BELIEF": ("estimate", 0)}
+    constants = ", ".join(f"{name} = {by_name[stage].size1_in(i)}" for name, (stage, i) in sizes_of.items())
+    constants = f"enum {{ {constants} }};\n\n"
     members = "".join(f"  int {name};\n" for name in sizes) + "".join(f"  real *{name};\n" for name in arrays)
     struct = f"struct controller {{\n{members}}};\n\n"
     return _HEAD + stages + constants + struct + (files("mpc") / "step.c").read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from allocation import Bounds
 from mpc.compiled import CompiledStep
 from mpc.drive import DriveInverse
-from mpc.estimator import Estimator, beginning, estimation
+from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
 from mpc.governor import Governor, followable, governed
 from mpc.layout import laid_out
 from mpc.prediction import Predictor
@@ -98,6 +98,8 @@ class Controller:
         encoder_noise: standard deviation of its noise [rad].
         torque_noise: what the model misses from sample to sample, standard deviation [N m].
         disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)].
+        motor_resolution: step of the encoders at the motor shafts [rad]; None if there are none.
+        motor_noise: standard deviation of what else they err by, teeth included, at the load [rad].
         torque_rate: greatest change of the follower torque behind the drive [N m/s]. The plan stays within what can
             be reached from now on at this rate; between two later samples it may change faster.
         preload_rate: greatest change of the preload, as torque on pinion 1 [N m/s]. Both rates yield to the bounds: the
@@ -123,6 +125,8 @@ class Controller:
     encoder_noise: float = 2e-5
     torque_noise: float = 0.05
     disturbance_rate: float = 1.0
+    motor_resolution: float | None = None
+    motor_noise: float = 2e-5
     torque_rate: float = float("inf")
     preload_rate: float = float("inf")
     sqp_iterations: int = 1
@@ -165,6 +169,7 @@ class Controller:
             noise=self.encoder_noise,
             torque_noise=self.torque_noise,
             disturbance_rate=self.disturbance_rate,
+            motors=None if self.motor_resolution is None else self._motor_encoders(self.motor_resolution),
         )
         self.governor = Governor(sample_time=self.sample_time)
         self._rate_weight = rate_weight(self.model, self.bandwidth, self.sample_time)
@@ -178,7 +183,7 @@ class Controller:
         preload_step = self.preload_rate * self.sample_time / self.gears.pinion_teeth[0]
         self._arrays = self._all_arrays(machine(self.bounds, drive, preload_step))
         n = len(behind.states)
-        filters = (predictor.stage, estimation(predictor), beginning(predictor))
+        filters = (predictor.stage, *self.estimator.functions)
         stages = (preview(), followable(), governed(), reach(), backward(n), forward(n), slope(n), split())
         self._machine_code = CompiledStep((*filters, *stages), self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
@@ -200,6 +205,10 @@ class Controller:
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
         return constant | remembered | laid_out(n, self.horizon, self._whole_delay)
 
+    def _motor_encoders(self, resolution: float) -> MotorEncoders:
+        first, second = self.gears.motor_ratios.tolist()
+        return MotorEncoders(ratios=(first, second), resolution=resolution, noise=self.motor_noise)
+
     @cached_property
     def _interpreted(self) -> InterpretedStep:
         """The step without machine code."""
@@ -216,15 +225,17 @@ class Controller:
         plan = self._arrays["plan"]
         return plan[1:].copy() if plan[0] else None
 
-    def step(self, angle: float, reference: ArrayLike) -> Control:
+    def step(self, angle: float, reference: ArrayLike, motor_angles: ArrayLike | None = None) -> Control:
         """One sample: the measured angle in, the pinion torques out.
 
         Args:
             angle: measured load angle [rad]. If it is not a number, the model's prediction stands in.
             reference: wanted load angle [rad]: a number, or the (N + 1,) samples from now on.
+            motor_angles: (2,) measured angles of the motor shafts [rad], for a controller with a `motor_resolution`;
+                those that are not numbers are left out.
 
         Raises:
-            BadParameter: the reference has another shape.
+            BadParameter: the reference or the motor angles have another shape.
         """
         wanted, arrays = np.asarray(reference, dtype=np.float64), self._arrays
         if wanted.shape == (self.horizon + 1,):
@@ -235,6 +246,10 @@ class Controller:
             raise BadParameter(
                 f"The reference must be a number or {self.horizon + 1} samples, not an array of shape {wanted.shape}."
             )
+        if self.motor_resolution is not None:
+            arrays["readings"][1:] = NO_ANGLES if motor_angles is None else _pair(motor_angles)
+        elif motor_angles is not None:
+            raise BadParameter("Give the controller a motor_resolution, or no motor angles.")
         reasons = sentence(self._step(float(angle), wanted.ndim == 1))
         torques = arrays["torques"].reshape(self.horizon, 2).copy()
         margin, disturbance, residual = arrays["outcome"].tolist()
@@ -247,3 +262,10 @@ class Controller:
             disturbance=disturbance,
             residual=residual,
         )
+
+
+def _pair(angles: ArrayLike) -> Array:
+    both = np.asarray(angles, dtype=np.float64)
+    if both.shape != (2,):
+        raise BadParameter(f"motor_angles must be two angles, not an array of shape {both.shape}.")
+    return both

@@ -6,29 +6,53 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mpc.filter import beginning, belief_of, estimation
 from mpc.kernel import Kernel
 from mpc.prediction import Predictor
-from mpc.trouble import Trouble, sentence
-from plant.effects import State
+from mpc.trouble import sentence
 from plant.errors import BadParameter
-from plant.servo import ServoModel
 
 Array = NDArray[np.float64]
 
-_OUTLIER = 10.0
-"""Innovations beyond so many standard deviations are not believed at once."""
+NO_ANGLES = (float("nan"), float("nan"))
+"""Motors that show nothing."""
 
-_PATIENCE = 3
-"""After so many of them in a row it is the estimate that is not believed."""
 
-_ITERATIONS = 20
-"""In search of the angle at which the sensor shows a reading; each one divides the error by ten and more."""
+@dataclass(frozen=True, kw_only=True)
+class MotorEncoders:
+    """Encoders at the two motor shafts.
 
-_LARGEST = float(np.finfo(np.float64).max)
+    While the teeth stay together a motor turns with the load, -ratio (x + offset); the offset is found, and may wander
+    by what the teeth err.
+
+    Attributes:
+        ratios: turns of each motor for one of the load.
+        resolution: step [rad], at the shaft.
+        noise: standard deviation beside it [rad], at the load.
+        wander: of the offsets [rad/sqrt(s)].
+    """
+
+    ratios: tuple[float, float]
+    resolution: float
+    noise: float
+    wander: float = 1e-5
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name in ("resolution", "noise", "wander"):
+            value = getattr(self, name)
+            if not np.isfinite(value) or value < 0:
+                raise BadParameter(f"{name} of the motors' encoders must be finite and not negative, not {value!r}.")
+        if self.resolution == self.noise == 0:
+            raise BadParameter("The motors' encoders need a resolution or a noise above zero.")
+
+    @property
+    def levels(self) -> list[float]:
+        """Variance of each at the load [rad^2], wander, and the ratios."""
+        return [*((self.resolution / r) ** 2 / 12 + self.noise**2 for r in self.ratios), self.wander, *self.ratios]
 
 
 @dataclass(eq=False, kw_only=True)
@@ -38,7 +62,8 @@ class Estimator:
         z[k+1] = step(z[k], tau[k] + d[k], tau[k-1] + d[k]) + w,    d[k+1] = d[k] + v,    y[k] = reading(z[k]) + e
 
     The disturbance is what removes the steady error under a torque that the model does not have (offset-free control,
-    Pannocchia and Rawlings 2003). The sensor's steps count as noise of variance resolution^2/12.
+    Pannocchia and Rawlings 2003). The sensor's steps count as noise of variance resolution^2/12. Readings of
+    encoders at the motors, where there are any, are added one after the other.
 
     Attributes:
         predictor: the sampled model.
@@ -46,9 +71,10 @@ class Estimator:
         noise: standard deviation of the sensor beside its steps [rad].
         torque_noise: standard deviation of what the model misses from sample to sample [N m].
         disturbance_rate: how fast the disturbance may wander [N m/sqrt(s)].
-        belief: all that is remembered: whether there is an estimate, wild readings in a row, d, state (n,), and the
-            upper triangle of the covariance of state and d, column by column.
-        levels: variance of the sensor, torque_noise, disturbance_rate.
+        motors: encoders at the motors, None if there are none.
+        belief: all that is remembered: whether there is an estimate, wild readings in a row, d, state (n,), offsets of
+            the motors, and the upper triangle of the covariance of state, d and offsets, column by column.
+        levels: variance of the sensor, torque_noise, disturbance_rate, and those of the motors.
     """
 
     predictor: Predictor
@@ -56,6 +82,7 @@ class Estimator:
     noise: float
     torque_noise: float
     disturbance_rate: float
+    motors: MotorEncoders | None = None
     belief: Array = field(init=False, repr=False)
     levels: Array = field(init=False, repr=False)
 
@@ -68,8 +95,9 @@ class Estimator:
         variance = self.resolution**2 / 12.0 + self.noise**2
         if variance == 0.0:
             raise BadParameter("The sensor needs a resolution or a noise above zero: no filter can trust it fully.")
-        self.levels = np.array([variance, self.torque_noise, self.disturbance_rate])
-        self.belief = np.zeros(_belief(len(self.predictor.model.states)).shape[0])
+        more = self.motors.levels if self.motors else []
+        self.levels = np.array([variance, self.torque_noise, self.disturbance_rate, *more])
+        self.belief = np.zeros(belief_of(len(self.predictor.model.states), self.motors is not None).shape[0])
 
     @property
     def state(self) -> Array | None:
@@ -92,140 +120,47 @@ class Estimator:
     def disturbance(self, torque: float) -> None:
         self.belief[2] = torque
 
-    def start(self, reading: float, torque: float) -> None:
+    def start(self, reading: float, torque: float, motor_angles: tuple[float, float] = NO_ANGLES) -> None:
         """Begin anew at rest at a reading [rad], with actuators settled at a torque [N m] and no disturbance."""
         begin = self._begin
-        begin.inputs[0][0], begin.inputs[1][0] = reading, torque
+        begin.inputs[0][:] = (reading, *motor_angles) if self.motors else (reading,)
+        begin.inputs[1][0] = torque
         begin()
         self.belief[:] = begin.outputs[0]
 
-    def advance(self, reading: float, torque: float, previous_torque: float) -> str:
-        """One sample on: the torque that acted since [N m] and the one before it, then the new reading [rad].
+    def advance(
+        self, reading: float, torque: float, previous_torque: float, motor_angles: tuple[float, float] = NO_ANGLES
+    ) -> str:
+        """One sample on: the torque that acted since [N m] and the one before it, then the new readings [rad].
 
         Returns:
             An empty string, or what went wrong.
         """
-        return sentence(self.update(reading, torque, previous_torque))
+        return sentence(self.update(reading, torque, previous_torque, motor_angles))
 
-    def update(self, reading: float, torque: float, previous_torque: float) -> int:
+    def update(
+        self, reading: float, torque: float, previous_torque: float, motor_angles: tuple[float, float] = NO_ANGLES
+    ) -> int:
         """As `advance`, but what went wrong as a number, see `Trouble`."""
         estimate = self._estimate
-        estimate.inputs[1][0] = reading
+        estimate.inputs[1][:] = (reading, *motor_angles) if self.motors else (reading,)
         estimate.inputs[2][:] = torque, previous_torque
         belief, trouble, anew = estimate()
         self.belief[:] = belief
         if anew[0]:
-            self.start(reading, torque)
+            self.start(reading, torque, motor_angles)
         return int(trouble[0])
+
+    @property
+    def functions(self) -> tuple[Any, Any]:
+        """One sample of the filter, and its beginning."""
+        motors = self.motors is not None
+        return estimation(self.predictor, motors), beginning(self.predictor, motors)
 
     @cached_property
     def _begin(self) -> Kernel:
-        return Kernel(beginning(self.predictor), {2: self.predictor.parameters, 3: self.levels})
+        return Kernel(self.functions[1], {2: self.predictor.parameters, 3: self.levels})
 
     @cached_property
     def _estimate(self) -> Kernel:
-        return Kernel(estimation(self.predictor), {0: self.belief, 3: self.predictor.parameters, 4: self.levels})
-
-
-def _belief(n: int) -> Any:
-    return ca.SX.sym("belief", 3 + n + (n + 1) * (n + 2) // 2)
-
-
-def _triangle(n: int) -> Any:
-    return ca.Sparsity.upper(n)
-
-
-def estimation(predictor: Predictor) -> Any:
-    """One sample of the filter, as a `casadi.Function`.
-
-    (belief, reading, torques (2,) since the last sample and before, parameters, levels) -> belief, trouble (see
-    `Trouble`), and whether to begin anew.
-    """
-    model = predictor.model
-    n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
-    belief, reading, torques = _belief(n), ca.SX.sym("reading"), ca.SX.sym("torques", 2)
-    levels = ca.SX.sym("levels", 3)
-    known, doubts, d, z = belief[0], belief[1], belief[2], belief[3 : 3 + n]
-    variance, torque_noise, wander = ca.vertsplit(levels)
-    covariance = ca.triu2symm(ca.SX(_triangle(n + 1), belief[3 + n :]))
-
-    # Predict.
-    ahead, by_state, by_torque = predictor.stage(z, torques + d, p)
-    F = ca.vertcat(ca.horzcat(by_state, ca.sum2(by_torque)), ca.horzcat(ca.SX(1, n), 1))
-    dt, kick = p[-2], p[-2] / p[0] * torque_noise
-    added = ca.vertcat((kick * dt / 2) ** 2, kick**2, ca.SX(n - 2, 1), wander**2 * dt)
-    spread = ca.mtimes(ca.mtimes(F, covariance), F.T) + ca.diag(added)
-    shown, slope = predictor.sensor(ahead, p)
-    row = ca.vertcat(slope, 0)
-    expected = ca.mtimes(row.T, ca.mtimes(spread, row)) + variance
-    innovation = reading - shown
-
-    # Correct: the covariance in Joseph's form, which stays symmetric and positive.
-    gain = ca.mtimes(spread, row) / expected
-    keep = ca.SX.eye(n + 1) - ca.mtimes(gain, row.T)
-    sharper = ca.mtimes(ca.mtimes(keep, spread), keep.T) + ca.mtimes(gain, gain.T) * variance
-
-    # What to believe.
-    sound, heard = _finite(ca.vertcat(ahead, ca.triu(spread).nz[:])), _finite(reading)
-    wild = ca.fabs(innovation) > _OUTLIER * ca.sqrt(expected)
-    wilder = doubts + 1
-    cases = [
-        (ca.logic_and(ca.logic_not(ca.logic_and(known, sound)), ca.logic_not(heard)), Trouble.LOST, False),
-        (ca.logic_not(known), Trouble.NONE, True),
-        (ca.logic_not(sound), Trouble.DIVERGED, True),
-        (ca.logic_not(heard), Trouble.BRIDGED, False),
-        (ca.logic_and(wild, wilder >= _PATIENCE), Trouble.STAYED, True),
-        (wild, Trouble.JUMPED, False),
-    ]
-    trouble, anew = ca.SX(Trouble.NONE), ca.SX(0)
-    for holds, name, begins in reversed(cases):
-        trouble, anew = ca.if_else(holds, int(name), trouble), ca.if_else(holds, int(begins), anew)
-    believed = ca.logic_and(heard, ca.logic_not(wild))
-    doubts = ca.if_else(heard, ca.if_else(wild, wilder, 0), doubts)
-    after = ca.vertcat(d, ahead, ca.triu(spread).nz[:])
-    corrected = ca.vertcat(d + gain[n] * innovation, ahead + gain[:n] * innovation, ca.triu(sharper).nz[:])
-    there = ca.logic_and(known, sound)
-    after = ca.vertcat(there, doubts, ca.if_else(believed, corrected, after))
-    inputs = [belief, reading, torques, p, levels]
-    return ca.Function("estimate", inputs, [ca.densify(after), trouble, anew], {"cse": True})
-
-
-def beginning(predictor: Predictor) -> Any:
-    """Rest at a reading, as a `casadi.Function`: (reading, torque, parameters, levels) -> belief."""
-    model = predictor.model
-    n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
-    reading, torque, levels = ca.SX.sym("reading"), ca.SX.sym("torque"), ca.SX.sym("levels", 3)
-    state = _at_rest(model.bound(p[:-2]), reading, torque)
-    level = levels[1] + levels[2]
-    known: dict[State, Any] = {State.ANGLE: ca.sqrt(levels[0]), State.VELOCITY: 1.0}
-    spread = ca.vertcat(*(known.get(kind, level) for kind in model.kinds), level)
-    covariance = ca.densify(ca.diag(spread**2))
-    belief = ca.vertcat(1, 0, 0, state, covariance[_triangle(n + 1)].nz[:])
-    return ca.Function("begin", [reading, torque, p, levels], [ca.densify(belief)], {"cse": True})
-
-
-def _at_rest(model: ServoModel, reading: Any, torque: Any) -> Any:
-    """(n,) state at rest in which the sensor has settled at a reading [rad], by fixed-point iteration.
-
-    A sensor that errs by a part of a degree errs by many times its noise: to take its reading for the angle would be
-    a contradiction that the filter never overcomes.
-    """
-    angle = reading
-    for _ in range(_ITERATIONS):
-        values = {State.ANGLE: angle, State.TORQUE: torque, State.COMMAND: torque}
-        state = [values.get(kind, 0.0) for kind in model.kinds]
-        shown, place = angle, 2
-        for effect in model.effects:
-            if State.ANGLE in effect.states and not effect.flexible:
-                state[place] = shown
-            shown = effect.reading(shown, shown)
-            place += len(effect.states)
-        if ca.is_equal(ca.SX(shown), ca.SX(angle)):
-            break
-        angle = angle + (reading - shown)
-    return ca.vertcat(*state)
-
-
-def _finite(values: Any) -> Any:
-    """Whether all of (m,) expressions are finite numbers: NaN fails every comparison."""
-    return ca.sum1(ca.fabs(values)) <= _LARGEST
+        return Kernel(self.functions[0], {0: self.belief, 3: self.predictor.parameters, 4: self.levels})

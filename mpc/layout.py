@@ -23,6 +23,7 @@ def laid_out(states: int, horizon: int, late: int) -> dict[str, Array]:
         "load": 1,  # torque that the load takes without accelerating
     }
     handed = {
+        "readings": 3,
         "wanted": N + 1,
         "torques": 2 * N,
         "angles": N + 1,

@@ -299,10 +299,11 @@ static int plan_ahead(struct controller *c)
 int control_step(struct controller *c, double angle, int previewed)
 {
   int trouble;
-  real reading = angle, torques[2], code, anew, belief[3 + N + TRIANGLE];
+  real torques[2], code, anew, belief[BELIEF];
   torques[0] = c->past[1], torques[1] = c->past[0];
-  estimate(c->belief, &reading, torques, c->model, c->levels, belief, &code, &anew);
-  if (anew) begin(&reading, torques, c->model, c->levels, belief);
+  c->readings[0] = angle; /* and behind it those of the motors */
+  estimate(c->belief, c->readings, torques, c->model, c->levels, belief, &code, &anew);
+  if (anew) begin(c->readings, torques, c->model, c->levels, belief);
   memcpy(c->belief, belief, sizeof belief);
   trouble = (int)code;
   if (!c->belief[0]) {

@@ -61,7 +61,8 @@ class InterpretedStep:
 
     def _sample(self, angle: float, previewed: bool) -> int:
         past = self._a["past"]
-        trouble = self._estimator.update(angle, past[1], past[0])
+        _, first, second = self._a["readings"].tolist()
+        trouble = self._estimator.update(angle, past[1], past[0], (first, second))
         if self._estimator.belief[0]:
             trouble |= self._look(previewed)
             self._aim()

@@ -61,7 +61,7 @@ def interpreted(controller: Controller) -> Controller:
 def test_both_forms_hand_out_the_same_torques_to_the_last_bit(model: str, gears: GearTrain) -> None:
     options = {"horizon": 12, "rotor_inertia": 1e-5, "max_torque": 0.2}
     if gears is UNEQUAL:
-        options |= {"sqp_iterations": 3, "torque_rate": 20.0, "preload_rate": 0.5}
+        options |= {"sqp_iterations": 3, "torque_rate": 20.0, "preload_rate": 0.5, "motor_resolution": 1e-3}
     pair = [Controller(MODELS[model], gears, **options) for _ in range(2)]  # type: ignore[arg-type]
     interpreted(pair[1])
     assert [controller.compiled for controller in pair] == [True, False]
@@ -72,7 +72,8 @@ def test_both_forms_hand_out_the_same_torques_to_the_last_bit(model: str, gears:
         shown = {40: np.nan, 90: 5.0, 150: np.inf, 200: angle + 2.0}.get(k, angle)
         if k in (60, 160):
             reference = np.nan * reference
-        one, other = (controller.step(shown, reference) for controller in pair)
+        motors = None if gears is PAPER else [-gears.motor_ratios[0] * angle, np.nan if k % 50 == 7 else 0.1 * k]
+        one, other = (controller.step(shown, reference, motors) for controller in pair)
         assert same(one, other), k
         statuses.add(one.status)
         angle = one.predicted_angle[1] + 1e-5 * rng.normal() + (0.5 if k == 250 else 0.0)

@@ -1,0 +1,168 @@
+"""The equations of the estimator: one sample of the filter, and how it begins."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from mpc.prediction import Predictor
+from mpc.trouble import Trouble
+from plant.effects import State
+from plant.servo import ServoModel
+
+_OUTLIER = 10.0
+"""Innovations beyond so many standard deviations are not believed at once."""
+
+_PATIENCE = 3
+"""After so many of them in a row it is the estimate that is not believed."""
+
+_ITERATIONS = 20
+"""In search of the angle at which the sensor shows a reading; each one divides the error by ten and more."""
+
+_UNKNOWN = 1e4
+"""Variance of a motor's offset before its first reading, and behind a jump of it [rad^2]."""
+
+_LARGEST = float(np.finfo(np.float64).max)
+
+
+def belief_of(n: int, motors: bool) -> Any:
+    """Memory of the filter, in symbols."""
+    m = n + 1 + 2 * motors
+    return ca.SX.sym("belief", 2 + m + m * (m + 1) // 2)
+
+
+def _levels(motors: bool) -> Any:
+    return ca.SX.sym("levels", 8 if motors else 3)
+
+
+def _triangle(n: int) -> Any:
+    return ca.Sparsity.upper(n)
+
+
+def estimation(predictor: Predictor, motors: bool) -> Any:
+    """One sample of the filter, as a `casadi.Function`.
+
+    (belief, readings: angle and motor angles if there are any, torques (2,) since the last sample and before,
+    parameters, levels) -> belief, trouble (see `Trouble`), and whether to begin anew.
+    """
+    model = predictor.model
+    n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
+    belief, readings, torques = belief_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("torques", 2)
+    levels, m, reading = _levels(motors), n + 1 + 2 * motors, readings[0]
+    known, doubts, d, z, offsets = belief[0], belief[1], belief[2], belief[3 : 3 + n], belief[3 + n : 2 + m]
+    variance, torque_noise, wander = ca.vertsplit(levels)[:3]
+    covariance = ca.triu2symm(ca.SX(_triangle(m), belief[2 + m :]))
+
+    # Predict.
+    ahead, by_state, by_torque = predictor.stage(z, torques + d, p)
+    F = ca.SX.eye(m)
+    F[:n, :n], F[:n, n] = by_state, ca.sum2(by_torque)
+    dt, kick = p[-2], p[-2] / p[0] * torque_noise
+    slips = [levels[5] ** 2 * dt] * 2 if motors else []
+    added = ca.vertcat((kick * dt / 2) ** 2, kick**2, ca.SX(n - 2, 1), wander**2 * dt, *slips)
+    spread = ca.mtimes(ca.mtimes(F, covariance), F.T) + ca.diag(added)
+    shown, slope = predictor.sensor(ahead, p)
+    row = ca.vertcat(slope, ca.SX(m - n, 1))
+    expected = ca.mtimes(row.T, ca.mtimes(spread, row)) + variance
+    innovation = reading - shown
+
+    # What to believe.
+    sound, heard = _finite(ca.vertcat(ahead, ca.triu(spread).nz[:])), _finite(reading)
+    wild = ca.fabs(innovation) > _OUTLIER * ca.sqrt(expected)
+    wilder = doubts + 1
+    cases = [
+        (ca.logic_and(ca.logic_not(ca.logic_and(known, sound)), ca.logic_not(heard)), Trouble.LOST, False),
+        (ca.logic_not(known), Trouble.NONE, True),
+        (ca.logic_not(sound), Trouble.DIVERGED, True),
+        (ca.logic_not(heard), Trouble.BRIDGED, False),
+        (ca.logic_and(wild, wilder >= _PATIENCE), Trouble.STAYED, True),
+        (wild, Trouble.JUMPED, False),
+    ]
+    trouble, anew = ca.SX(Trouble.NONE), ca.SX(0)
+    for holds, name, begins in reversed(cases):
+        trouble, anew = ca.if_else(holds, int(name), trouble), ca.if_else(holds, int(begins), anew)
+    believed = ca.logic_and(heard, ca.logic_not(wild))
+    doubts = ca.if_else(heard, ca.if_else(wild, wilder, 0), doubts)
+
+    # Correct, with the load's encoder and then with each motor's.
+    x = ca.vertcat(ahead, d, offsets)
+    x, spread = _corrected(x, spread, row, innovation, variance, believed)
+    for i in range(2 * motors):
+        row = _motor_row(model, m, i)
+        innovation = -readings[1 + i] / levels[6 + i] - ca.dot(row, x)
+        expected = ca.mtimes(row.T, ca.mtimes(spread, row)) + levels[3 + i]
+        heard = _finite(readings[1 + i])
+        near = ca.fabs(innovation) <= _OUTLIER * ca.sqrt(expected)
+        jumped = ca.logic_and(heard, ca.logic_not(near))
+        x, spread = _corrected(x, spread, row, innovation, levels[3 + i], ca.logic_and(heard, near))
+        spread[n + 1 + i, n + 1 + i] += ca.if_else(jumped, _UNKNOWN, 0)
+    memory = ca.vertcat(ca.logic_and(known, sound), doubts, x[n], x[:n], x[n + 1 :], ca.triu(spread).nz[:])
+    inputs = [belief, readings, torques, p, levels]
+    return ca.Function("estimate", inputs, [ca.densify(memory), trouble, anew], {"cse": True})
+
+
+def _corrected(x: Any, spread: Any, row: Any, innovation: Any, variance: Any, believed: Any) -> tuple[Any, Any]:
+    """Kalman's update where a reading is believed; in Joseph's form, which stays symmetric and positive."""
+    gain = ca.mtimes(spread, row) / (ca.mtimes(row.T, ca.mtimes(spread, row)) + variance)
+    keep = ca.SX.eye(x.shape[0]) - ca.mtimes(gain, row.T)
+    sharper = ca.mtimes(ca.mtimes(keep, spread), keep.T) + ca.mtimes(gain, gain.T) * variance
+    return ca.if_else(believed, x + gain * innovation, x), ca.if_else(believed, sharper, spread)
+
+
+def _motor_row(model: ServoModel, m: int, i: int) -> Any:
+    """(m,) what motor i shows, seen from the load: its own angle where the drivetrain is flexible, and its offset."""
+    kinds = [kind if effect.flexible else None for effect in model.effects for kind in effect.states]
+    place = 2 + kinds.index(State.ANGLE) if State.ANGLE in kinds else 0
+    row = ca.SX(m, 1)
+    row[place], row[m - 2 + i] = 1, 1
+    return row
+
+
+def beginning(predictor: Predictor, motors: bool) -> Any:
+    """Rest at a reading, as a `casadi.Function`: (readings, torque, parameters, levels) -> belief."""
+    model = predictor.model
+    n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
+    readings, torque, levels = ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("torque"), _levels(motors)
+    state = _at_rest(model.bound(p[:-2]), readings[0], torque)
+    level = levels[1] + levels[2]
+    known: dict[State, Any] = {State.ANGLE: ca.sqrt(levels[0]), State.VELOCITY: 1.0}
+    spread = [known.get(kind, level) ** 2 for kind in model.kinds] + [level**2]
+    heard = [_finite(readings[1 + i]) for i in range(2 * motors)]
+    offsets = [ca.if_else(h, -readings[1 + i] / levels[6 + i] - state[0], 0) for i, h in enumerate(heard)]
+    spread += [ca.if_else(h, levels[0] + levels[3 + i], _UNKNOWN) for i, h in enumerate(heard)]
+    covariance = ca.densify(ca.diag(ca.vertcat(*spread)))
+    for i, h in enumerate(heard):  # an offset is wrong by what the angle is wrong
+        covariance[0, n + 1 + i] = ca.if_else(h, -levels[0], 0)
+    if motors:
+        covariance[n + 1, n + 2] = ca.if_else(ca.logic_and(*heard), levels[0], 0)
+    belief = ca.vertcat(1, 0, 0, state, *offsets, covariance[_triangle(len(spread))].nz[:])
+    return ca.Function("begin", [readings, torque, p, levels], [ca.densify(belief)], {"cse": True})
+
+
+def _at_rest(model: ServoModel, reading: Any, torque: Any) -> Any:
+    """(n,) state at rest in which the sensor has settled at a reading [rad], by fixed-point iteration.
+
+    A sensor that errs by a part of a degree errs by many times its noise: to take its reading for the angle would be
+    a contradiction that the filter never overcomes.
+    """
+    angle = reading
+    for _ in range(_ITERATIONS):
+        values = {State.ANGLE: angle, State.TORQUE: torque, State.COMMAND: torque}
+        state = [values.get(kind, 0.0) for kind in model.kinds]
+        shown, place = angle, 2
+        for effect in model.effects:
+            if State.ANGLE in effect.states and not effect.flexible:
+                state[place] = shown
+            shown = effect.reading(shown, shown)
+            place += len(effect.states)
+        if ca.is_equal(ca.SX(shown), ca.SX(angle)):
+            break
+        angle = angle + (reading - shown)
+    return ca.vertcat(*state)
+
+
+def _finite(values: Any) -> Any:
+    """Whether all of (m,) expressions are finite numbers: NaN fails every comparison."""
+    return ca.sum1(ca.fabs(values)) <= _LARGEST
