@@ -1,0 +1,216 @@
+"""The loop around the controller, seen as a linear one at an operating point: gain, margins, sensitivity, bandwidth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from mpc.controller import Controller
+from plant.errors import BadParameter
+from plant.simulation import beginning
+
+Array = NDArray[np.float64]
+
+_POINTS = 4000
+"""Frequencies at which peaks and crossings are looked for, over four decades up to half the sampling rate."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoopAnalysis:
+    """The loop broken where the torque enters the drivetrain.
+
+    Attributes:
+        plant: (torque behind the drive) -> (reading), `control.StateSpace` with the sample time, delay included.
+        controller: (reading) -> (torque), with its sign.
+        gain: L = - plant times controller.
+        sensitivity: S = 1/(1 + L), from a torque that enters with the controller's to their sum.
+        complementary: T = L/(1 + L), from noise of the reading to the angle, with its sign.
+        gain_margin: by how much L may grow until the loop oscillates [-]; inf if it never does.
+        phase_margin: [deg].
+        crossover: at which |L| = 1 for the last time [Hz].
+        delay_margin: dead time that takes the phase margin [s].
+        peak_sensitivity: max |S| [-]; below 2 is comfortable.
+        bandwidth: at which |T| falls below -3 dB for the last time [Hz].
+        torque: that holds the operating point, behind the drive [N m].
+    """
+
+    plant: Any
+    controller: Any
+    gain: Any
+    sensitivity: Any
+    complementary: Any
+    gain_margin: float
+    phase_margin: float
+    crossover: float
+    delay_margin: float
+    peak_sensitivity: float
+    bandwidth: float
+    torque: float
+
+    def response(self, system: Any, frequencies: Array) -> NDArray[np.complex128]:
+        """Complex response of one of the systems at frequencies (M,) [Hz]."""
+        return np.asarray(system(np.exp(2j * np.pi * frequencies * system.dt)), dtype=np.complex128)
+
+
+def analyse_loop(controller: Controller, *, angle: float = 0.0, velocity: float = 0.0) -> LoopAnalysis:
+    """Linearise model, estimator and predictive controller at an operating point, no bound being active.
+
+    The estimator has settled (its Riccati equation); the law of the controller is the first torque of the programme of
+    `Controller`, as a linear function of the estimate and of the torques under way. The reference is constant.
+
+    Args:
+        controller: its model and its numbers are used, not what it remembers.
+        angle, velocity: of the load at the operating point [rad], [rad/s], kept by a constant torque.
+
+    Raises:
+        BadParameter: the controller has encoders at the motors, which this analysis leaves out, or no torque keeps the
+            operating point.
+    """
+    import control  # takes a second, and only an analysis needs it
+
+    if controller.motor_resolution is not None:
+        raise BadParameter("The analysis of the loop is for the load's encoder alone; leave motor_resolution out.")
+    dt, late = controller.sample_time, controller._whole_delay
+    torque, state = _holding(controller, angle, velocity)
+    predictor = controller.estimator.predictor
+    course = predictor.look_ahead(state, np.array([torque, torque]), 0.0)
+    A, B = course.state_jacobians[0], course.torque_jacobians[0]
+    n = state.size
+    row = np.append(np.asarray(predictor.sensor(state, predictor.parameters)[1])[:, 0], 0.0)
+
+    # Plant: state z and the torques u[k-1], ..., u[k-late-1].
+    P, Pu = np.zeros((n + late + 1, n + late + 1)), np.zeros((n + late + 1, 1))
+    P[:n, :n], P[:n, n + late] = A, B[:, 1]
+    if late:
+        P[:n, n + late - 1] = B[:, 0]
+    else:
+        Pu[:n, 0] = B[:, 0]
+    P[n + 1 :, n:-1] = np.eye(late)
+    Pu[n, 0] = 1.0
+    plant = control.ss(P, Pu, np.append(row[:n], np.zeros(late + 1))[None, :], 0, dt)
+
+    # Controller: the last estimate (z, d) and the torques u[k-1], ..., u[k-late-2].
+    F = np.eye(n + 1)
+    F[:n, :n], F[:n, n] = A, B.sum(axis=1)
+    keep, gain = _filter(controller, F, row)
+    law = _law(controller, A, B)
+    predict = np.zeros((n + 1, n + late + 3))
+    predict[:, : n + 1], predict[:n, -2:] = F, B
+    estimate = keep @ predict
+    C = np.zeros((1, n + late + 3))
+    C[0] = law[: n + 1] @ estimate
+    C[0, n + 1 : -1] += law[n + 1 :]
+    D = np.array([[law[: n + 1] @ gain]])
+    K, Ky = np.zeros((n + late + 3, n + late + 3)), np.zeros((n + late + 3, 1))
+    K[: n + 1], Ky[: n + 1, 0] = estimate, gain
+    K[n + 1], Ky[n + 1] = C[0], D[0]
+    K[n + 2 :, n + 1 : -1] = np.eye(late + 1)
+    feedback = control.ss(K, Ky, C, D, dt)
+    return _assessed(plant, feedback, torque)
+
+
+def _holding(controller: Controller, angle: float, velocity: float) -> tuple[float, Array]:
+    """The torque behind the drive that keeps a velocity, by Newton's method, and the state with all else settled."""
+    predictor = controller.estimator.predictor
+    torque = 0.0
+    for _ in range(30):
+        state = beginning(predictor.model, angle=angle, velocity=velocity, torque=torque)
+        settled = np.tile(torque, 2)
+        off = predictor.look_ahead(state, settled, 0.0).states[1, 1] - velocity
+        nudge = 1e-4
+        moved = beginning(predictor.model, angle=angle, velocity=velocity, torque=torque + nudge)
+        slope = (predictor.look_ahead(moved, settled + nudge, 0.0).states[1, 1] - velocity - off) / nudge
+        if not np.isfinite(off) or slope == 0.0:
+            break
+        torque -= off / slope
+        if abs(off / slope) < 1e-10:
+            return torque, beginning(predictor.model, angle=angle, velocity=velocity, torque=torque)
+    raise BadParameter(f"No torque keeps the load at {angle:g} rad and {velocity:g} rad/s.")
+
+
+def _filter(controller: Controller, F: Array, row: Array) -> tuple[Array, Array]:
+    """I - g row' and the gain g of the settled filter."""
+    variance, torque_noise, wander = controller.estimator.levels[:3]
+    dt, n = controller.sample_time, F.shape[0] - 1
+    kick = dt / controller.estimator.predictor.model.inertia * torque_noise
+    Q = np.zeros((n + 1, n + 1))
+    Q[0, 0], Q[1, 1], Q[n, n] = (kick * dt / 2) ** 2, kick**2, wander**2 * dt
+    spread = solve_discrete_are(F.T, row[:, None], Q, np.array([[variance]]))
+    gain = spread @ row / (row @ spread @ row + variance)
+    return np.eye(n + 1) - np.outer(gain, row), gain
+
+
+def _law(controller: Controller, A: Array, B: Array) -> Array:
+    """(n + 1 + late + 1,) the first torque by the estimate (z, d) and the torques u[k-1], ..., u[k-late-1]."""
+    N, late, n = controller.horizon, controller._whole_delay, A.shape[0]
+    count = n + 2 + late
+    z = np.eye(n, count)  # each column answers to one of them
+    d = np.eye(1, count, n)[0]
+    before = [np.eye(1, count, n + i)[0] for i in range(1, late + 2)]  # u[k-1], ..., u[k-late-1]
+    under_way = [*before[::-1], *np.zeros((N, count))]
+    answer = np.zeros((n, N))  # of the state by the torques that are to be found
+    rows, targets = [], []
+    weights = np.linalg.cholesky(controller._terminal_weight).T
+    for k in range(late + N):
+        z = A @ z + np.outer(B[:, 0], under_way[k + 1] + d) + np.outer(B[:, 1], under_way[k] + d)
+        if k >= late:
+            answer = A @ answer
+            answer[:, k - late] += B[:, 0]
+            if k > late:
+                answer[:, k - late - 1] += B[:, 1]
+            last = k == late + N - 1
+            rows.append(weights @ answer[:2] if last else answer[:1].copy())
+            targets.append(weights @ z[:2] if last else z[:1].copy())
+    rate = np.sqrt(controller._rate_weight)
+    rows.append(rate * (np.eye(N) - np.eye(N, k=-1)))
+    targets.append(rate * np.vstack((-before[0], np.zeros((N - 1, count)))))
+    return np.asarray(-np.linalg.lstsq(np.vstack(rows), np.vstack(targets), rcond=None)[0][0])
+
+
+def _assessed(plant: Any, feedback: Any, torque: float) -> LoopAnalysis:
+    import control
+
+    dt = plant.dt
+    gain = -plant * feedback
+    sensitivity, complementary = control.feedback(1, gain), control.feedback(gain, 1)
+    frequencies = np.geomspace(0.5e-4, 0.5, _POINTS) / dt
+    at = np.exp(2j * np.pi * frequencies * dt)
+    L, T = np.asarray(gain(at)), np.asarray(complementary(at))
+    crossover = _last_above(frequencies, np.abs(L), 1.0)
+    phase = np.degrees(np.angle(-np.asarray(gain(np.exp(2j * np.pi * crossover * dt)))))
+    return LoopAnalysis(
+        plant=plant,
+        controller=feedback,
+        gain=gain,
+        sensitivity=sensitivity,
+        complementary=complementary,
+        gain_margin=_gain_margin(L),
+        phase_margin=float(phase),
+        crossover=crossover,
+        delay_margin=float(np.radians(phase) / (2 * np.pi * crossover)),
+        peak_sensitivity=float(np.max(np.abs(np.asarray(sensitivity(at))))),
+        bandwidth=_last_above(frequencies, np.abs(T), float(np.sqrt(0.5))),
+        torque=torque,
+    )
+
+
+def _gain_margin(L: NDArray[np.complex128]) -> float:
+    """The least factor above one at which L passes through -1, between two points by a straight line."""
+    crossing = np.flatnonzero((L.imag[:-1] * L.imag[1:] < 0) & (L.real[:-1] < 0))
+    share = L.imag[crossing] / (L.imag[crossing] - L.imag[crossing + 1])
+    factors = -1.0 / (L.real[crossing] + share * (L.real[crossing + 1] - L.real[crossing]))
+    return float(np.min(factors[factors > 1.0], initial=np.inf))
+
+
+def _last_above(frequencies: Array, magnitude: Array, level: float) -> float:
+    """Where a magnitude falls through a level for the last time [Hz], between two points by its slope; nan if never."""
+    above = np.flatnonzero((magnitude[:-1] >= level) & (magnitude[1:] < level))
+    if not above.size:
+        return float("nan")
+    i = above[-1]
+    share = np.log(magnitude[i] / level) / np.log(magnitude[i] / magnitude[i + 1])
+    return float(frequencies[i] * (frequencies[i + 1] / frequencies[i]) ** share)
