@@ -1,7 +1,8 @@
 """What remains of names once the load may wander: a slow random torque looks like many a small effect for a while.
 
-Where a model is complete, nothing is left for an observer to do. Where one is needed to the end, each name has to beat
-a load that wanders in its place.
+Where a model is complete, nothing is left for an observer to do. Where a slow one is needed to the end, each name has to
+beat a load that wanders in its place. An observer nearly as fast as the sampling follows anything, and says nothing of
+slow loads.
 """
 
 from __future__ import annotations
@@ -18,11 +19,13 @@ from identification.problem import Problem
 from plant.effects.wandering_load import WanderingLoad
 from plant.servo import ServoModel
 
+_SLOW = 0.1  # bandwidth of an observer over the sampling rate, from which it follows anything
+
 
 def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[str], None] | None) -> list[Addition]:
     """The additions that still pay if the load may wander, fitted anew where one had to go."""
     final = additions[-1].fit if additions else base
-    if not final.bandwidth:
+    if not 0.0 < final.bandwidth * final.log.sample_time < _SLOW:
         return additions
     if progress is not None:
         progress("or does the load only wander?")
@@ -45,7 +48,7 @@ def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[
 
 
 def _is_needed(addition: Addition, fit: Fit, less: Fit) -> bool:
-    """Whether something is missing without it, as probably as a name needs."""
+    """Whether one-step predictions say that something is missing without it, as probably as a name needs."""
     own = next((rival for rival in addition.contest if rival.effect.name == addition.effect), None)
     if own is None or fit.model.effect(addition.effect) is None:
         return True
