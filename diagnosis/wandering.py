@@ -1,8 +1,8 @@
 """What remains of names once the load may wander: a slow random torque looks like many a small effect for a while.
 
-Where a model is complete, nothing is left for an observer to do. Where a slow one is needed to the end, each name has to
-beat a load that wanders in its place. An observer nearly as fast as the sampling follows anything, and says nothing of
-slow loads.
+Where a model is complete, nothing is left for an observer to do. Where a slow one is needed to the end, each name has
+to beat a load that wanders in its place. An observer nearly as fast as the sampling follows anything, and says nothing
+of slow loads.
 """
 
 from __future__ import annotations
