@@ -129,7 +129,9 @@ def hidden(number: int, seed: int) -> dict[str, Any]:
     found = diagnose(log, case.base, held)
     told = answer(found, time.perf_counter() - begin)
     best = oracle(case, size, log)
-    own = [c for c in found.candidates if c.effect == case.effect and c.round == 1]
+    first = [c for c in found.candidates if c.round == 1]
+    own = [c for c in first if c.effect == case.effect]
+    rivals = [c.evidence for c in first if c.effect != case.effect and c.refitted]
     errors = [held_out_error(model, held) for model in (found.base, found.extended, best)]
     return {
         "truth": [case.effect],
@@ -137,6 +139,7 @@ def hidden(number: int, seed: int) -> dict[str, Any]:
         "size": size,
         **told,
         "own": own[0].evidence if own and own[0].refitted else None,
+        "rival": max(rivals, default=0.0),
         "oracle": best.log_likelihood - found.base.log_likelihood,
         "errors": errors,
     }
