@@ -97,7 +97,9 @@ def _hidden(told: list[Told]) -> str:
         seen = sum(t["verdict"] != "nothing_missing" for t in at)
         lines.append(f"lambda {size:.0f}: detected {rate(seen, len(at))}")
     apart = [t for t in told if "rival" in t and 2.0 * (t["oracle"] - t["rival"]) >= _SEPARABLE]
-    lines.append(f"lambda over the best other name {_SEPARABLE:.0f}: named alone {rate(sum(map(alone, apart)), len(apart))}")
+    lines.append(
+        f"lambda over the best other name {_SEPARABLE:.0f}: named alone {rate(sum(map(alone, apart)), len(apart))}"
+    )
     certain = [t for t in told if any(c["probability"] > 0.99 and c["effect"] not in t["truth"] for c in t["causes"])]
     lines.append(f"a wrong name with more than 99 %: {rate(len(certain), len(told))}")
     lines.append(f"seconds: median {np.median([t['seconds'] for t in told]):.1f}, 95 % {_p95(told):.1f}")
