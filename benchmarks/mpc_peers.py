@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from programmes import responses
 
 from mpc import Controller
+from mpc.drive import DriveInverse
 
 Array = NDArray[np.float64]
 
@@ -198,7 +199,7 @@ class DoMpc(Peer):
         miss = ca.vertcat(z[0] - wanted, z[1] - speed)
         peer.set_objective(lterm=(z[0] - wanted) ** 2, mterm=ca.mtimes(miss.T, ca.mtimes(ca.DM(self.P), miss)))
         peer.set_rterm(tau=self.w)
-        reach = controller.bounds.reachable()
+        reach = DriveInverse.of(controller.model)[0].effective(controller.bounds.reachable())
         peer.bounds["lower", "_u", "tau"], peer.bounds["upper", "_u", "tau"] = reach[0], reach[1]
         template, a = peer.get_tvp_template(), controller._arrays
 

@@ -28,6 +28,7 @@ class CompiledStep:
 
     Attributes:
         layout: the struct of the machine code.
+        source: the C code.
         code: the library, once it is there.
     """
 
@@ -43,7 +44,8 @@ class CompiledStep:
         fields = [(name, ctypes.c_int) for name in sizes] + [(name, ctypes.c_void_p) for name in arrays]
         layout: Any = type("Layout", (ctypes.Structure,), {"_fields_": fields})
         self.layout = layout(*sizes.values(), *(array.ctypes.data for array in arrays.values()))
-        self.code = MachineCode("controller", source(functions, tuple(sizes), tuple(arrays)))
+        self.source = source(functions, tuple(sizes), tuple(arrays))
+        self.code = MachineCode("controller", self.source)
 
     def function(self) -> Any:
         """The step (angle, whether the reference is previewed) -> `Trouble`, or None without a compiler."""
@@ -85,6 +87,7 @@ def _plain(code: str, functions: tuple[Any, ...]) -> str:
         assert body is not None
         text = re.sub(r"arg\[(\d+)\]\? arg\[\1\]\[(\d+)\] : 0", r"i\1[\2]", body[1])
         text = re.sub(r"if \(res\[(\d+)\]!=0\) res\[\1\]\[(\d+)\]", r"o\1[\2]", text)
+        text += "".join(f"  (void)i{place};\n" for place in range(function.n_in()) if f"i{place}[" not in text)
         arguments = [f"const real *i{place}" for place in range(function.n_in())]
         arguments += [f"real *restrict o{place}" for place in range(function.n_out())]
         signature = f"static void {function.name()}({', '.join(arguments)})"

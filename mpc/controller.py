@@ -220,6 +220,11 @@ class Controller:
         return self._step is not self.__dict__.get("_interpreted")
 
     @property
+    def c_code(self) -> str:
+        """The step as C99 that depends on nothing, takes no memory and bounds every loop."""
+        return self._machine_code.source
+
+    @property
     def _plan(self) -> Array | None:
         """(N,) torques behind the drive that were found last [N m], None if they were not certified."""
         plan = self._arrays["plan"]
