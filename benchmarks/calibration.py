@@ -217,6 +217,7 @@ def answer(found: Diagnosis, seconds: float) -> dict[str, Any]:
         "causes": [
             {"effect": c.effect, "probability": c.probability, "rivals": dict(c.alternatives)} for c in found.causes
         ],
+        "tried": [[c.round, c.effect, c.evidence, c.score, c.visible] for c in found.candidates if c.refitted],
         "depends_on": list(found.unexplained.depends_on),
         "unexplained": found.unexplained.share,
         "bandwidth": found.base.bandwidth,
