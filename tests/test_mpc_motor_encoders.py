@@ -95,6 +95,15 @@ def test_a_motor_that_shows_nothing_or_jumps_does_no_harm(fault: str) -> None:
     assert found[100:, 1] == pytest.approx(truth[100:800, 1], abs=2e-2)
 
 
+def test_a_motor_that_jumped_is_trusted_again() -> None:
+    commands, truth = motion()
+    angle, motors = truth[:-1, 0].copy(), shown(truth[:-1, 0])
+    motors[200:, 0] += 5.0
+    motors[300:, 1], angle[350:] = np.nan, np.nan  # from here on there is nothing else
+    found = follow(estimator(), commands, angle, motors)
+    assert found[:, 0] == pytest.approx(truth[:800, 0], abs=1e-3)
+
+
 def test_a_motor_before_a_spring_shows_its_own_angle() -> None:
     model = RIGID.with_effect(Compliance(frequency=30.0, damping=0.05, motor_share=0.4))
     commands, truth = motion(model)

@@ -34,13 +34,41 @@ def test_it_is_never_lost(model: ServoModel, rotor: float, compiled: bool) -> No
     assert met >= set(MISHAPS) or not compiled
 
 
+def of_form(compiled: bool, **options: float) -> Controller:
+    controller = Controller(ServoModel(), GEARS, **options)  # type: ignore[arg-type]
+    if not compiled:
+        controller._step = controller._interpreted
+    return controller
+
+
+@pytest.mark.parametrize("compiled", FORMS)
+def test_the_preload_falls_no_faster_because_the_estimate_is_lost(compiled: bool) -> None:
+    controller = of_form(compiled, preload_rate=0.2)
+    preloads = []
+    for k in range(6):
+        if k >= 3:
+            controller.estimator.state = None
+        torques = controller.step(np.nan if k >= 3 else 0.0, np.full(31, 0.3)).torques
+        preloads.append((torques[0] - torques[1]) / 2)
+    assert preloads[2] > 0.05
+    assert -np.diff(preloads[2:]) == pytest.approx([0.001, 0.001, 0.001], rel=1e-9)
+
+
+@pytest.mark.parametrize("compiled", FORMS)
+def test_numbers_from_before_a_preview_are_forgotten(compiled: bool) -> None:
+    controller = of_form(compiled)
+    for _ in range(4):
+        controller.step(0.1, 0.1)
+    controller.step(0.1, np.full(31, 0.1))
+    controller.step(0.1, 0.10005)
+    assert controller._arrays["wanted"] == pytest.approx(np.full(31, 0.10005), abs=1e-12)
+
+
 @pytest.mark.parametrize("compiled", FORMS)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1e300, 1e5])
 @pytest.mark.parametrize("name", ["plan", "path", "numbers", "load", "bounds", "belief", "preload"])
 def test_a_spoilt_memory_heals(name: str, value: float, compiled: bool) -> None:
-    controller = Controller(ServoModel(), GEARS, preload_rate=1.0)
-    if not compiled:
-        controller._step = controller._interpreted
+    controller = of_form(compiled, preload_rate=1.0)
     for _ in range(3):
         controller.step(0.1, np.full(31, 0.1))
     controller._arrays[name][:] = value
