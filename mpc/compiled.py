@@ -1,4 +1,4 @@
-"""The step of the controller as machine code: the stages as C functions, the loops around them from step.c."""
+"""The step of the controller as machine code: the stages as C functions, and the loops around them."""
 
 from __future__ import annotations
 
@@ -69,7 +69,8 @@ def source(functions: tuple[Any, ...], sizes: tuple[str, ...], arrays: tuple[str
     constants = f"enum {{ {constants} }};\n\n"
     members = "".join(f"  int {name};\n" for name in sizes) + "".join(f"  real *{name};\n" for name in arrays)
     struct = f"struct controller {{\n{members}}};\n\n"
-    return _HEAD + stages + constants + struct + (files("mpc") / "step.c").read_text(encoding="utf-8")
+    loops = [(files("mpc") / name).read_text(encoding="utf-8") for name in ("solve.c", "step.c")]
+    return _HEAD + stages + constants + struct + "\n".join(loops)
 
 
 def _plain(code: str, functions: tuple[Any, ...]) -> str:
