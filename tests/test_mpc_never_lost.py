@@ -65,6 +65,15 @@ def test_numbers_from_before_a_preview_are_forgotten(compiled: bool) -> None:
 
 
 @pytest.mark.parametrize("compiled", FORMS)
+def test_a_number_goes_on_at_its_speed_unless_it_jumps(compiled: bool) -> None:
+    controller = of_form(compiled)
+    for number, speed in ((0.1, 0.0), (0.101, 0.0), (0.102, 0.001), (0.6, 0.0), (0.6, 0.0), (0.6, 0.0)):
+        controller.step(0.1, number)
+        expected = number + speed * np.arange(31)
+        assert controller._arrays["wanted"] == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("compiled", FORMS)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1e300, 1e5])
 @pytest.mark.parametrize("name", ["plan", "path", "numbers", "load", "bounds", "belief", "preload"])
 def test_a_spoilt_memory_heals(name: str, value: float, compiled: bool) -> None:

@@ -107,6 +107,13 @@ def test_a_programme_that_is_not_a_number_has_no_solution(compiled: bool, place:
         assert solver(2, 7).solve(stages, compiled=compiled)[1] == np.inf
 
 
+@pytest.mark.parametrize("compiled", FORMS)
+def test_bounds_that_cross_leave_no_solution(compiled: bool) -> None:
+    stages = random_stages(np.random.default_rng(3), 2, 7, 1.0)
+    stages.low[2] = stages.high[2] + 0.1
+    assert solver(2, 7).solve(stages, compiled=compiled)[1] == np.inf
+
+
 def test_the_residual_tells_optimal_from_not() -> None:
     both, stages = solver(2, 7), random_stages(np.random.default_rng(5), 2, 7, 1.0)
     e, residual = both.solve(stages)
