@@ -61,10 +61,12 @@ CLEAN = (
     "10 bit",
     "1 ms",
     "20 ms",
-    "jitter",
+    "late stamps",
     "closed",
     "closed, load",
+    "jitter",
 )
+CHANNELS = ("time", "command", "output", "valid", "servo_gain")
 BY_NAME = {case.effect: case for case in CASES}
 # Pairs and triples: effects whose traces lie apart, the tooth gap among them.
 SEVERAL = (
@@ -188,6 +190,8 @@ def clean_log(kind: str, seed: int) -> Log:
         options["bits"] = 10
     if kind == "coloured":
         options["noise"] = 0.0
+    if kind == "jitter":
+        return unevenly_sampled(seed)
     dt = options["sample_time"]
     played: Any = excitation(2 * seed, duration=DURATION, sample_time=dt)
     if kind.startswith("closed"):
@@ -204,10 +208,25 @@ def clean_log(kind: str, seed: int) -> Log:
     if kind == "coloured":
         noise = NOISE * np.sqrt(1.0 - 0.9**2) * lfilter([1.0], [1.0, -0.9], rng.standard_normal(len(run)))
         run = replace(run, output=run.output + noise)
-    if kind == "jitter":
+    if kind == "late stamps":
         # The clock that is written down is late by up to a tenth of a sample, at random.
         run = replace(run, time=run.time + 0.1 * dt * rng.uniform(size=len(run)))
     return Log(runs=(run,), axis="rotary")
+
+
+def unevenly_sampled(seed: int) -> Log:
+    """Samples 4.5 to 5.5 ms apart at random, of command and angle alike, at times that are written down truly."""
+    fine = 5e-4
+    rng = np.random.default_rng([seed, 10])
+    places = np.cumsum(rng.integers(9, 12, round(DURATION / 5e-3)))
+    places = places[places < round(DURATION / fine)]
+    even = excitation(2 * seed, duration=DURATION)[: places.size]
+    played = np.zeros(round(DURATION / fine))
+    for value, first, last in zip(even, places, [*places[1:], played.size], strict=True):
+        played[first:last] = value
+    (run,) = record(Machine(), played, seed=seed, sample_time=fine, noise=NOISE).log().runs
+    seen = replace(run, **{name: getattr(run, name)[places] for name in CHANNELS})
+    return Log(runs=(seen,), axis="rotary")
 
 
 def answer(found: Diagnosis, seconds: float) -> dict[str, Any]:
