@@ -84,8 +84,6 @@ class Programme:
     def residual(self) -> float:
         """max |e - clip(e - slope/curvature, low, high)| in units of the greatest torque: zero at the minimiser."""
         low, high = self.bounds[:, 1], self.bounds[:, 2]
-        if not (low <= high).all():
-            return float("inf")
         P, (angle, velocity) = self._tuning[1:4], self.end + self.s[-1, :2]
         self._slopes.inputs[0][:2] = P[0] * angle + P[1] * velocity, P[1] * angle + P[2] * velocity
         (slope_e,) = self._slopes()

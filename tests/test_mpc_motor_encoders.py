@@ -127,6 +127,14 @@ def test_the_loop_is_quieter_with_them() -> None:
     assert runs[1].angle[-1] == pytest.approx(0.2, abs=2e-3)
 
 
+def test_without_their_readings_it_is_as_if_there_were_none() -> None:
+    fitted, bare = Controller(RIGID, PAPER, motor_resolution=STEP), Controller(RIGID, PAPER)
+    for k in range(40):
+        angle = 2e-4 * k**2 / 40
+        expected = bare.step(angle, 0.3).predicted_torques
+        assert fitted.step(angle, 0.3).predicted_torques == pytest.approx(expected, abs=1e-9)
+
+
 def test_refuses_angles_that_it_has_no_encoders_for() -> None:
     with pytest.raises(BadParameter, match="motor_resolution"):
         Controller(RIGID, PAPER).step(0.0, 0.0, (0.0, 0.0))
