@@ -6,12 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from diagnosis.odds import NONE, parameter_cost, schwarz_cost
-from diagnosis.refit import evidence_of, is_its_special_case
+from diagnosis.refit import evidence_of, fitted_near, is_its_special_case, problem_near
 from diagnosis.round import Addition, weighed
 from diagnosis.unseen import holds_up
 from identification.fit_result import Fit
 from identification.noise import log_likelihood
-from identification.problem import Problem
 from plant.effects import Effect
 from plant.servo import ServoModel
 
@@ -48,7 +47,7 @@ def _simplest_that_does(fit: Fit, effect: Effect) -> tuple[Effect | None, Fit] |
     for special, model in variants:
         if _falls_short(model, fit):
             continue
-        leaner = _fitted_near(fit, model)
+        leaner = fitted_near(fit, model)
         says_no_less = special is not None and is_its_special_case(fit, effect.name)
         if says_no_less or evidence_of(fit, leaner) < parameter_cost(fit, leaner):
             return special, leaner
@@ -60,7 +59,7 @@ def _falls_short(model: ServoModel, fit: Fit) -> bool:
 
     It is also looked at behind a slow observer, which may take over what it lacks.
     """
-    problem = _problem(fit, model)
+    problem = problem_near(fit, model)
     slow = 4.0 / max(run.duration for run in fit.log.runs)
     cost = min(problem.glance(fit, bandwidth) for bandwidth in {fit.bandwidth, max(fit.bandwidth, slow)})
     saved = max(len(fit.free) - len(problem.free), 1)
@@ -94,9 +93,9 @@ def with_best_names(additions: list[Addition], progress: Callable[[str], None] |
         }
         if len(rivals) < 2:
             continue
-        less = _fitted_near(final, rest)
+        less = fitted_near(final, rest)
         fits = {
-            name: final if name == addition.effect else _fitted_near(final, rest.with_effect(rival.effect))
+            name: final if name == addition.effect else fitted_near(final, rest.with_effect(rival.effect))
             for name, rival in rivals.items()
         }
         odds = weighed(rivals, fits, less)
@@ -112,11 +111,3 @@ def with_best_names(additions: list[Addition], progress: Callable[[str], None] |
 def _fits_in(model: ServoModel, effect: Effect) -> bool:
     """Whether an effect can be added without anything else having to go."""
     return len(model.with_effect(effect).effects) == len(model.effects) + 1
-
-
-def _fitted_near(fit: Fit, model: ServoModel) -> Fit:
-    return _problem(fit, model).descend(fit)
-
-
-def _problem(fit: Fit, model: ServoModel) -> Problem:
-    return Problem.of(fit.log, model, fixed=[name for name in fit.fixed if name in model.names])

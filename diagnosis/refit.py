@@ -10,6 +10,7 @@ from identification.fit_result import Fit
 from identification.problem import Problem
 from identification.side_by_side import side_by_side
 from plant.effects import Effect
+from plant.servo import ServoModel
 
 _DESCENTS = 2  # starts of one effect that are followed to the end
 _SMOOTHER = 0.2  # of the bandwidth before, below which a rugged likelihood is not looked at from afar
@@ -20,8 +21,7 @@ def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
     """Fit the model with one effect more, from where the screen says it is: from the starts that get on best."""
 
     def problem(start: Effect) -> Problem:
-        model = fit.model.with_effect(start)
-        return Problem.of(fit.log, model, fixed=[name for name in (*fit.fixed, *fixed) if name in model.names])
+        return problem_near(fit, fit.model.with_effect(start), fixed)
 
     problems = [problem(start) for start in starts]
     if len(problems) > _DESCENTS:
@@ -36,6 +36,16 @@ def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
         again = _most_promising(alike, fit, at)[0].descend(fit)
         best = max(best, again, key=lambda found: found.log_likelihood)
     return best
+
+
+def problem_near(fit: Fit, model: ServoModel, fixed: tuple[str, ...] = ()) -> Problem:
+    """The problem of fitting another model to a fit's log; what was fixed stays so, as far as the model has it."""
+    return Problem.of(fit.log, model, fixed=[name for name in (*fit.fixed, *fixed) if name in model.names])
+
+
+def fitted_near(fit: Fit, model: ServoModel) -> Fit:
+    """Another model fitted to a fit's log, from there."""
+    return problem_near(fit, model).descend(fit)
 
 
 def _most_promising(problems: list[Problem], fit: Fit, bandwidth: float) -> list[Problem]:

@@ -13,11 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.odds import MISSING
+from diagnosis.refit import fitted_near
 from diagnosis.round import Addition
 from identification.fit_result import Fit
-from identification.problem import Problem
 from plant.effects.wandering_load import WanderingLoad
-from plant.servo import ServoModel
 
 _SLOW = 0.1  # bandwidth of an observer over the sampling rate, from which it follows anything
 
@@ -30,10 +29,10 @@ def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[
     if progress is not None:
         progress("or does the load only wander?")
     kept = list(additions)
-    beside = _fitted(final, final.model.with_effect(WanderingLoad()))
+    beside = fitted_near(final, final.model.with_effect(WanderingLoad()))
     at_hand = max(final, beside, key=lambda fit: fit.log_likelihood)
     for addition in sorted(additions, key=lambda addition: addition.evidence):
-        less = _fitted(at_hand, at_hand.model.without_effect(addition.effect).with_effect(WanderingLoad()))
+        less = fitted_near(at_hand, at_hand.model.without_effect(addition.effect).with_effect(WanderingLoad()))
         if not _is_needed(addition, at_hand, less):
             kept.remove(addition)
             at_hand = less
@@ -42,7 +41,7 @@ def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[
     fitted, at = [], base
     for addition in kept:
         effect = final.model.effect(addition.effect)
-        at = _fitted(final, at.model.with_effect(effect) if effect is not None else at.model)
+        at = fitted_near(final, at.model.with_effect(effect) if effect is not None else at.model)
         fitted.append(replace(addition, fit=at))
     return fitted
 
@@ -53,7 +52,3 @@ def _is_needed(addition: Addition, fit: Fit, less: Fit) -> bool:
     if own is None or fit.model.effect(addition.effect) is None:
         return True
     return own.visible(fit, less) > float(np.log(MISSING / (1.0 - MISSING)))
-
-
-def _fitted(fit: Fit, model: ServoModel) -> Fit:
-    return Problem.of(fit.log, model, fixed=[name for name in fit.fixed if name in model.names]).descend(fit)
