@@ -7,6 +7,7 @@ from mpc.bode import bode_figure
 from mpc.closed_loop import ClosedLoopResult, closed_loop
 from mpc.controller import Control, Controller
 from mpc.estimator import Estimator
+from mpc.trajectory import Trajectory, minimum_heat, time_optimal
 
 __all__ = [
     "ClosedLoopResult",
@@ -14,7 +15,10 @@ __all__ = [
     "Controller",
     "Estimator",
     "LoopAnalysis",
+    "Trajectory",
     "analyse_loop",
     "bode_figure",
     "closed_loop",
+    "minimum_heat",
+    "time_optimal",
 ]

@@ -1,0 +1,143 @@
+"""Moves from rest to rest that are planned whole: in least time, or in a given time with least heat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+from allocation import Limits
+from mpc.shooting import Shooting
+from plant.effects.effect import Stage
+from plant.errors import BadParameter
+from plant.servo import ServoModel
+from plant.simulation import simulate
+
+Array = NDArray[np.float64]
+
+_FINER = 20
+"""Steps of the simulation that checks a trajectory, in each of its intervals."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory:
+    """A move over N intervals, the torques held in each.
+
+    Attributes:
+        time: (N + 1,) [s], from zero.
+        angle: (N + 1,) planned angle of the load [rad].
+        speed: (N + 1,) planned speed of the load [rad/s].
+        follower_torque: (N,) of the pinions together [N m].
+        torques: (N, 2) pinion torques [N m]; always inside the bounds.
+        heat: integral of xi1^2 + xi2^2 [N^2 m^2 s], to which the Joule heat is proportional.
+        margin: least motor or flank torque above the minimum [N m], seen from the pinion, in a fine simulation of the
+            model under these torques, with dry friction in its exact form.
+        miss: (2,) by how much that simulation ends beside the goal [rad], [rad/s].
+        status: "optimal", or "failed: " and why; margin and miss then say what the torques are worth all the same.
+    """
+
+    time: Array
+    angle: Array
+    speed: Array
+    follower_torque: Array
+    torques: Array
+    heat: float
+    margin: float
+    miss: Array
+    status: str
+
+    @property
+    def duration(self) -> float:
+        """Of the move [s]."""
+        return float(self.time[-1])
+
+    def reference(self, time: ArrayLike) -> Array:
+        """Angle at any times [rad], for a controller to follow; it is held before the start and after the end."""
+        course = CubicHermiteSpline(self.time, self.angle, self.speed)
+        return np.asarray(course(np.clip(time, 0.0, self.duration)))
+
+
+def time_optimal(model: ServoModel, bounds: Limits, start: float, goal: float, *, intervals: int = 100) -> Trajectory:
+    """From rest at one angle to rest at another in the least time T that the bounds allow.
+
+        minimise    T
+        subject to  the servo model with its effects, at rest at both ends
+                    min_torque <= s_i xi_i <= max_torque
+                    s_i (xi_i - r^2 Jm A_i x'') - r f >= min_torque     at the start and the end of each interval
+
+    The last row is the flank torque (see `allocation.Limits`): the teeth stay together. For inertia alone the answer is
+    known: T = 2 sqrt(J |goal - start|/tau), tau = (Nf/N)(max_torque - min_torque), half of the time forward and half
+    of it back.
+
+    The move is the load's, with closed teeth: what makes the drive late (delay, lag, rate limit), compliance, tooth
+    gaps and the sensor are left out. With dry friction the load goes one way, sliding: a move that waits half-way,
+    where friction holds, is not looked for. The jump over a dead zone is planned as a steep slope; `miss` tells what
+    that is worth.
+
+    Args:
+        model: the servo, on a rotary axis.
+        bounds: of two drives on one joint.
+        start, goal: angles [rad].
+        intervals: N.
+
+    Raises:
+        BadParameter: a linear axis, other drives, angles that are equal or not finite, fewer than two intervals, or
+            bounds that leave no torque in one of the senses.
+    """
+    return _solved(_move(model, bounds, start, goal, intervals), None)
+
+
+def minimum_heat(
+    model: ServoModel, bounds: Limits, start: float, goal: float, duration: float, *, intervals: int = 100
+) -> Trajectory:
+    """From rest to rest in a given time [s] with the least integral of xi1^2 + xi2^2.
+
+    Constraints, arguments and errors are those of `time_optimal`; the duration must be above zero. Where it is too
+    short the status says that there is no such move.
+    """
+    if not (np.isfinite(duration) and duration > 0):
+        raise BadParameter(f"The duration of a move must be finite and above zero, not {duration!r} s.")
+    return _solved(_move(model, bounds, start, goal, intervals), float(duration))
+
+
+def _move(model: ServoModel, bounds: Limits, start: float, goal: float, intervals: int) -> Shooting:
+    if model.axis != "rotary":
+        raise BadParameter("A move is planned for a load behind gears; give it a model of a rotary axis.")
+    if bounds.structure.matrix.shape != (1, 2):
+        raise BadParameter("A move is planned for two drives on one joint.")
+    if not (np.isfinite(start) and np.isfinite(goal)) or start == goal:
+        raise BadParameter(f"A move needs two different and finite angles, not {start!r} and {goal!r}.")
+    if isinstance(intervals, bool) or not isinstance(intervals, int) or intervals < 2:
+        raise BadParameter(f"intervals must be a whole number of at least 2, not {intervals!r}.")
+    low, high = bounds.reachable()
+    if not low < 0 < high:
+        raise BadParameter(f"The bounds leave follower torques from {low:g} to {high:g} N m: none to brake with.")
+    planned = model.without_clock()
+    for effect in planned.effects:
+        late = effect.stage == Stage.ACTUATOR and (effect.states or effect.name == "input_delay")
+        if late or effect.flexible or effect.stage == Stage.SENSOR:
+            planned = planned.without_effect(effect.name)
+    return Shooting(model=planned, bounds=bounds, start=float(start), goal=float(goal), intervals=intervals)
+
+
+def _solved(move: Shooting, duration: float | None) -> Trajectory:
+    """The programme's answer, and what it is worth when the model is simulated under its torques."""
+    shot, bounds, N = move.solve(duration), move.bounds, move.intervals
+    torques, h = bounds.structure.signs * shot.magnitudes, shot.duration / N
+    follower = shot.magnitudes @ bounds.structure.pushing[0]
+    course = simulate(move.model, command=np.repeat(follower, _FINER), dt=h / _FINER, state=move.begin)
+    acceleration = np.diff(course[:, 1]) / (h / _FINER)
+    fine = np.repeat(torques, _FINER, axis=0)
+    return Trajectory(
+        time=np.arange(N + 1, dtype=np.float64) * h,
+        angle=shot.states[:, 0].copy(),
+        speed=shot.states[:, 1].copy(),
+        follower_torque=follower,
+        torques=torques,
+        heat=float(np.sum(torques**2) * h),
+        margin=float(np.min(bounds.margin(fine, acceleration))),
+        miss=course[-1, :2] - [move.goal, 0.0],
+        status="optimal" if shot.outcome == "Solve_Succeeded" else f"failed: {shot.outcome.replace('_', ' ')}",
+    )
