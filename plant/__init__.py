@@ -5,6 +5,7 @@ from __future__ import annotations
 from plant.discrete import sample_step
 from plant.effects import Effect, catalogue
 from plant.errors import AntidriveError, BadModelFile, BadParameter
+from plant.fleet import Fleet
 from plant.gears import GearTrain
 from plant.model_file import ModelFile, read_model
 from plant.rig import Rig
@@ -16,6 +17,7 @@ __all__ = [
     "BadModelFile",
     "BadParameter",
     "Effect",
+    "Fleet",
     "GearTrain",
     "ModelFile",
     "Rig",

@@ -1,4 +1,4 @@
-"""The fine step of the rig: two rotors, two tooth gaps, one load.
+"""The fine step of the rig: motors with rotors, a tooth gap before each, one load.
 
 All angles and torques here are referred to the load side, so that a rotor whose angle equals the load's sits in the
 middle of its tooth gap.
@@ -11,13 +11,10 @@ from typing import Any, Final
 
 import casadi as ca
 
-STATES: Final = 8
-"""Load angle, load velocity, 2 rotor angles, 2 rotor velocities, 2 least flank torques so far."""
-
 BLOCK: Final = 10
 """Fine steps that are written out one behind the other: a call costs as much as several steps."""
 
-PARAMETERS: Final = (
+LOAD_PARAMETERS: Final = (
     "inertia",
     "gravity",
     "gravity_offset",
@@ -30,20 +27,30 @@ PARAMETERS: Final = (
     "cogging_order",
     "cogging_phase",
     "torque_offset",
-    "rotor_inertia_1",
-    "rotor_inertia_2",
-    "rotor_viscous_1",
-    "rotor_viscous_2",
-    "rotor_coulomb_1",
-    "rotor_coulomb_2",
-    "half_play",
     "flank_stiffness",
     "flank_damping",
+    "current_lag",
 )
-"""Order of the parameter vector; rotor quantities are seen from the load."""
+"""What a machine has once; `current_lag` is the time constant of the current loops [s]."""
+
+DRIVE_PARAMETERS: Final = (
+    "sense",
+    "rotor_inertia",
+    "rotor_viscous",
+    "rotor_coulomb",
+    "half_play",
+    "stall_torque",
+    "emf_damping",
+)
+"""What each drive has, seen from the load; `sense` is the sign of the follower torque that it must keep up."""
 
 REQUIRED_SENSE: Final = (-1.0, 1.0)
-"""Sign of the follower torque that each drive must keep up: drive 1 pulls back (xi1 > 0), drive 2 forward (xi2 < 0)."""
+"""Of D1 and D2: D1 pulls back (xi1 > 0), D2 forward (xi2 < 0)."""
+
+
+def states(drives: int) -> int:
+    """Numbers in a state: load angle and velocity; of each drive angle, velocity, least flank torque, motor torque."""
+    return 2 + 4 * drives
 
 
 def flank_torque(gap: Any, gap_rate: Any, *, half_play: Any, stiffness: Any, damping: Any) -> Any:
@@ -64,6 +71,25 @@ def flank_torque(gap: Any, gap_rate: Any, *, half_play: Any, stiffness: Any, dam
     return ca.if_else(gap > half_play, forward, ca.if_else(gap < -half_play, backward, 0.0))
 
 
+def motor_torque(before: Any, command: Any, velocity: Any, *, lag: Any, stall_torque: Any, emf_damping: Any) -> Any:
+    """Torque of a motor behind its current loop, within what the supply can drive through its winding [N m].
+
+    The loop of first order comes nearer to the command by 1 - lag in a step. The supply U leaves |U| >= |R i + k w|,
+    hence k i between -k U/R - k^2/R w and k U/R - k^2/R w.
+
+    Args:
+        before: torque one step ago [N m].
+        command: wanted torque [N m].
+        velocity: of the rotor [rad/s].
+        lag: exp(-step times bandwidth); zero follows at once.
+        stall_torque: k U/R [N m]; infinite without a supply limit.
+        emf_damping: k^2/R [N m s/rad].
+    """
+    followed = (1.0 - lag) * command + lag * before
+    back = emf_damping * velocity
+    return ca.fmax(-stall_torque - back, ca.fmin(stall_torque - back, followed))
+
+
 def _rub(velocity: Any, largest_change: Any) -> Any:
     """Velocity after dry friction of a given impulse over inertia: it slows down, stops, and never turns around.
 
@@ -72,20 +98,22 @@ def _rub(velocity: Any, largest_change: Any) -> Any:
     return ca.sign(velocity) * ca.fmax(ca.fabs(velocity) - largest_change, 0.0)
 
 
-@lru_cache(maxsize=64)
-def advance_function(blocks: int) -> Any:
-    """CasADi function (state, drives, disturbance, step, parameters) -> state, over `blocks` times `BLOCK` fine steps.
+@lru_cache(maxsize=8)
+def fine_steps(drives: int) -> Any:
+    """CasADi function (state, command, disturbance, step, parameters) -> state, over `BLOCK` fine steps.
 
     Semi-implicit Euler: velocities from the old positions, positions from the new velocities, dry friction implicit.
-    Inputs: state (8,), follower torque of each drive (2,) [N m], torque disturbing the load [N m], fine step [s],
-    parameters in the order of `PARAMETERS`.
+    Inputs: state as in `states`, follower torque that each drive is told to give (drives,) [N m], torque disturbing the
+    load [N m], fine step [s], `LOAD_PARAMETERS` and then `DRIVE_PARAMETERS` of each drive.
     """
-    z = ca.SX.sym("z", STATES)
-    drive = ca.SX.sym("drive", 2)
+    z = ca.SX.sym("z", states(drives))
+    command = ca.SX.sym("command", drives)
     disturbance = ca.SX.sym("disturbance")
     h = ca.SX.sym("h")
-    parameters = ca.SX.sym("p", len(PARAMETERS))
-    p = dict(zip(PARAMETERS, ca.vertsplit(parameters), strict=True))
+    parameters = ca.SX.sym("p", len(LOAD_PARAMETERS) + drives * len(DRIVE_PARAMETERS))
+    numbers = ca.vertsplit(parameters)
+    p = dict(zip(LOAD_PARAMETERS, numbers, strict=False))
+    of_drives = numbers[len(LOAD_PARAMETERS) :]
 
     x, v = z[0], z[1]
     load = (
@@ -97,25 +125,33 @@ def advance_function(blocks: int) -> Any:
         - p["quadratic_drag"] * v * ca.fabs(v)
         + p["cogging_amplitude"] * ca.sin(p["cogging_order"] * x + p["cogging_phase"])
     )
-    rotors, rates, least = [], [], []
-    for i in range(2):
-        q, w = z[2 + i], z[4 + i]
+    rotors, rates, least, motors = [], [], [], []
+    for i in range(drives):
+        d = dict(zip(DRIVE_PARAMETERS, of_drives[i * len(DRIVE_PARAMETERS) :], strict=False))
+        q, w, least_before, before = (z[2 + row * drives + i] for row in range(4))
+        motor = motor_torque(
+            before,
+            command[i],
+            w,
+            lag=ca.exp(-h / p["current_lag"]),
+            stall_torque=d["stall_torque"],
+            emf_damping=d["emf_damping"],
+        )
         passed = flank_torque(
-            q - x, w - v, half_play=p["half_play"], stiffness=p["flank_stiffness"], damping=p["flank_damping"]
+            q - x, w - v, half_play=d["half_play"], stiffness=p["flank_stiffness"], damping=p["flank_damping"]
         )
         load += passed
-        inertia = p[f"rotor_inertia_{i + 1}"]
-        free = w + h / inertia * (drive[i] - passed - p[f"rotor_viscous_{i + 1}"] * w)
-        w_next = _rub(free, h / inertia * p[f"rotor_coulomb_{i + 1}"])
+        free = w + h / d["rotor_inertia"] * (motor - passed - d["rotor_viscous"] * w)
+        w_next = _rub(free, h / d["rotor_inertia"] * d["rotor_coulomb"])
         rates.append(w_next)
         rotors.append(q + h * w_next)
-        least.append(ca.fmin(z[6 + i], REQUIRED_SENSE[i] * passed))
+        least.append(ca.fmin(least_before, d["sense"] * passed))
+        motors.append(motor)
     stribeck = p["breakaway_excess"] * ca.exp(-((v / p["stribeck_velocity"]) ** 2))
     v_next = _rub(v + h / p["inertia"] * load, h / p["inertia"] * (p["coulomb_friction"] + stribeck))
-    z_next = ca.vertcat(x + h * v_next, v_next, *rotors, *rates, *least)
-    step = ca.Function("fine_step", [z, drive, disturbance, h, parameters], [z_next])
+    z_next = ca.vertcat(x + h * v_next, v_next, *rotors, *rates, *least, *motors)
+    step = ca.Function("fine_step", [z, command, disturbance, h, parameters], [z_next])
     end = z
     for _ in range(BLOCK):
-        end = step(end, drive, disturbance, h, parameters)
-    block = ca.Function("fine_steps", [z, drive, disturbance, h, parameters], [end], {"cse": True})
-    return block.fold(blocks) if blocks > 1 else block
+        end = step(end, command, disturbance, h, parameters)
+    return ca.Function("fine_steps", [z, command, disturbance, h, parameters], [end], {"cse": True})

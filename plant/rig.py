@@ -1,73 +1,33 @@
 """The rig: the machine in place of the machine. It is not the design model.
 
-Two motors with rotors of their own drive one load through tooth gaps and flanks that can only push; an encoder looks at
-the load. The controller and the fits only ever see its torques and its encoder.
+Motors with rotors of their own drive one load through tooth gaps and flanks that can only push; encoders look at load
+and motors. The controller and the fits only ever see its torques and its encoders.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plant.errors import BadParameter
-from plant.flank import BLOCK, PARAMETERS, REQUIRED_SENSE, advance_function
+from plant.flank import DRIVE_PARAMETERS, LOAD_PARAMETERS, REQUIRED_SENSE
+from plant.fleet import Fleet
 from plant.gears import GearTrain
+from plant.rig_record import FleetState, RigRecord, RigState
+
+__all__ = ["Rig", "RigRecord", "RigState"]
 
 Array = NDArray[np.float64]
 
 _MAY_BE_NEGATIVE = {"gravity", "gravity_offset", "cogging_amplitude", "cogging_phase", "torque_offset"}
-_MUST_BE_POSITIVE = {"inertia", "stribeck_velocity", "rotor_inertia", "flank_stiffness", "fine_step"}
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RigState:
-    """Where the rig is. Rotor angles are seen from the load: equal to the load's in the middle of the play.
-
-    Attributes:
-        angle: load angle [rad].
-        velocity: load velocity [rad/s].
-        rotor_angles: (2,) [rad], load side.
-        rotor_velocities: (2,) [rad/s], load side.
-        least_flank_torques: (2,) least torque of each required flank during the last advance [N m], follower side;
-            positive: the teeth pushed in the required sense all the time; zero: they parted; negative: the other
-            flank was hit.
-    """
-
-    angle: float
-    velocity: float
-    rotor_angles: Array
-    rotor_velocities: Array
-    least_flank_torques: Array
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RigRecord:
-    """What happened in a run: T samples, each state at the start of its sample, torques held during it.
-
-    Attributes:
-        time: (T,) [s].
-        torques: (T, 2) pinion torques [N m].
-        angle: (T,) load angle as the encoder shows it [rad].
-        true_angle: (T,) load angle [rad].
-        velocity: (T,) load velocity [rad/s].
-        motor_angles: (T, 2) motor shaft angles [rad].
-        flank_torques: (T, 2) torque of each required flank at the sample [N m], follower side.
-        least_flank_torques: (T, 2) the least of it during the sample [N m]; positive: the teeth never parted.
-        end: state after the last sample.
-    """
-
-    time: Array
-    torques: Array
-    angle: Array
-    true_angle: Array
-    velocity: Array
-    motor_angles: Array
-    flank_torques: Array
-    least_flank_torques: Array
-    end: RigState
+_MUST_BE_POSITIVE = {
+    "inertia", "stribeck_velocity", "rotor_inertia", "flank_stiffness", "torque_constant", "winding_resistance",
+    "fine_step",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,11 +37,16 @@ class Rig:
     Load:   J x'' = T1 + T2 - alpha cos x - beta sin x - K x' - c x'|x'| + A sin(n x + phi) + offset - dry friction
     Rotor:  Jr_i q_i'' = D_i - T_i - viscous and dry friction of the motor        (seen from the load)
     Teeth:  T_i pushes when |q_i - x| exceeds half the play, and never pulls      (see `plant.flank.flank_torque`)
+    Motor:  D_i follows its command with a lag, within what the supply can drive  (see `plant.flank.motor_torque`)
 
-    D_i is the pinion torque times its gear ratio. Dry friction holds exactly at rest.
+    T1 + T2 stands for the sum over all drives; D_i is the pinion torque times its gear ratio, and follows at once where
+    `current_bandwidth` is zero. Dry friction holds exactly at rest. Gear stages are rigid: their inertia counts with
+    the rotor's. The step is of first order: halving it halves the error.
 
     Attributes:
         gears: the gear train.
+        drives: which pinion of it each motor has, 1 or 2, and thus its sense: (1, 2) is the paper's machine, (2,) has
+            one motor, (1, 1, 2, 2) two pairs.
         inertia: load inertia J, without the rotors [kg m^2].
         gravity: alpha [N m].
         gravity_offset: beta [N m].
@@ -94,11 +59,16 @@ class Rig:
         torque_offset: constant torque on the load [N m].
         rotor_inertia: of each rotor, at the motor shaft [kg m^2].
         motor_viscous, motor_coulomb: friction of each motor, at its shaft [N m s/rad], [N m].
-        backlash: free play of each final mesh, seen at the load, from flank to flank [rad].
+        torque_constant, winding_resistance: of each motor [N m/A, which is V s/rad], [ohm]; of use with a supply.
+        supply_voltage: [V]; bounds torque and speed; 0 sets no bound.
+        current_bandwidth: of the current loop [Hz]; 0 follows at once.
+        backlash: free play of each final mesh, seen at the load, from flank to flank [rad]; a number, or one a drive.
         flank_stiffness, flank_damping: of teeth in contact, seen at the load [N m/rad], [N m s/rad].
         encoder_counts: counts per turn of the load's encoder; 0 reads without steps.
         encoder_noise: standard deviation before counting [rad].
         motor_encoder_counts: counts per turn of the motors' encoders; 0 reads without steps.
+        motor_encoder_noise: standard deviation at the motor shaft before counting [rad].
+        encoder_delay: how long ago all encoders' angles were true [s].
         fine_step: longest integration step [s].
 
     Raises:
@@ -106,6 +76,7 @@ class Rig:
     """
 
     gears: GearTrain
+    drives: tuple[int, ...] = (1, 2)
     inertia: float
     gravity: float = 0.0
     gravity_offset: float = 0.0
@@ -121,124 +92,170 @@ class Rig:
     rotor_inertia: float = 4e-6
     motor_viscous: float = 1e-7
     motor_coulomb: float = 5e-4
-    backlash: float = 1.2e-3
+    torque_constant: float = 36.0 / (2000.0 * 2.0 * np.pi / 60.0)
+    winding_resistance: float = 20.0
+    supply_voltage: float = 0.0
+    current_bandwidth: float = 0.0
+    backlash: float | tuple[float, ...] = 1.2e-3
     flank_stiffness: float = 2e4
     flank_damping: float = 6.0
     encoder_counts: int = 2**17
     encoder_noise: float = 2e-5
     motor_encoder_counts: int = 4096
+    motor_encoder_noise: float = 0.0
+    encoder_delay: float = 0.0
     fine_step: float = 20e-6
 
     def __post_init__(self) -> None:
         """Check every number, and that the fine step resolves the stiffest vibration."""
-        for field in fields(self)[1:]:
-            value = getattr(self, field.name)
-            if not np.isfinite(value):
-                raise BadParameter(f"Rig: {field.name} must be a finite number, not {value!r}.")
-            if value < 0 and field.name not in _MAY_BE_NEGATIVE:
-                raise BadParameter(f"Rig: {field.name} must not be negative, but is {value:g}.")
-            if value == 0 and field.name in _MUST_BE_POSITIVE:
-                raise BadParameter(f"Rig: {field.name} must be above zero.")
-        lightest = min(self.inertia, float(np.min(self._rotor_inertias)))
+        if not self.drives or any(isinstance(d, bool) or d not in (1, 2) for d in self.drives):
+            raise BadParameter(f"Rig: drives must name pinion 1 or 2 for each motor, not {self.drives!r}.")
+        if np.shape(self.backlash) not in ((), (len(self.drives),)):
+            raise BadParameter(f"Rig: backlash must be a number or one for each drive, not {self.backlash!r}.")
+        for field in fields(self)[2:]:
+            for value in np.ravel(getattr(self, field.name)):
+                if not np.isfinite(value):
+                    raise BadParameter(f"Rig: {field.name} must be a finite number, not {value!r}.")
+                if value < 0 and field.name not in _MAY_BE_NEGATIVE:
+                    raise BadParameter(f"Rig: {field.name} must not be negative, but is {value:g}.")
+                if value == 0 and field.name in _MUST_BE_POSITIVE:
+                    raise BadParameter(f"Rig: {field.name} must be above zero.")
+        lightest = min(self.inertia, float(np.min(self.rotor_inertias)))
         fastest = 1.0 / np.sqrt(self.flank_stiffness / lightest) / 8.0
-        longest = min(fastest, lightest / (4.0 * self.flank_damping)) if self.flank_damping else fastest
+        damping = max(self.flank_damping, float(np.max(self.emf_damping)))
+        longest = min(fastest, lightest / (4.0 * damping)) if damping else fastest
         if self.fine_step > longest:
             raise BadParameter(
                 f"Rig: fine_step = {self.fine_step:g} s is too long for teeth this stiff; use at most {longest:.2g} s."
             )
 
     @classmethod
-    def paper_like(cls, **changes: float) -> Rig:
-        """J = 2, alpha = 0.5, K = 0.8, the paper's gears, 4 arcmin of play, small motors; `changes` replace fields."""
+    def paper_like(cls, **changes: Any) -> Rig:
+        """J = 2, alpha = 0.5, K = 0.8, the paper's gears, 4 arcmin of play, small motors; `changes` replace fields.
+
+        With `supply_voltage=36` the motors' no-load speed is the paper's 2000 rpm; their winding resistance and inertia
+        are not in the paper.
+        """
         paper = {"inertia": 2.0, "gravity": 0.5, "viscous_friction": 0.8}
-        return cls(gears=GearTrain.paper(), **{**paper, **changes})  # type: ignore[arg-type]
+        return cls(gears=GearTrain.paper(), **{**paper, **changes})
+
+    @cached_property
+    def _pinions(self) -> list[int]:
+        return [drive - 1 for drive in self.drives]
+
+    @cached_property
+    def motor_ratios(self) -> Array:
+        """(m,) turns of each motor for one turn of the load."""
+        return self.gears.motor_ratios[self._pinions]
+
+    @cached_property
+    def torque_map(self) -> Array:
+        """(m,) follower torque for one newton metre on each pinion."""
+        return self.gears.torque_map[self._pinions]
+
+    @cached_property
+    def senses(self) -> Array:
+        """(m,) sign of the follower torque that each drive must keep up."""
+        return np.array(REQUIRED_SENSE)[self._pinions]
 
     @property
-    def _rotor_inertias(self) -> Array:
-        """(2,) rotor inertias seen from the load [kg m^2]."""
-        return self.rotor_inertia * self.gears.motor_ratios**2
+    def rotor_inertias(self) -> Array:
+        """(m,) rotor inertias seen from the load [kg m^2]."""
+        return self.rotor_inertia * self.motor_ratios**2
+
+    @property
+    def emf_damping(self) -> Array:
+        """(m,) slope of a motor's greatest torque over speed at a given voltage, seen from the load [N m s/rad]."""
+        limited = self.supply_voltage > 0.0
+        return limited * (self.torque_constant * self.motor_ratios) ** 2 / self.winding_resistance
+
+    @property
+    def half_play(self) -> Array:
+        """(m,) [rad]."""
+        return np.broadcast_to(np.asarray(self.backlash, dtype=np.float64) / 2, (len(self.drives),))
+
+    @cached_property
+    def _alone(self) -> Fleet:
+        return Fleet((self,))
 
     @property
     def total_inertia(self) -> float:
-        """Inertia of the load with both rotors in mesh [kg m^2]: what a rigid model of the rig should find."""
-        return self.inertia + float(np.sum(self._rotor_inertias))
+        """Inertia of the load with all rotors in mesh [kg m^2]: what a rigid model of the rig should find."""
+        return self.inertia + float(np.sum(self.rotor_inertias))
 
     @cached_property
-    def _parameters(self) -> Array:
-        ratios = self.gears.motor_ratios
-        values = {name: getattr(self, name) for name in PARAMETERS if hasattr(self, name)}
-        values["half_play"] = self.backlash / 2
-        for i in range(2):
-            values[f"rotor_inertia_{i + 1}"] = self._rotor_inertias[i]
-            values[f"rotor_viscous_{i + 1}"] = self.motor_viscous * ratios[i] ** 2
-            values[f"rotor_coulomb_{i + 1}"] = self.motor_coulomb * ratios[i]
-        return np.array([values[name] for name in PARAMETERS])
+    def stall_torques(self) -> Array:
+        """(m,) greatest torque of each motor at standstill, seen from the load [N m]; infinite without a supply."""
+        if self.supply_voltage == 0.0:
+            return np.full(len(self.drives), np.inf)
+        return self.motor_ratios * self.torque_constant * self.supply_voltage / self.winding_resistance
 
-    def rest(self, angle: float = 0.0, torques: ArrayLike = (0.0, 0.0)) -> RigState:
+    @cached_property
+    def parameters(self) -> Array:
+        """(P,) what `plant.flank.fine_steps` takes."""
+        ratios, bandwidth = self.motor_ratios, self.current_bandwidth
+        of_load = {name: getattr(self, name) for name in LOAD_PARAMETERS if hasattr(self, name)}
+        of_load["current_lag"] = 1.0 / (2.0 * np.pi * bandwidth) if bandwidth else 0.0
+        of_drives = {
+            "sense": self.senses,
+            "rotor_inertia": self.rotor_inertias,
+            "rotor_viscous": self.motor_viscous * ratios**2,
+            "rotor_coulomb": self.motor_coulomb * ratios,
+            "half_play": self.half_play,
+            "stall_torque": self.stall_torques,
+            "emf_damping": self.emf_damping,
+        }
+        rows = np.array([of_drives[name] for name in DRIVE_PARAMETERS])
+        return np.concatenate(([of_load[name] for name in LOAD_PARAMETERS], rows.T.ravel()))
+
+    def rest(self, angle: float = 0.0, torques: ArrayLike = 0.0) -> RigState:
         """At rest at a load angle [rad], each rotor on the flank that its drive must keep.
 
-        The teeth are pressed as far as pinion torques (2,) [N m] of the required senses [+ -] press them.
+        The teeth are pressed as far as pinion torques (m,) [N m] of the required senses [+ -] press them.
         """
-        drives = self.gears.torque_map * np.asarray(torques, dtype=np.float64)
-        sense = np.array(REQUIRED_SENSE)
-        pressed = np.maximum(sense * drives, 0.0)
+        drives = self.torque_map * np.broadcast_to(np.asarray(torques, dtype=np.float64), (len(self.drives),))
+        pressed = np.maximum(self.senses * drives, 0.0)
         return RigState(
             angle=float(angle),
             velocity=0.0,
-            rotor_angles=angle + sense * (self.backlash / 2 + pressed / self.flank_stiffness),
-            rotor_velocities=np.zeros(2),
+            rotor_angles=angle + self.senses * (self.half_play + pressed / self.flank_stiffness),
+            rotor_velocities=np.zeros(len(self.drives)),
             least_flank_torques=pressed,
+            drive_torques=drives,
         )
 
     def advance(self, state: RigState, torques: ArrayLike, duration: float, disturbance: float = 0.0) -> RigState:
-        """The state after pinion torques (2,) [N m] and a disturbing load torque [N m] were held for `duration` [s].
+        """The state after pinion torques (m,) [N m] and a disturbing load torque [N m] were held for `duration` [s].
 
         Raises:
             BadParameter: a torque or the duration is not a usable number.
         """
-        pinion = np.asarray(torques, dtype=np.float64)
-        if pinion.shape != (2,) or not np.all(np.isfinite(pinion)) or not np.isfinite(disturbance):
-            raise BadParameter(f"Rig: the torques must be two finite numbers [N m], not {torques!r}.")
-        if not 0.0 < duration < np.inf:
-            raise BadParameter(f"Rig: the duration must be above zero and finite, not {duration!r} s.")
-        blocks = max(1, int(np.ceil(duration / (self.fine_step * BLOCK) - 1e-9)))
-        begin = np.concatenate(
-            ((state.angle, state.velocity), state.rotor_angles, state.rotor_velocities, (np.inf, np.inf))
-        )
-        drives = self.gears.torque_map * pinion
-        end = advance_function(blocks)(begin, drives, disturbance, duration / (blocks * BLOCK), self._parameters)
-        z = np.asarray(end, dtype=np.float64)[:, 0]
-        return RigState(
-            angle=float(z[0]),
-            velocity=float(z[1]),
-            rotor_angles=z[2:4],
-            rotor_velocities=z[4:6],
-            least_flank_torques=z[6:8] + 0.0,  # no minus zero
-        )
+        one = FleetState(rows=state.row(), trail=state.trail)
+        return self._alone.advance(one, np.asarray(torques, dtype=np.float64)[None], duration, disturbance).machine(0)
 
     def flank_torques(self, state: RigState) -> Array:
-        """(2,) torque of each required flank [N m], follower side; positive: pushing in the required sense."""
-        gap, rate = state.rotor_angles - state.angle, state.rotor_velocities - state.velocity
-        pressed = np.maximum(np.abs(gap) - self.backlash / 2, 0.0)
-        push = self.flank_stiffness * pressed + self.flank_damping * np.sign(gap) * rate
-        passed = np.sign(gap) * np.where(pressed > 0.0, np.maximum(push, 0.0), 0.0)
-        return np.asarray(np.array(REQUIRED_SENSE) * passed)
+        """(m,) torque of each required flank [N m], follower side; positive: pushing in the required sense."""
+        found: Array = self._alone.flank_torques(FleetState(rows=state.row()))[0]
+        return found
 
     def energy(self, state: RigState) -> float:
         """Kinetic energy, potential energy of gravity and energy of the pressed teeth [J]."""
-        pressed = np.maximum(np.abs(state.rotor_angles - state.angle) - self.backlash / 2, 0.0)
-        kinetic = self.inertia * state.velocity**2 + float(self._rotor_inertias @ state.rotor_velocities**2)
+        pressed = np.maximum(np.abs(state.rotor_angles - state.angle) - self.half_play, 0.0)
+        kinetic = self.inertia * state.velocity**2 + float(self.rotor_inertias @ state.rotor_velocities**2)
         height = self.gravity * np.sin(state.angle) - self.gravity_offset * np.cos(state.angle)
         return float(0.5 * kinetic + height + 0.5 * self.flank_stiffness * float(pressed @ pressed))
 
     def measure(self, state: RigState, rng: np.random.Generator) -> float:
         """The load angle as its encoder shows it [rad]."""
-        return float(_counted(state.angle + self.encoder_noise * rng.standard_normal(), self.encoder_counts))
+        one = FleetState(rows=state.row(), trail=state.trail)
+        return float(self._alone.measure(one, rng.standard_normal())[0])
 
-    def motor_angles(self, state: RigState) -> Array:
-        """(2,) motor shaft angles as their encoders show them [rad]."""
-        turned = self.gears.pre_reduction * self.gears.angle_map * state.rotor_angles
-        return _counted(turned, self.motor_encoder_counts)
+    def motor_angles(self, state: RigState, rng: np.random.Generator | None = None) -> Array:
+        """(m,) motor shaft angles as their encoders show them [rad]; without noise where no generator is given."""
+        one = FleetState(rows=state.row(), trail=state.trail)
+        noise = 0.0 if rng is None else rng.standard_normal((1, len(self.drives)))
+        shown: Array = self._alone.motor_angles(one, noise)[0]
+        return shown
 
     def run(
         self,
@@ -249,10 +266,10 @@ class Rig:
         start: RigState | None = None,
         disturbance: ArrayLike = 0.0,
     ) -> RigRecord:
-        """Play pinion torques (T, 2) [N m], each row held for `sample_time` [s], and record.
+        """Play pinion torques (T, m) [N m], each row held for `sample_time` [s], and record.
 
         Args:
-            torques: (T, 2) pinion torques [N m].
+            torques: (T, m) pinion torques [N m].
             sample_time: [s].
             seed: of the encoder's noise.
             start: first state; at rest at angle zero by default.
@@ -261,36 +278,9 @@ class Rig:
         Raises:
             BadParameter: the torques have another shape, or a number is not finite.
         """
-        commands = np.asarray(torques, dtype=np.float64)
-        if commands.ndim != 2 or commands.shape[1] != 2 or not np.all(np.isfinite(commands)):
-            raise BadParameter(f"Rig: the torques must be finite and of shape (T, 2), not of shape {commands.shape}.")
-        pushes = np.broadcast_to(np.asarray(disturbance, dtype=np.float64), commands.shape[:1])
-        rng = np.random.default_rng(seed)
-        state = self.rest() if start is None else start
-        states, measured = [state], []
-        for command, push in zip(commands, pushes, strict=True):
-            measured.append(self.measure(state, rng))
-            state = self.advance(state, command, sample_time, float(push))
-            states.append(state)
-        samples = states[:-1]
-        count = len(samples)
-        return RigRecord(
-            time=np.arange(count, dtype=np.float64) * sample_time,
-            torques=commands.copy(),
-            angle=np.array(measured),
-            true_angle=np.array([s.angle for s in samples]),
-            velocity=np.array([s.velocity for s in samples]),
-            motor_angles=np.array([self.motor_angles(s) for s in samples]).reshape(count, 2),
-            flank_torques=np.array([self.flank_torques(s) for s in samples]).reshape(count, 2),
-            least_flank_torques=np.array([s.least_flank_torques for s in states[1:]]).reshape(count, 2),
-            end=states[-1],
-        )
-
-
-def _counted(angle: ArrayLike, counts: int) -> Array:
-    """The angle in whole counts of an encoder, shape of the input; unchanged without counts."""
-    exact = np.asarray(angle, dtype=np.float64)
-    if counts == 0:
-        return exact
-    resolution = 2 * np.pi / counts
-    return np.asarray(np.round(exact / resolution) * resolution)
+        commands, count = np.asarray(torques, dtype=np.float64), len(self.drives)
+        if commands.ndim != 2 or commands.shape[1] != count or not np.all(np.isfinite(commands)):
+            raise BadParameter(f"Rig: the torques must be finite and of shape (T, {count}), not {commands.shape}.")
+        first = None if start is None else FleetState(rows=start.row(), trail=start.trail)
+        pushes = np.broadcast_to(np.asarray(disturbance, dtype=np.float64), commands.shape[:1])[:, None]
+        return self._alone.run(commands[:, None], sample_time, [seed], start=first, disturbance=pushes).machine(0)

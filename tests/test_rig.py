@@ -124,6 +124,39 @@ def test_no_energy_is_gained_in_impacts(rates: tuple[float, float], velocity: fl
     assert highest <= first * (1 + 2e-3) + 1e-12
 
 
+def through_an_impact(rig: Rig, rate: float, place: float) -> tuple[RigState, RigState]:
+    """Before and after the one rotor of a rig, at `place` of its half play, has hit the load and left it again."""
+    before = replace(rig.rest(), rotor_angles=np.array([place * rig.backlash / 2]), rotor_velocities=np.array([rate]))
+    state, touched = before, False
+    for _ in range(2000):
+        state = rig.advance(state, (0.0,), 1e-4)
+        inside = abs(state.rotor_angles[0] - state.angle) < rig.backlash / 2
+        if touched and inside:
+            return before, state
+        touched = touched or not inside
+    raise AssertionError("the rotor never came back")
+
+
+@pytest.mark.parametrize("place", [-0.7, -0.1, 0.13, 0.5])
+@pytest.mark.parametrize("damping", [0.0, 1e-3, 0.5, 6.0, 20.0])
+def test_an_impact_gains_no_energy_and_returns_what_theory_says(damping: float, place: float) -> None:
+    """At the default fine step; the restitution is that of Schwager and Pöschel, Granular Matter 9 (2007) 465."""
+    rig = Rig.paper_like(**FRICTIONLESS, drives=(2,), flank_damping=damping)
+    rotor = rig.rotor_inertia * rig.gears.ratio**2
+    mass = 1 / (1 / rotor + 1 / rig.inertia)
+    for rate in (0.1, 0.7, 2.3):
+        before, after = through_an_impact(rig, rate, place)
+        if damping == 0.0:
+            assert rig.energy(after) == pytest.approx(rig.energy(before), rel=1e-4)
+        else:
+            assert rig.energy(after) < rig.energy(before)
+        decay = damping / (2 * mass)
+        swing = np.sqrt(rig.flank_stiffness / mass - decay**2)
+        angle = np.pi - np.arctan2(2 * decay * swing, swing**2 - decay**2)
+        returned = float(after.velocity - after.rotor_velocities[0]) / rate
+        assert returned == pytest.approx(np.exp(-decay / swing * angle), rel=5e-3)
+
+
 def test_impacts_with_damping_lose_energy() -> None:
     rig = Rig.paper_like(**FRICTIONLESS)
     state = replace(rig.rest(), rotor_velocities=np.array([2.0, 2.0]))
