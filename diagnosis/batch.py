@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import closing
 from functools import partial
 
 from diagnosis.candidates import Choice
 from diagnosis.diagnose import diagnose
 from diagnosis.result import Diagnosis
 from identification.log import Log
+from plant.executors import in_order
 from plant.servo import ServoModel
 
 
@@ -29,7 +31,8 @@ def diagnose_all(
         logs: one log a diagnosis.
         base, fixed, candidates, exclude: as in `diagnose`, the same for all.
         executor: any executor of `concurrent.futures`, also a `dask.distributed.Client().get_executor()`; logs and
-            diagnoses are pickled where its workers are processes. None works on one log after the other here.
+            diagnoses are pickled where its workers are processes. None works on one log after the other here. A killed
+            worker costs no diagnosis, see `plant.executors.in_order`.
         progress: called with a line of text as each diagnosis is handed out.
 
     Yields:
@@ -41,17 +44,9 @@ def diagnose_all(
     """
     listed = list(logs)
     work = partial(diagnose, base=base, fixed=tuple(fixed), candidates=candidates, exclude=tuple(exclude))
-    if executor is None:
-        for number, log in enumerate(listed, start=1):
-            yield _told(work(log), number, len(listed), progress)
-        return
-    waiting = [executor.submit(work, log) for log in listed]
-    try:
-        for number, future in enumerate(waiting, start=1):
-            yield _told(future.result(), number, len(listed), progress)
-    finally:
-        for future in waiting:
-            future.cancel()
+    with closing(in_order(work, listed, executor)) as results:
+        for number, found in enumerate(results, start=1):
+            yield _told(found, number, len(listed), progress)
 
 
 def _told(found: Diagnosis, number: int, together: int, progress: Callable[[str], None] | None) -> Diagnosis:

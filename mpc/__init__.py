@@ -7,6 +7,7 @@ from mpc.bode import bode_figure
 from mpc.closed_loop import ClosedLoopResult, closed_loop
 from mpc.controller import Control, Controller
 from mpc.estimator import Estimator
+from mpc.monte_carlo import MonteCarlo, Sweep, Trial, monte_carlo, sweep
 from mpc.trajectory import Trajectory, minimum_heat, time_optimal
 
 __all__ = [
@@ -15,10 +16,15 @@ __all__ = [
     "Controller",
     "Estimator",
     "LoopAnalysis",
+    "MonteCarlo",
+    "Sweep",
     "Trajectory",
+    "Trial",
     "analyse_loop",
     "bode_figure",
     "closed_loop",
     "minimum_heat",
+    "monte_carlo",
+    "sweep",
     "time_optimal",
 ]

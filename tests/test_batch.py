@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import multiprocessing
 import pickle
 from collections.abc import Iterator
@@ -42,20 +41,13 @@ def processes() -> Executor:
 def dask() -> Iterator[Executor]:
     from distributed import Client
 
-    with Client(n_workers=1, threads_per_worker=2, dashboard_address=None) as client:
+    with Client(n_workers=2, threads_per_worker=1, dashboard_address=None) as client:
         yield client.get_executor()
 
 
 @pytest.mark.parametrize(
     "workers",
-    [
-        lambda: ThreadPoolExecutor(2),
-        processes,
-        pytest.param(
-            dask,
-            marks=pytest.mark.skipif(importlib.util.find_spec("distributed") is None, reason="dask is not installed"),
-        ),
-    ],
+    [lambda: ThreadPoolExecutor(2), processes, dask],
     ids=["threads", "processes", "dask"],
 )
 def test_an_executor_gives_the_same_diagnoses_in_order(
