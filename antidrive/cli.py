@@ -125,7 +125,11 @@ def predict(
 def simulate(
     context: typer.Context,
     scenario: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help="tracking, figure7, drive-loss, disturbance, or a TOML file.")
+        str,
+        typer.Argument(
+            metavar="SCENARIO",
+            help="section3, section4, figure5, figure6, figure7, tracking, drive-loss, disturbance, or a TOML file.",
+        ),
     ],
     model: Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Design model of the controller.")] = None,
     out: Out = OUT,
@@ -133,7 +137,7 @@ def simulate(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Close the loop around the rig: trajectory.csv, summary.json, report.html."""
+    """Run a closed loop, or an experiment of the paper, on the rig: trajectory.csv, summary.json, report.html."""
     from antidrive import commands
 
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)

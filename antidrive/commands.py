@@ -137,20 +137,24 @@ def predict(model: Path, options: LogOptions, *, window: float | None, out: Path
 
 def simulate(scenario: str, *, model: Path | None, out: Path, seed: int, voice: Voice) -> None:
     """Run a scenario on the rig and write trajectory.csv, summary.json and report.html."""
-    from antidrive.scenario import read_scenario
-    from antidrive.simulation import run_scenario
+    from antidrive.experiments.outcome import Outcome
+    from antidrive.plans import read_plan
 
-    plan = read_scenario(scenario)
+    plan = read_plan(scenario)
     design = None if model is None else read_model(model).model
     with whole_folder(out) as draft:
         with voice.progress(f"simulating {plan.name}"):
-            trial = run_scenario(plan, model=design, seed=seed)
-        trial.table().to_csv(draft / "trajectory.csv", index=False, float_format="%.10g")
-        write_json(draft / "summary.json", trial.summary())
-        page = report.trial_page(trial, Provenance.now(voice.words))
+            result = plan.run(design, seed)
+        result.table().to_csv(draft / "trajectory.csv", index=False, float_format="%.10g")
+        write_json(draft / "summary.json", result.summary())
+        provenance = Provenance.now(voice.words)
+        if isinstance(result, Outcome):
+            page = report.experiment_page(result, provenance)
+        else:
+            page = report.trial_page(result, provenance)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [*trial.sentences(), _written(out, "trajectory.csv, summary.json, report.html")]
-    voice.result("\n".join(lines), trial.summary())
+    lines = [*result.sentences(), _written(out, "trajectory.csv, summary.json, report.html")]
+    voice.result("\n".join(lines), result.summary())
 
 
 def allocate(torques: list[float], *, min_torque: float, max_torque: float, voice: Voice) -> None:

@@ -43,14 +43,14 @@ def replay_figure(replay: Replay, unit: str, *, extended: bool) -> go.Figure:
     if extended:
         curves.append(("extended model", AFTER, replay.after))
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=[0.58, 0.42])
-    figure.add_trace(_line(replay.time, measured, "measured", MEASURED, width=3.5), 1, 1)
+    figure.add_trace(line(replay.time, measured, "measured", MEASURED, width=3.5), 1, 1)
     for name, colour, simulated in curves:
-        figure.add_trace(_line(replay.time, simulated, name, colour), 1, 1)
-        figure.add_trace(_line(replay.time, measured - simulated, name, colour, legend=False), 2, 1)
+        figure.add_trace(line(replay.time, simulated, name, colour), 1, 1)
+        figure.add_trace(line(replay.time, measured - simulated, name, colour, legend=False), 2, 1)
     figure.update_yaxes(title_text=f"output [{unit}]", row=1, col=1)
     figure.update_yaxes(title_text=f"error [{unit}]", row=2, col=1)
     figure.update_xaxes(title_text="time [s]", row=2, col=1)
-    return _finish(figure, 460)
+    return finish(figure, 460)
 
 
 def missing_over_time(missing: MissingTorque) -> go.Figure:
@@ -61,10 +61,10 @@ def missing_over_time(missing: MissingTorque) -> go.Figure:
         time, torque, band = missing.time[rows], missing.torque[rows], missing.band[rows]
         first = bool(run == missing.run[0])
         figure.add_traces(_band(time, torque - band, torque + band, BEFORE, "95 % band", legend=first))
-        figure.add_trace(_line(time, torque, "missing torque", BEFORE, legend=first))
+        figure.add_trace(line(time, torque, "missing torque", BEFORE, legend=first))
     figure.update_xaxes(title_text="time [s]")
     figure.update_yaxes(title_text=f"missing torque [{missing.unit}]")
-    return _finish(figure, 300)
+    return finish(figure, 300)
 
 
 def curve_figure(before: Curve, after: Curve | None, unit: str) -> go.Figure:
@@ -74,10 +74,10 @@ def curve_figure(before: Curve, after: Curve | None, unit: str) -> go.Figure:
     for name, colour, curve in pairs:
         low, high = curve.mean - curve.band, curve.mean + curve.band
         figure.add_traces(_band(curve.centre, low, high, colour, "95 % band", legend=False))
-        figure.add_trace(_line(curve.centre, curve.mean, name, colour))
+        figure.add_trace(line(curve.centre, curve.mean, name, colour))
     figure.update_xaxes(title_text=f"{before.variable} [{before.unit}]")
     figure.update_yaxes(title_text=f"missing torque [{unit}]")
-    return _finish(figure, 270)
+    return finish(figure, 270)
 
 
 def contest_figure(contest: Contest, names: Mapping[str, str], labels: Mapping[str, str]) -> go.Figure:
@@ -99,7 +99,7 @@ def contest_figure(contest: Contest, names: Mapping[str, str], labels: Mapping[s
     figure.update_xaxes(range=[0.0, max(3.0 * ALONE, 2.0 * behind[1])])
     figure.update_xaxes(title_text="log odds behind the first (dotted: 9 to 1)")
     figure.update_yaxes(autorange="reversed", ticksuffix="  ")
-    return _finish(figure, 110 + 34 * len(rows), legend=False).update_layout(margin_r=64)
+    return finish(figure, 110 + 34 * len(rows), legend=False).update_layout(margin_r=64)
 
 
 def gathered_figure(grown: Gathered) -> go.Figure:
@@ -107,11 +107,11 @@ def gathered_figure(grown: Gathered) -> go.Figure:
     figure = go.Figure()
     ends = [0, grown.time.size - 1]
     even = np.array([0.0, grown.evidence[-1]])
-    figure.add_trace(_line(grown.time[ends], even, "if it grew evenly", MEASURED, width=1.2))
-    figure.add_trace(_line(grown.time, grown.evidence, "log-likelihood gained", AFTER))
+    figure.add_trace(line(grown.time[ends], even, "if it grew evenly", MEASURED, width=1.2))
+    figure.add_trace(line(grown.time, grown.evidence, "log-likelihood gained", AFTER))
     figure.update_xaxes(title_text="time along the runs [s]")
     figure.update_yaxes(title_text="log-likelihood")
-    return _finish(figure, 270)
+    return finish(figure, 270)
 
 
 def shown_figure(seen: Shown) -> go.Figure:
@@ -120,12 +120,12 @@ def shown_figure(seen: Shown) -> go.Figure:
     low, high = seen.before - seen.band, seen.before + seen.band
     figure.add_traces(_band(seen.centre, low, high, BEFORE, "95 % band", legend=False))
     for name, colour, values in (("without it", BEFORE, seen.before), ("with it", AFTER, seen.after)):
-        figure.add_trace(_line(seen.centre, values, name, colour))
-    said = _line(seen.centre, seen.predicted, "what it predicts", SECOND, width=2.4)
+        figure.add_trace(line(seen.centre, values, name, colour))
+    said = line(seen.centre, seen.predicted, "what it predicts", SECOND, width=2.4)
     figure.add_trace(said.update(line_dash="dash"))
     figure.update_xaxes(title_text=f"{seen.variable} [{seen.unit}]")
     figure.update_yaxes(title_text=f"missing torque [{seen.torque_unit}]")
-    return _finish(figure, 270)
+    return finish(figure, 270)
 
 
 def gain_figure(before: float, after: float | None, floor: float, unit: str) -> go.Figure:
@@ -145,7 +145,7 @@ def gain_figure(before: float, after: float | None, floor: float, unit: str) -> 
     figure.add_vline(x=floor, line_dash="dot", line_color=SECOND, annotation=note)
     figure.update_xaxes(title_text=f"rms error on held-out runs [{unit}]", rangemode="tozero")
     figure.update_yaxes(autorange="reversed", ticksuffix="  ")
-    return _finish(figure, 130 + 40 * len(rows), legend=False)
+    return finish(figure, 130 + 40 * len(rows), legend=False)
 
 
 def signature_figure(found: Signature, variable: str, lacking: str) -> go.Figure:
@@ -162,20 +162,20 @@ def signature_figure(found: Signature, variable: str, lacking: str) -> go.Figure
     figure = go.Figure(go.Scatter(x=_short(over), y=_short(values), hoverinfo="skip", **style))
     figure.update_xaxes(title_text=variable)
     figure.update_yaxes(title_text=lacking)
-    return _finish(figure, 340, legend=False)
+    return finish(figure, 340, legend=False)
 
 
 def change_figure(found: Signature) -> go.Figure:
     """What the sensor shows without and with an effect, and the difference below."""
     time = _short(found.variables["time"])
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.07, row_heights=[0.55, 0.45])
-    figure.add_trace(_line(time, _short(found.without), "without it", MEASURED, width=3.5), 1, 1)
-    figure.add_trace(_line(time, _short(found.seen), "with it", AFTER), 1, 1)
-    figure.add_trace(_line(time, _short(found.change), "difference", BEFORE), 2, 1)
+    figure.add_trace(line(time, _short(found.without), "without it", MEASURED, width=3.5), 1, 1)
+    figure.add_trace(line(time, _short(found.seen), "with it", AFTER), 1, 1)
+    figure.add_trace(line(time, _short(found.change), "difference", BEFORE), 2, 1)
     figure.update_yaxes(title_text="reading [rad]", row=1, col=1)
     figure.update_yaxes(title_text="difference [rad]", row=2, col=1)
     figure.update_xaxes(title_text="time [s]", row=2, col=1)
-    return _finish(figure, 340)
+    return finish(figure, 340)
 
 
 def _short(values: Array) -> Any:
@@ -186,13 +186,13 @@ def _short(values: Array) -> Any:
 def fit_figure(time: Array, measured: Array, simulated: Array, unit: str) -> go.Figure:
     """One run, measured (NaN where masked) and simulated, with the residual below."""
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=[0.62, 0.38])
-    figure.add_trace(_line(time, measured, "measured", MEASURED, width=3.5), 1, 1)
-    figure.add_trace(_line(time, simulated, "simulated", AFTER), 1, 1)
-    figure.add_trace(_line(time, measured - simulated, "residual", BEFORE, legend=False), 2, 1)
+    figure.add_trace(line(time, measured, "measured", MEASURED, width=3.5), 1, 1)
+    figure.add_trace(line(time, simulated, "simulated", AFTER), 1, 1)
+    figure.add_trace(line(time, measured - simulated, "residual", BEFORE, legend=False), 2, 1)
     figure.update_yaxes(title_text=f"output [{unit}]", row=1, col=1)
     figure.update_yaxes(title_text=f"residual [{unit}]", row=2, col=1)
     figure.update_xaxes(title_text="time [s]", row=2, col=1)
-    return _finish(figure, 430)
+    return finish(figure, 430)
 
 
 def traces_figure(
@@ -210,13 +210,13 @@ def traces_figure(
     for row, (title, curves) in enumerate(rows, start=1):
         for name, colour, values in curves:
             width = 3.5 if colour == MEASURED else 1.6
-            figure.add_trace(_line(time, values, name, colour, width=width, legend=name not in listed), row, 1)
+            figure.add_trace(line(time, values, name, colour, width=width, legend=name not in listed), row, 1)
             listed.add(name)
         for level in bounds.get(row, ()):
             figure.add_hline(y=level, line_dash="dot", line_color=MEASURED, line_width=1, row=row, col=1)
         figure.update_yaxes(title_text=title, row=row, col=1)
     figure.update_xaxes(title_text="time [s]", row=len(rows), col=1)
-    return _finish(figure, 110 + 190 * len(rows))
+    return finish(figure, 110 + 190 * len(rows))
 
 
 def capability_figure(found: CapabilityMap) -> go.Figure:
@@ -233,10 +233,11 @@ def capability_figure(found: CapabilityMap) -> go.Figure:
         figure.add_trace(go.Heatmap(**shown, colorscale="Viridis", colorbar=bar), row, 1)
         figure.update_yaxes(title_text="load torque [N m]", row=row, col=1)
     figure.update_xaxes(title_text="acceleration [rad/s²]", row=len(parts), col=1)
-    return _finish(figure, 960, legend=False)
+    return finish(figure, 960, legend=False)
 
 
-def _line(time: Array, values: Array, name: str, colour: str, *, width: float = 1.6, legend: bool = True) -> Any:
+def line(time: Array, values: Array, name: str, colour: str, *, width: float = 1.6, legend: bool = True) -> Any:
+    """A curve, thinned to what a screen can show."""
     kept = thin(values)
     return go.Scatter(
         x=time[kept],
@@ -267,7 +268,8 @@ def _band(x: Array, low: Array, high: Array, colour: str, name: str, *, legend: 
     ]
 
 
-def _finish(figure: go.Figure, height: int, *, legend: bool = True) -> go.Figure:
+def finish(figure: go.Figure, height: int, *, legend: bool = True) -> go.Figure:
+    """The look that all figures share."""
     figure.update_layout(
         template="none",
         height=height,

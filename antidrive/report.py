@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from antidrive import figures
+from antidrive.curves import picture_figure
+from antidrive.experiments.outcome import Outcome
 from antidrive.page import figure_json, page
 from antidrive.provenance import Provenance
 from antidrive.words import headline, sentences
@@ -60,6 +62,16 @@ def fit_page(fit: Fit, simulated: Sequence[Array], provenance: Provenance, notes
     if lost:
         title += f"; this log cannot tell {', '.join(lost)}"
     return page("fit", provenance, title, fit=content)
+
+
+def experiment_page(found: Outcome, provenance: Provenance) -> str:
+    """The page of one of the paper's experiments."""
+    content = {
+        "sentences": found.sentences(),
+        "comparison": found.comparison,
+        "pictures": [(figure_json(picture_figure(drawn)), drawn.caption) for drawn in found.pictures],
+    }
+    return page("experiment", provenance, found.title, experiment=content)
 
 
 def trial_page(trial: Trial, provenance: Provenance) -> str:

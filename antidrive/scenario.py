@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from functools import partial
 from importlib.resources import files
 from pathlib import Path
@@ -20,6 +21,7 @@ from plant.rig import Rig
 Array = NDArray[np.float64]
 
 NAMES = ("tracking", "figure7", "drive-loss", "disturbance")
+"""The closed loops of the package; its other scenarios are experiments, see `antidrive.plans`."""
 _CONTROLLER = ("horizon", "min_torque", "max_torque", "rotor_inertia", "bandwidth", "encoder_noise")
 _REFERENCES = {
     "constant": ("level",),
@@ -103,13 +105,20 @@ def read_scenario(name: str) -> Scenario:
     Raises:
         BadParameter: there is no such name or file, or the file holds something that no scenario has.
     """
-    if name in NAMES:
-        return parse_scenario(name, files("antidrive").joinpath("scenarios", f"{name}.toml").read_text("utf-8"))
+    return parse_scenario(name, scenario_text(name))
+
+
+def scenario_text(name: str) -> str:
+    """The text of a scenario of the package by its name, or of a TOML file; errors as in `read_scenario`."""
+    folder = files("antidrive").joinpath("scenarios")
+    own = sorted(file.name.removesuffix(".toml") for file in folder.iterdir())
+    if name in own:
+        return folder.joinpath(f"{name}.toml").read_text("utf-8")
     path = Path(name)
     if path.suffix != ".toml":
-        raise BadParameter(f"There is no scenario {name!r}; name {', '.join(NAMES)} or a TOML file.")
+        raise BadParameter(f"There is no scenario {name!r}; name {', '.join(own)} or a TOML file.")
     try:
-        return parse_scenario(name, path.read_text(encoding="utf-8"))
+        return path.read_text(encoding="utf-8")
     except OSError as error:
         raise BadParameter(f"{name}: cannot be read ({error.strerror}).") from None
     except UnicodeDecodeError:
@@ -126,7 +135,7 @@ def parse_scenario(name: str, text: str) -> Scenario:
     known = tuple(field.name for field in fields(Scenario) if field.name != "name")
     _only(name, "the file", content, known)
     reference = _reference(name, table(content, "reference", None))
-    rig = table(content, "rig", [field.name for field in fields(Rig) if field.name != "gears"])
+    rig = table(content, "rig", [field.name for field in fields(Rig) if field.name not in ("gears", "drives")])
     controller = table(content, "controller", list(_CONTROLLER))
     for section, numbers in (("rig", rig), ("controller", controller)):
         for key in numbers:
@@ -193,7 +202,14 @@ def _table(name: str, content: Mapping[str, Any], section: str, known: list[str]
 def _only(name: str, where: str, table: Mapping[str, Any], known: Any) -> None:
     unknown = sorted(set(table) - set(known))
     if unknown:
-        raise BadParameter(f"{name}: {where} has the unknown key {unknown[0]!r}; known are {', '.join(known)}.")
+        raise BadParameter(f"{name}: {where} has the unknown key {unknown[0]!r}; {keys_like(unknown[0], known)}.")
+
+
+def keys_like(unknown: str, known: Sequence[str]) -> str:
+    """Which keys there are, or where there are many, those that look most like an unknown one."""
+    if len(known) <= 12:
+        return f"known are {', '.join(known)}"
+    return f"the nearest known are {', '.join(get_close_matches(unknown, known, 5, 0.0))}"
 
 
 def _number(name: str, path: str, table: Mapping[str, Any], *, above: float = -math.inf) -> float:

@@ -1,0 +1,3 @@
+"""The paper's own experiments, one file each: settings from a scenario file, numbers, and what they say."""
+
+from __future__ import annotations

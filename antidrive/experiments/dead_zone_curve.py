@@ -1,0 +1,204 @@
+"""Figure 6 of the paper: the dead zone as an input-output curve, measured on the rig beside the true gap.
+
+One drive pushes and pulls slowly against a load whose brake is on. Torque over twist, the motor's angle less the
+load's, is flat across the free play and rises on either flank. Torque passed over torque told has a dead zone too, and
+that one is the motor's friction: it stays when the gap grows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
+from antidrive.experiments.settings import need_positive, need_samples
+from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND
+from plant.errors import BadParameter
+from plant.fleet import Fleet
+from plant.rig import Rig
+from plant.signals import triangle
+
+ON_A_FLANK = 0.3  # share of the greatest torque from which the teeth surely lie on a flank
+COLOURS = (BEFORE, AFTER, SECOND, MEASURED)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeadZoneSettings:
+    """Attributes.
+
+    title: for people.
+    amplitude: of the torque that the drive is told to give, at the follower [N m].
+    frequency: of its triangle [Hz].
+    duration, sample_time: [s].
+    brake: dry friction that holds the load [N m].
+    gaps: free plays to measure [rad].
+    rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
+    """
+
+    title: str
+    amplitude: float
+    frequency: float
+    duration: float
+    sample_time: float
+    brake: float
+    gaps: tuple[float, ...]
+    rig: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        """Check what the rig does not check."""
+        need_positive(self, "amplitude", "frequency", "duration", "sample_time", "gaps")
+        need_samples(self.duration, self.sample_time)
+        if self.duration * self.frequency < 1.0:
+            raise BadParameter(f"duration = {self.duration:g} s must hold at least one period.")
+        for rig in self.machines():
+            if rig.motor_encoder_counts == 0:
+                raise BadParameter("rig.motor_encoder_counts must be above zero here.")
+            if self.brake <= self.amplitude + abs(rig.gravity):
+                raise BadParameter(f"brake = {self.brake:g} N m does not hold the load against amplitude and gravity.")
+
+    def machines(self) -> list[Rig]:
+        """A rig for each gap, with drive 2 alone."""
+        held = {**self.rig, "coulomb_friction": self.brake, "drives": (2,)}
+        return [Rig.paper_like(**{**held, "backlash": gap}) for gap in self.gaps]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DeadZoneCurves:
+    """Curves of B machines over T samples, and what was read off them.
+
+    Attributes:
+        time, told: (T,) [s], torque told to the drive, at the follower [N m].
+        twist: (T, B) motor angle seen from the load less load angle, as the encoders show them [rad].
+        passed: (T, B) torque that the teeth really pass [N m].
+        true_gap, gap: (B,) [rad].
+        true_friction, friction: (B,) half width of the dead zone in torque [N m].
+        stiffness: (B,) of the teeth [N m/rad].
+    """
+
+    time: Array
+    told: Array
+    twist: Array
+    passed: Array
+    true_gap: Array
+    gap: Array
+    true_friction: Array
+    friction: Array
+    stiffness: Array
+
+
+def experiment(settings: DeadZoneSettings, seed: int) -> DeadZoneCurves:
+    """Play the triangle on all machines and read gap, stiffness and friction off the encoders.
+
+    On the flanks, with torque D and the direction s of its change, twist = offset + sign(D) gap/2 + (D - s f)/k.
+    """
+    rigs = settings.machines()
+    told = triangle(
+        amplitude=settings.amplitude,
+        frequency=settings.frequency,
+        duration=settings.duration,
+        sample_time=settings.sample_time,
+    )
+    pinion = np.repeat(told[:, None, None] / rigs[0].torque_map, len(rigs), axis=1)
+    played = Fleet(rigs).run(pinion, settings.sample_time, range(seed, seed + len(rigs)))
+    to_load = rigs[0].gears.pre_reduction * rigs[0].torque_map[0]
+    twist = played.motor_angles[:, :, 0] / to_load - played.angle
+    # a reading at a sample goes with the torque held until then
+    before, direction = np.roll(told, 1), np.sign(np.roll(told, 1) - np.roll(told, 2))
+    settled = np.arange(told.size) * settings.sample_time > 0.25 / settings.frequency
+    use = settled & (np.abs(before) > ON_A_FLANK * settings.amplitude) & (direction != 0.0)
+    columns = np.column_stack((np.ones(told.size), 0.5 * np.sign(before), before, -direction))[use]
+    _, gap, give, lag = np.linalg.lstsq(columns, twist[use], rcond=None)[0]
+    return DeadZoneCurves(
+        time=played.time,
+        told=before,
+        twist=twist,
+        passed=played.flank_torques[:, :, 0],
+        true_gap=np.array(settings.gaps),
+        gap=gap,
+        true_friction=np.array([rig.motor_coulomb * rig.motor_ratios[0] for rig in rigs]),
+        friction=lag / give,
+        stiffness=1.0 / give,
+    )
+
+
+def run(settings: DeadZoneSettings, seed: int) -> Outcome:
+    """Figure 6 measured, and told."""
+    found = experiment(settings, seed)
+    error = found.gap / found.true_gap - 1.0
+    cycle = found.time >= found.time[-1] - 1.0 / settings.frequency
+    names = [f"gap {1e3 * gap:g} mrad" for gap in found.true_gap]
+    coloured = [(k, name, COLOURS[k % len(COLOURS)]) for k, name in enumerate(names)]
+    reach = settings.amplitude / found.stiffness[0]
+    ideal = []
+    for k, name, _ in coloured[:1]:
+        half = found.true_gap[k] / 2
+        true = Curve(
+            name=f"true, {name}",
+            colour=MEASURED,
+            x=np.array([-half - reach, -half, half, half + reach]),
+            y=settings.amplitude * np.array([-1.0, 0.0, 0.0, 1.0]),
+        )
+        ideal.append(true)
+    rig = settings.machines()[0]
+    count = 2.0 * np.pi / rig.motor_encoder_counts / rig.motor_ratios[0] * rig.flank_stiffness
+    small = np.abs(found.told) < 8.0 * np.max(found.true_friction)
+    return Outcome(
+        title=settings.title,
+        said=(
+            "Free plays of "
+            + ", ".join(f"{1e3 * gap:.4g}" for gap in found.true_gap)
+            + " mrad are measured as "
+            + ", ".join(f"{1e3 * gap:.4g}" for gap in found.gap)
+            + f" mrad, from the encoders alone: {100 * np.max(np.abs(error)):.2g} % off at most.",
+            "Equation (6) puts the dead zone into the torque. There the rig has one as well, of "
+            f"{found.true_friction[0]:.3f} N m on either side, but it is the motor's friction and does not grow with "
+            "the gap: the encoders say "
+            + ", ".join(f"{f:.3f}" for f in found.friction)
+            + f" N m, one count of the motor's being worth {count:.2g} N m of wind-up. What the gap takes is angle, "
+            "not torque.",
+        ),
+        comparison=(
+            ("half width gamma [N m]", "0.5 (put into the model)", f"{found.true_friction[0]:.4f} (motor friction)"),
+            *(
+                (f"free play of {1e3 * true:g} mrad [mrad]", "", f"{1e3 * gap:.4f} ({100 * off:+.2f} %)")
+                for true, gap, off in zip(found.true_gap, found.gap, error, strict=True)
+            ),
+            ("stiffness of the teeth [N m/rad]", "", ", ".join(f"{k:.4g}" for k in found.stiffness)),
+        ),
+        found={
+            "true_gaps": found.true_gap.tolist(),
+            "gaps": found.gap.tolist(),
+            "largest_relative_error": float(np.max(np.abs(error))),
+            "torque_dead_zones": found.friction.tolist(),
+            "true_torque_dead_zone": float(found.true_friction[0]),
+            "stiffnesses": found.stiffness.tolist(),
+        },
+        columns={
+            "time": found.time,
+            "torque": found.told,
+            **{f"twist_{k + 1}": found.twist[:, k] for k in range(len(names))},
+            **{f"passed_torque_{k + 1}": found.passed[:, k] for k in range(len(names))},
+        },
+        pictures=(
+            Picture(
+                caption="Torque told over twist, by the encoders: the dead zone is the gap.",
+                x="motor angle less load angle [rad]",
+                y="torque [N m]",
+                curves=[
+                    *(Curve(name=n, colour=c, x=found.twist[cycle, k], y=found.told[cycle]) for k, n, c in coloured),
+                    *ideal,
+                ],
+            ),
+            Picture(
+                caption="Torque passed over torque told, near zero: this dead zone is friction, the same at every gap.",
+                x="torque told [N m]",
+                y="torque passed [N m]",
+                curves=[
+                    Curve(name=n, colour=c, x=found.told[cycle & small], y=found.passed[cycle & small, k])
+                    for k, n, c in coloured
+                ],
+            ),
+        ),
+    )

@@ -1,0 +1,26 @@
+"""The kinds of experiment: what a scenario file names as its `kind`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from antidrive.experiments import chirp_response, dead_zone_curve, gear_train, three_steps
+from antidrive.experiments.outcome import Outcome
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Class of the settings, and what runs them with a seed."""
+
+    settings: type[Any]
+    run: Callable[[Any, int], Outcome]
+
+
+KINDS: Final = {
+    "gear_train": Kind(gear_train.GearTrainSettings, gear_train.run),
+    "three_steps": Kind(three_steps.ThreeStepsSettings, three_steps.run),
+    "chirp_response": Kind(chirp_response.ChirpSettings, chirp_response.run),
+    "dead_zone_curve": Kind(dead_zone_curve.DeadZoneSettings, dead_zone_curve.run),
+}

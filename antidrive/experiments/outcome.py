@@ -1,0 +1,71 @@
+"""What an experiment found: sentences, numbers beside the paper's, a table and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve:
+    """One curve of a figure: name, colour, x (T,) and y (T,); as points where it was measured at a few places."""
+
+    name: str
+    colour: str
+    x: Array
+    y: Array
+    points: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A figure with its caption: axis titles, and curves."""
+
+    caption: str
+    x: str
+    y: str
+    curves: Sequence[Curve]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """An experiment told.
+
+    Attributes:
+        title: for people.
+        said: what was found, in sentences.
+        comparison: rows of quantity, what the paper prints ("" where it prints nothing), and what was found.
+        found: the numbers of summary.json, SI units.
+        columns: of trajectory.csv, all of one length.
+        pictures: figures of the report.
+    """
+
+    title: str
+    said: Sequence[str]
+    comparison: Sequence[tuple[str, str, str]]
+    found: Mapping[str, Any]
+    columns: Mapping[str, Array]
+    pictures: Sequence[Picture]
+
+    def sentences(self) -> list[str]:
+        """What was found."""
+        return list(self.said)
+
+    def summary(self) -> dict[str, Any]:
+        """The numbers, as JSON holds them."""
+        return {"schema": 1, "synthetic": True, **self.found}
+
+    def table(self) -> pd.DataFrame:
+        """What was recorded, SI units."""
+        import pandas as pd
+
+        return pd.DataFrame(dict(self.columns))

@@ -1,0 +1,67 @@
+"""What `antidrive simulate` can run: one file is one scenario, and its key `kind` says what is done with it."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from antidrive.scenario import parse_scenario, scenario_text
+from plant.errors import BadParameter
+from plant.servo import ServoModel
+
+if TYPE_CHECKING:
+    from antidrive.experiments.outcome import Outcome
+    from antidrive.simulation import Trial
+
+Result: TypeAlias = "Trial | Outcome"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """A scenario that has been read and can be run.
+
+    Attributes:
+        name: of the scenario.
+        run: takes the controller's design model, or None for the default, and the seed.
+    """
+
+    name: str
+    run: Callable[[ServoModel | None, int], Result]
+
+
+def read_plan(name: str) -> Plan:
+    """A scenario by its name, or from a TOML file: a closed loop, or an experiment if its `kind` says so.
+
+    Raises:
+        BadParameter: there is no such name or file, or the file holds something that its kind has not.
+    """
+    text = scenario_text(name)
+    try:
+        content = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError):
+        content = {}  # the parser of closed loops says what is wrong
+    if "kind" in content:
+        return _experiment(name, content)
+    from antidrive.simulation import run_scenario
+
+    scenario = parse_scenario(name, text)
+    return Plan(name=scenario.name, run=lambda model, seed: run_scenario(scenario, model=model, seed=seed))
+
+
+def _experiment(name: str, content: Mapping[str, Any]) -> Plan:
+    from antidrive.experiments.kinds import KINDS
+    from antidrive.experiments.settings import read_settings
+
+    kind = KINDS.get(content["kind"]) if isinstance(content["kind"], str) else None
+    if kind is None:
+        raise BadParameter(f"{name}: kind is {content['kind']!r}; it must be one of {', '.join(KINDS)}.")
+    settings = read_settings(kind.settings, name, content)
+
+    def run(model: ServoModel | None, seed: int) -> Result:
+        if model is not None:
+            raise BadParameter(f"{name}: an experiment without a controller takes no --model.")
+        return kind.run(settings, seed)
+
+    return Plan(name=name, run=run)
