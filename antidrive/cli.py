@@ -20,10 +20,15 @@ app = typer.Typer(
 )
 UsageError: Any = typer.BadParameter.__bases__[0]  # every mistake in the words of a command line
 
-Logs = Annotated[list[Path] | None, typer.Argument(metavar="LOG...", help="CSV, Parquet, MAT or NPZ files.")]
+Logs = Annotated[
+    list[Path] | None, typer.Argument(metavar="LOG...", help="CSV, Parquet, MAT, NPZ, MF4, TDMS or MCAP files.")
+]
 Out = Annotated[Path, typer.Option(help="Folder for the results.")]
 Map = Annotated[list[str] | None, typer.Option("--map", metavar="COLUMN=NAME", help="Name of a column in the file.")]
-Unit = Annotated[list[str] | None, typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column: angle=deg.")]
+Unit = Annotated[
+    list[str] | None,
+    typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column: angle=deg, of counts angle=turn/131072."),
+]
 Scale = Annotated[list[str] | None, typer.Option("--scale", metavar="COLUMN=FACTOR", help="Factor on a column.")]
 Dataset = Annotated[str | None, typer.Option(help="Known data set: emps, kscale, bam, ur10e, hsm150.")]
 Data = Annotated[Path | None, typer.Option(metavar="FOLDER", help="Folder of the data set.")]

@@ -10,9 +10,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.cia402 import find_objects
+from identification.clocks import on_one_clock
 from identification.errors import MalformedLog
-from identification.readers import Table
 from identification.recording import Array, Recording
+from identification.stated_units import stated_units
+from identification.table import Table
 from identification.units import si_factor
 from plant.errors import BadParameter
 
@@ -59,12 +62,16 @@ class Reading:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recorded:
-    """Recordings of one table with what they are measured in."""
+    """Recordings of one table with what they are measured in.
+
+    notes: what limits a result, such as an unknown scale; warnings: what was found, skipped or taken on trust.
+    """
 
     recordings: tuple[Recording, ...]
     axis: str
     command_unit: str
     notes: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 def read_recordings(table: Table, reading: Reading) -> Recorded:
@@ -73,18 +80,25 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     Raises `MalformedLog` for missing or non-numeric columns, `BadParameter` for options that do not fit.
     """
     found = _find_columns(table, reading.mapping)
+    linear = any(
+        column in given for column in ("force", "position") for given in (found, reading.units, reading.scales)
+    )
+    guessed = find_objects(table.name, table.columns, found, linear=linear)
+    table, found = on_one_clock(table, found | guessed)
     axis = _axis(table, found)
     for option in (reading.units, reading.scales):
         for column in option:
             if column not in found:
                 raise BadParameter(f"'{column}' is given a unit or scale, but {table.name} has no such column; map it.")
+    stated = stated_units(table, found, guessed, units=reading.units, scales=reading.scales, axis=axis)
+    found = {column: name for column, name in found.items() if column not in stated.left_out}
     channels = {}
     for column, name in found.items():
         values = _numbers(table, name, column)
         if column in reading.scales:
             values = values * float(reading.scales[column])
-        if column in reading.units:
-            values = values * si_factor(column, reading.units[column], axis)
+        if column in stated.units:
+            values = values * si_factor(column, stated.units[column], axis)
         channels[column] = values
     _same_length(table, found, channels)
     kept = ~np.all([np.isnan(values) for column, values in channels.items() if column != "run"], axis=0)
@@ -108,7 +122,13 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         names={**found, "command": command_name, "output": found[output]},
         others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output, "run")},
     )
-    return Recorded(recordings=_runs(whole, channels.get("run")), axis=axis, command_unit=unit, notes=notes)
+    return Recorded(
+        recordings=_runs(whole, channels.get("run")),
+        axis=axis,
+        command_unit=unit,
+        notes=notes,
+        warnings=table.notes + stated.notes,
+    )
 
 
 def _find_columns(table: Table, mapping: Mapping[str, str]) -> dict[str, str]:

@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike
 from identification.checks import check, excited
 from identification.columns import COLUMNS, Gears, Reading, read_recordings
 from identification.errors import MalformedLog
-from identification.readers import Table, columns_of, read_table
+from identification.readers import columns_of, read_table
 from identification.recording import Finding, Recording
 from identification.run import Run
+from identification.table import Table
 from plant.errors import BadParameter
 
 if TYPE_CHECKING:
@@ -88,10 +89,11 @@ class Log:
         scales: Mapping[str, float] | None = None,
         gears: Gears | None = None,
     ) -> Log:
-        """Read one or several files: CSV, Parquet, MAT (v5 to v7.3), NPZ.
+        """Read one or several files: CSV, Parquet, MAT (v5 to v7.3), NPZ, MF4, TDMS, MCAP.
 
         mapping: column of the log contract -> its name in the file, `{"angle": "qm"}`.
-        units: column -> its unit in the file, `{"angle": "deg"}`.
+        units: column -> its unit in the file, `{"angle": "deg"}`; a unit that the file itself gives needs not be said.
+            It may have a factor: `turn/131072` for counts, `2.4Nm/1000` for per mille of a rated torque.
         scales: column -> factor on the file's values, `{"torque": 35.15}`, applied before the unit.
         gears: the gear train, when only the pinion torques were logged.
 
@@ -194,7 +196,7 @@ class Log:
             command_unit=recorded.command_unit,
             notes=recorded.notes,
         )
-        return replace(log, warnings=table.notes + log.warnings)
+        return replace(log, warnings=recorded.warnings + log.warnings)
 
     @classmethod
     def merge(cls, logs: Sequence[Log]) -> Log:

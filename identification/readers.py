@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
+from identification.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,26 +25,14 @@ FORMATS = {
     ".pq": "parquet",
     ".mat": "mat",
     ".npz": "npz",
+    ".mf4": "trade",
+    ".tdms": "trade",
+    ".mcap": "trade",
 }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Table:
-    """Columns as the file holds them: any dtype, lengths may differ (MAT and NPZ files mix sizes).
-
-    first_line: line of the first data row in a text file.
-    notes: what the reader skipped, interpolated or left out, one sentence each.
-    """
-
-    name: str
-    columns: dict[str, NDArray[Any]]
-    sha256: str
-    first_line: int | None = None
-    notes: tuple[str, ...] = ()
-
-
 def read_table(path: str | Path) -> Table:
-    """Read one file by its suffix: CSV (.csv, .txt, .tsv), Parquet, MAT (v5 to v7.3) or NPZ.
+    """Read one file by its suffix: CSV (.csv, .txt, .tsv), Parquet, MAT (v5 to v7.3), NPZ, MF4, TDMS or MCAP.
 
     A matrix of k columns named `data` becomes the columns `data:1` to `data:k`.
 
@@ -68,8 +56,11 @@ def read_table(path: str | Path) -> Table:
     if kind == "text":
         from identification.readers_text import parse_text
 
-        columns, first_line, notes = parse_text(content, path.name)
-        return Table(name=path.name, columns=columns, sha256=digest, first_line=first_line, notes=notes)
+        return parse_text(content, path.name, digest)
+    if kind == "trade":
+        from identification.readers_trade import read_trade
+
+        return read_trade(content, path.name, digest)
     try:
         columns = {"parquet": _parquet, "mat": _mat, "npz": _npz}[kind](content)
     except Exception as error:  # the three parsers raise whatever their formats lead them to

@@ -7,11 +7,11 @@ import io
 import re
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.recording import Array
+from identification.readers_scope import find_scope_header, group_starts, read_groups
+from identification.table import Table
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
 _NO_NUMBER = {"nan", "na", "null", "inf", "-inf"}
@@ -21,38 +21,50 @@ _COMMENT = ("#", "%", "//")
 _SEARCHED_LINES = 200  # no export has a longer preamble
 
 
-def parse_text(content: bytes, name: str) -> tuple[dict[str, NDArray[Any]], int, tuple[str, ...]]:
-    """Columns, the line of the first data row, and what was skipped or interpolated.
+def parse_text(content: bytes, name: str, sha256: str) -> Table:
+    """The columns of a text table, and what was skipped.
 
     Raises `MalformedLog` when there is no header, no data, or a line that does not fit.
     """
     lines = _decode(content, name).splitlines()
-    while lines and not lines[-1].strip():
+    while lines and lines[-1].strip() in ("", "EOF"):
         lines.pop()
-    separator, start = _layout(lines, name)
-    cells = len(_split(lines[start], separator))
-    header_line, header = _header(lines, separator, start, name)
-    notes = []
-    if start - header_line > 1:
-        notes.append(
-            f"{name}: the lines {header_line + 2} to {start} between the names and the data are not read; "
-            "units written there must be given with --unit"
-        )
+    notes: tuple[str, ...] = ()
+    scope = find_scope_header(lines)
+    if scope is not None:
+        separator, start, header = scope.separator, scope.data_line, list(scope.names)
+    else:
+        separator, start = _layout(lines, name)
+        header_line, header = _header(lines, separator, start, name)
+        if start - header_line > 1:
+            notes += (
+                f"{name}: the lines {header_line + 2} to {start} between the names and the data are not read; "
+                "units written there must be given with --unit",
+            )
     width = len(header)
-    if len(lines) > start + 1 and len(_split(lines[-1], separator)) < width:
-        notes.append(f"{name}: the last line ({len(lines)}) is cut off and left out")
+    starts = group_starts(header)
+    grouped = len(starts) > 1 or scope is not None
+    ends = {width, *starts} if grouped else {width}  # where the slower groups have ended, rows are shorter
+    last = len(_split(lines[-1], separator))
+    if len(lines) > start + 1 and last < width and last not in ends:
+        notes += (f"{name}: the last line ({len(lines)}) is cut off and left out",)
         lines.pop()
     decimal = "," if _has_decimal_comma(lines[start:], separator) else "."
+    cells = max(len(_split(lines[start], separator)), width)
     frame = _parse(lines[start:], separator, decimal, cells, start, name)[:width]
-    columns = {
-        column: values
-        for column, values in zip(_unique(header), frame, strict=True)
-        if column  # unnamed: index
-    }
-    if _is_paired(header):
-        columns, note = _merge_pairs(header, frame, name)
-        notes.append(note)
-    return columns, start + 1, tuple(notes)
+    if not grouped:
+        columns = {column: v for column, v in zip(_unique(header), frame, strict=True) if column}  # unnamed: index
+        return Table(name=name, columns=columns, sha256=sha256, first_line=start + 1, notes=notes)
+    groups = read_groups(header, frame, scope, name)
+    return Table(
+        name=name,
+        columns=groups.columns,
+        sha256=sha256,
+        first_line=start + 1 if groups.row_by_row else None,
+        notes=notes + groups.notes,
+        clocks=groups.clocks,
+        units=groups.units,
+    )
 
 
 def _decode(content: bytes, name: str) -> str:
@@ -93,8 +105,11 @@ def _layout(lines: list[str], name: str) -> tuple[str, int]:
         table = [[] if line.lstrip().startswith(_COMMENT) else _split(line, separator) for line in searched]
         for index, cells in enumerate(table):
             below = table[index + 1] if index + 1 < len(table) else cells
-            if len(cells) >= 2 and len(below) == len(cells) and _is_data(cells) and _is_data(below):
-                return separator, index
+            if len(cells) < 2 or len(below) != len(cells) or not (_is_data(cells) and _is_data(below)):
+                continue
+            if cells[0] and not _is_value(cells[0]) and _is_value(below[0]):  # names: time, 6064, 6077
+                continue
+            return separator, index
     raise MalformedLog(
         f"{name}: no table of numbers is found; a log needs one line of column names and then rows of "
         "numbers separated by comma, semicolon, tab or |."
@@ -171,34 +186,3 @@ def _parse(lines: list[str], separator: str, decimal: str, width: int, start: in
     if len(frame) != len(lines):
         raise MalformedLog(f"{name}: a quotation mark is opened and not closed, remove it.")
     return [frame[k].to_numpy() for k in range(width)]
-
-
-def _is_paired(header: list[str]) -> bool:
-    """True for time, a, time, b, ... as oscilloscope-like exports write it: a time column for each channel."""
-    firsts = {name.lower() for name in header[::2]}
-    return len(header) >= 4 and len(header) % 2 == 0 and len(firsts) == 1 and bool(firsts & {"name", "time", "t"})
-
-
-def _merge_pairs(header: list[str], frame: list[NDArray[Any]], name: str) -> tuple[dict[str, NDArray[Any]], str]:
-    """All channels on the time of the first one, by linear interpolation."""
-    try:
-        numbers = [np.asarray(values, dtype=np.float64) for values in frame]
-    except (ValueError, TypeError) as error:
-        raise MalformedLog(f"{name}: a channel holds text among its numbers, export the log again.") from error
-    time = numbers[0][np.isfinite(numbers[0])]
-    columns: dict[str, NDArray[Any]] = {"time": time}
-    for channel, stamps, values in zip(header[1::2], numbers[::2], numbers[1::2], strict=True):
-        known = np.isfinite(stamps) & np.isfinite(values)
-        if known.sum() < 2 or np.any(np.diff(stamps[known]) <= 0):
-            raise MalformedLog(f"{name}: the time of channel '{channel}' does not increase, export it again.")
-        columns[channel] = _at(time, stamps[known], values[known])
-    return columns, f"{name}: each channel has its own time; all are interpolated on the time of '{header[1]}'"
-
-
-def _at(time: Array, stamps: Array, values: Array) -> Array:
-    """Values at other times: linear between samples, the nearer one beside a jump such as a counter's wrap."""
-    linear = np.interp(time, stamps, values, left=np.nan, right=np.nan)
-    before = np.clip(np.searchsorted(stamps, time, side="right") - 1, 0, len(stamps) - 2)
-    later = time - stamps[before] > stamps[before + 1] - time
-    jumps = np.abs(np.diff(values))[before] > 0.5 * np.ptp(values)
-    return np.where(jumps & np.isfinite(linear), values[before + later], linear)

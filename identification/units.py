@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from typing import Any
+
+import numpy as np
 
 from plant.errors import BadParameter
 
@@ -23,10 +26,16 @@ SI_UNITS = {
 # Columns whose unit follows the axis: an angle on a rotary axis, a length on a linear one.
 AXIS_UNITS = {"velocity": ("rad/s", "m/s"), "reference": ("rad", "m"), "goal": ("rad", "m")}
 
-_SPELLINGS = {"Nm": "N*m", "mNm": "mN*m", "kNm": "kN*m", "Ncm": "N*cm", "N m": "N*m", "mN m": "mN*m"}
+# What pint would read as something else: a number_meter, a frequency, an enzyme_unit.
+_NEWTON_METRES = re.compile(r"(?<![A-Za-z])([mk]?)N([cm]?)m(?![A-Za-z])")
+_PER_MINUTE = re.compile(r"(?<![A-Za-z0-9])((1|U|r|rev|Umdr\.?)/min|min(\^|\*\*)?-1|min⁻¹)(?![A-Za-z0-9])")
 
 # These are numbers for pint, so it would take them for radians; how much they are is known to the user alone.
 _BARE_NUMBERS = {"count", "percent", "permille", "ppm", "dimensionless", "bit", "byte"}
+
+_WORTH = {"rad": "turn/131072", "rad/s": "turn/131072/s", "N m": "2.4Nm/1000"}  # of one step of the drive's number
+_LONGEST = 40  # characters; beyond it, this is no unit but an accident
+_POWER = re.compile(r"(?<=[A-Za-z])(\^|\*\*)-?\d(?![\d.])")  # of a unit, small: pint would compute 9**9**9 for hours
 
 
 @cache
@@ -46,27 +55,46 @@ def si_unit(column: str, axis: str) -> str:
 def si_factor(column: str, unit: str, axis: str) -> float:
     """Factor that takes values in `unit` to the SI unit of `column`.
 
+    A unit may have a factor: an encoder's count is `turn/131072`, a drive's per mille of 2.4 N m is `2.4 N m/1000`.
+
     Raises `BadParameter` when the unit is unknown, measures something else, or is a bare number
     (counts, per mille) whose size only a scale can tell.
     """
     wanted = si_unit(column, axis)
     if unit.strip() in (wanted, wanted.replace(" ", "*")):
         return 1.0
-    registry = _registry()
     try:
-        parsed = registry.Unit(_SPELLINGS.get(unit.strip(), unit.strip()))
-        if str(parsed) in _BARE_NUMBERS:
-            raise BadParameter(
-                f"the unit '{unit}' of column '{column}' has no fixed size: give what one step is worth instead, "
-                f"for example --scale {column}=0.001 (in {wanted})."
-            )
-        return float(registry.Quantity(1.0, parsed).to(wanted.replace(" ", "*")).magnitude)
-    except BadParameter:
-        raise
+        factor, sized = _factor(unit.strip(), wanted.replace(" ", "*"))
     except Exception as error:  # pint raises a dozen different types on odd text
         hint = (
             f"; a current or voltage becomes a torque through --scale {column}=VALUE" if wanted in ("N m", "N") else ""
         )
         raise BadParameter(
-            f"the unit '{unit}' of column '{column}' cannot be converted to {wanted}: use a unit of that kind{hint}."
+            f"the unit '{unit[:_LONGEST]}' of column '{column}' cannot be converted to {wanted}: "
+            f"use a unit of that kind{hint}."
         ) from error
+    if not sized:
+        worth = _WORTH.get(wanted)
+        raise BadParameter(
+            f"the unit '{unit}' of column '{column}' has no fixed size: give what one step is worth instead, for "
+            f"example {f'--unit {column}={worth} or ' if worth else ''}--scale {column}=0.001 (in {wanted})."
+        )
+    return factor
+
+
+def _factor(unit: str, wanted: str) -> tuple[float, bool]:
+    """Factor to the wanted SI unit, and whether the unit says how large it is; raises anything."""
+    if len(unit) > _LONGEST:
+        raise ValueError(unit)
+    unit = _NEWTON_METRES.sub(r"\1N*\2m", _PER_MINUTE.sub("rpm", unit))
+    if re.search(r"\^|\*\*|\d\s*[⁰¹²³⁴⁵⁶⁷⁸⁹]", _POWER.sub("", unit)):
+        raise ValueError(unit)
+    registry = _registry()
+    quantity = registry.Quantity(1.0, "") * registry.parse_expression(unit)
+    if {str(name) for name in quantity.units._units} <= _BARE_NUMBERS:
+        return 1.0, False
+    factor = float(quantity.to(wanted).magnitude)
+    if not (np.isfinite(factor) and factor > 0):
+        raise ValueError(unit)
+    turns = "radian" in str(registry.get_root_units(quantity.units)[1])  # pint takes hertz and counts/s for rad/s
+    return factor, turns or "rad" not in wanted

@@ -1,0 +1,97 @@
+"""Objects of CiA 402 (IEC 61800-7-201), the drive profile of CANopen and EtherCAT, among the columns of a log.
+
+Their values are in units of the drive: positions in its increments, torques in per mille of the motor's rated torque
+(6076h). How large these are does not stand in the log, so it has to be said; nothing is taken for SI.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+from identification.errors import MalformedLog
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveObject:
+    """One object: its index, its name in the profile, the contract column on a rotary and on a linear axis.
+
+    worth: what one step of it is worth, as an example for `--unit`.
+    """
+
+    index: str
+    name: str
+    columns: tuple[str, str]
+    worth: tuple[str, str]
+    counted_in: str
+
+    def is_called(self, column: str) -> bool:
+        """Whether a column bears its name or index: "Axis 1.Position actual value", "0x6064", "6064h", "16#6064:00"."""
+        words = re.sub(r"[\W_]+", " ", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", column)).lower().split()
+        if " ".join(self.name.split()) in " ".join(words):
+            return True
+        marked = rf"(?<![0-9A-Za-z])(0x|16#){self.index}(?![0-9A-Fa-f])|(?<![0-9A-Za-z]){self.index}h(?![0-9A-Za-z])"
+        sub = r"([:./_](0x)?0+)?h?"
+        return bool(re.search(marked, column, re.I) or re.fullmatch(rf"\s*{self.index}{sub}\s*", column, re.I))
+
+
+_INCREMENTS = ("turn/131072", "mm/10000")
+_RATED = ("2.4Nm/1000", "120N/1000")
+OBJECTS = (
+    DriveObject(
+        index="6064",
+        name="position actual value",
+        columns=("angle", "position"),
+        worth=_INCREMENTS,
+        counted_in="increments of the drive",
+    ),
+    DriveObject(
+        index="606c",
+        name="velocity actual value",
+        columns=("velocity", "velocity"),
+        worth=("turn/131072/s", "mm/10000/s"),
+        counted_in="a unit of the drive",
+    ),
+    DriveObject(
+        index="6077",
+        name="torque actual value",
+        columns=("torque", "force"),
+        worth=_RATED,
+        counted_in="per mille of the rated torque",
+    ),
+    DriveObject(
+        index="6071",
+        name="target torque",
+        columns=("torque", "force"),
+        worth=_RATED,
+        counted_in="per mille of the rated torque",
+    ),
+)
+
+
+def drive_object(column: str) -> DriveObject | None:
+    """The object that a column of a file holds, if it is one."""
+    return next((known for known in OBJECTS if known.is_called(column)), None)
+
+
+def find_objects(file: str, names: Collection[str], found: Mapping[str, str], *, linear: bool) -> dict[str, str]:
+    """Contract column -> the file's column, for the columns that are not found yet and an object can fill.
+
+    Raises `MalformedLog` where two columns of the file would do.
+    """
+    taken = set(found.values())
+    new: dict[str, str] = {}
+    if "torque_1" in found or "goal" in found:  # a command is known, it need not be guessed
+        found = {**found, "torque": "", "force": ""}
+    for name in names:
+        known = None if name in taken else drive_object(name)
+        column = known.columns[linear] if known else ""
+        if known is None or column in found:
+            continue
+        if column in new:
+            raise MalformedLog(
+                f"{file}: both '{new[column]}' and '{name}' could be the {column}, choose with --map {column}='{name}'."
+            )
+        new[column] = name
+    return new

@@ -1,0 +1,78 @@
+"""Channels that were sampled at times of their own, brought to the clock of the measured output."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import MalformedLog
+from identification.recording import Array
+from identification.table import Table
+from identification.timing import GAP
+
+
+def on_one_clock(table: Table, found: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
+    """The columns in `found` (contract column -> the table's) on one clock, and `found` with that clock as its time.
+
+    The clock is that of the output, whose samples thus stay as they were measured; the others are interpolated.
+    A time that the user mapped, or a column named so, comes before the clock.
+
+    Raises `MalformedLog` where the time of a channel does not increase, or a channel holds text.
+    """
+    output = found.get("angle", found.get("position", ""))
+    clock = table.clocks.get(output)
+    if clock is None:
+        return table, dict(found)
+    columns = dict(table.columns)
+    moved = []
+    for column, name in found.items():
+        own = table.clocks.get(name)
+        if own is None or own is clock or np.array_equal(own, clock):
+            continue
+        columns[name] = _moved(table, name, clock, held=column == "run")
+        moved.append(name)
+    notes = table.notes
+    if moved:
+        listed = ", ".join(f"'{name}'" for name in moved)
+        notes += (f"{table.name}: each channel has its own time; {listed} interpolated on the time of '{output}'",)
+    completed = dict(found)
+    if "time" not in found:
+        columns["time"] = clock
+        completed["time"] = "time"
+    return replace(table, columns=columns, notes=notes), completed
+
+
+def _moved(table: Table, name: str, clock: NDArray[Any], *, held: bool) -> Array:
+    try:
+        values = np.asarray(table.columns[name], dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise MalformedLog(f"{table.name}: a channel holds text among its numbers, export the log again.") from error
+    stamps = np.asarray(table.clocks[name], dtype=np.float64)
+    known = np.isfinite(stamps) & np.isfinite(values)
+    stamps, values = stamps[known], values[known]
+    if len(stamps) < 2 or np.any(np.diff(stamps) <= 0):
+        raise MalformedLog(f"{table.name}: the time of channel '{name}' does not increase, export it again.")
+    time = np.asarray(clock, dtype=np.float64)
+    if held:  # the number of a run counts until the next one
+        before = np.searchsorted(stamps, time, side="right") - 1
+        return np.where(before >= 0, values[before], values[0])
+    return _at(time, stamps, values)
+
+
+def _at(time: Array, stamps: Array, values: Array) -> Array:
+    """Values at other times: linear between samples, the nearer one beside a jump such as a counter's wrap.
+
+    Beyond the first and last sample, and where samples are missing in between, nothing is known: NaN.
+    """
+    linear = np.interp(time, stamps, values, left=np.nan, right=np.nan)
+    steps = np.diff(stamps)
+    before = np.clip(np.searchsorted(stamps, time, side="right") - 1, 0, len(stamps) - 2)
+    later = time - stamps[before] > stamps[before + 1] - time
+    jumps = np.abs(np.diff(values))[before] > 0.5 * np.ptp(values)
+    near = np.where(jumps & np.isfinite(linear), values[before + later], linear)
+    measured = (time == stamps[before]) | (time == stamps[before + 1])
+    return np.where((steps[before] > GAP * np.median(steps)) & ~measured, np.nan, near)

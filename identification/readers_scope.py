@@ -1,0 +1,139 @@
+"""Exports with a time for each group of channels, as TwinCAT Scope writes them and oscilloscopes do.
+
+A line of names such as `Name, a, b, Name, c` puts the channels a and b on the times of the first column and c on those
+of the fourth. TwinCAT Scope (Beckhoff TE13xx, export in csv) repeats the key in each line of its header, among them
+`SampleTime[ms]` and `Unit`; its times are milliseconds since the start, or counts of 100 ns since the year 1601.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import MalformedLog
+
+_KEYS = ("Name", "time", "t")  # what stands above the times
+_SEARCHED_LINES = 200
+_PROOF = {"SampleTime[ms]", "Starttime of export", "StartRecord"}  # nobody but TwinCAT Scope writes these
+_NEUTRAL = {"ScaleFactor": "1", "Offset": "0", "Unit ScaleFactor": "1", "Unit Offset": "0"}
+_FILETIME = 1e15  # [100 ns]; as milliseconds, it would be thirty thousand years
+_NUMBER = re.compile(r"[+-]?\d+([.,]\d*)?([eE][+-]?\d+)?$")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScopeHeader:
+    """Header of a TwinCAT Scope export: where its names and data begin, and its further lines by their key."""
+
+    separator: str
+    names_line: int
+    data_line: int
+    names: tuple[str, ...]
+    details: dict[str, list[str]] = field(default_factory=dict)
+
+
+def find_scope_header(lines: Sequence[str]) -> ScopeHeader | None:
+    """The header of a TwinCAT Scope export, or None where this is none."""
+    if not lines or not re.match(r"Name[\t;,|]", lines[0]):
+        return None
+    separator = lines[0][4]
+    table = [[cell.strip().strip('"') for cell in line.split(separator)] for line in lines[:_SEARCHED_LINES]]
+    if not any(cells[0] in _PROOF for cells in table):
+        return None
+    data_line = next(
+        (
+            k
+            for k, cells in enumerate(table)
+            if len(cells) > 1 and any(cells) and all(not cell or _NUMBER.match(cell) for cell in cells)
+        ),
+        None,
+    )
+    keys = [k for k, cells in enumerate(table[:data_line]) if cells[0] == "Name"]
+    if data_line is None or len(keys) < 2:  # the first line names the scope, the last such line the channels
+        return None
+    width = len(table[keys[-1]])
+    return ScopeHeader(
+        separator=separator,
+        names_line=keys[-1],
+        data_line=data_line,
+        names=tuple(table[keys[-1]]),
+        details={cells[0]: cells for cells in table[keys[-1] + 1 : data_line] if len(cells) == width},
+    )
+
+
+def group_starts(names: Sequence[str]) -> list[int]:
+    """Where a new time begins: at each column called as the first one, if that is called as times are."""
+    if not names or names[0].lower() not in {key.lower() for key in _KEYS}:
+        return []
+    return [k for k, name in enumerate(names) if name.lower() == names[0].lower()]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Groups:
+    """Channels with the times of their groups, their units, and what there is to tell.
+
+    row_by_row: whether the samples of each channel are those of the first rows, so that a sample has a line.
+    """
+
+    columns: dict[str, NDArray[Any]]
+    clocks: dict[str, NDArray[np.float64]]
+    units: dict[str, str]
+    notes: tuple[str, ...]
+    row_by_row: bool
+
+
+def read_groups(names: Sequence[str], frame: Sequence[NDArray[Any]], scope: ScopeHeader | None, file: str) -> Groups:
+    """Split the columns of a table into channels with clocks of their own.
+
+    Raises `MalformedLog` where a channel holds text.
+    """
+    try:
+        numbers = [np.asarray(values, dtype=np.float64) for values in frame]
+    except (ValueError, TypeError) as error:
+        raise MalformedLog(f"{file}: a channel holds text among its numbers, export the log again.") from error
+    columns: dict[str, NDArray[Any]] = {}
+    clocks: dict[str, NDArray[np.float64]] = {}
+    starts = group_starts(names)
+    row_by_row = True
+    dated = scope is not None and any(np.nanmax(numbers[k], initial=0.0) > _FILETIME for k in starts)
+    origin = min((float(np.nanmin(numbers[k], initial=np.inf)) for k in starts), default=0.0) if dated else 0.0
+    for start, end in zip(starts, [*starts[1:], len(names)], strict=True):
+        stamps = (numbers[start] - origin) * 1e-4 if dated else numbers[start]
+        kept = np.isfinite(stamps)
+        kept[1:] &= stamps[1:] != stamps[:-1]  # a slow group may be padded by repeating its rows
+        clock = stamps[kept]
+        row_by_row &= bool(kept[: len(clock)].all())
+        for k in range(start + 1, end):
+            if names[k] and names[k] not in columns:
+                columns[names[k]] = numbers[k][kept]
+                clocks[names[k]] = clock
+    units, notes = _units(names, scope, file)
+    return Groups(columns=columns, clocks=clocks, units=units, notes=notes, row_by_row=row_by_row)
+
+
+def _units(names: Sequence[str], scope: ScopeHeader | None, file: str) -> tuple[dict[str, str], tuple[str, ...]]:
+    """The channels' units, but for those that the scope scales: the file does not say whether the export did so."""
+    if scope is None:
+        return {}, ()
+    units = {"time": "ms"}
+    scaled = []
+    for k, name in enumerate(names):
+        if k in group_starts(names):
+            continue
+        given = {key: cells[k] for key, cells in scope.details.items()}
+        unit = re.sub(r"\s*\([^)]*\)$", "", given.get("Unit", ""))  # "dV (Voltage)"
+        if any(given.get(key, neutral) not in (neutral, "") for key, neutral in _NEUTRAL.items()):
+            scaled.append(name)
+        elif unit and name not in units:
+            units[name] = unit
+    if not scaled:
+        return units, ()
+    listed = ", ".join(f"'{name}'" for name in scaled)
+    return units, (
+        f"{file}: the scope has a scale or offset for {listed}, and whether the export applied it the file "
+        "does not say; check the values, and give their unit with --unit",
+    )

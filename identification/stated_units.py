@@ -1,0 +1,102 @@
+"""Which unit each column of a log is in: the user's word first, then the file's, else SI.
+
+Where a number is known to be the drive's own (CiA 402), or the file's unit has no fixed size, SI is not assumed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.cia402 import drive_object
+from identification.errors import MalformedLog
+from identification.table import Table
+from identification.units import si_factor, si_unit
+from plant.errors import BadParameter
+
+_NO_UNIT = {"", "-", "--", "1", "none", "(none)", "n/a", "[]", "[-]"}  # as files write it
+_DISPENSABLE = ("velocity", "angle_1", "angle_2", "reference")  # without them a log is still one
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatedUnits:
+    """Contract column -> unit; columns that are left out as nobody says how large they are; what there is to tell."""
+
+    units: dict[str, str]
+    left_out: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def stated_units(
+    table: Table,
+    found: Mapping[str, str],
+    guessed: Collection[str],
+    *,
+    units: Mapping[str, str],
+    scales: Mapping[str, float],
+    axis: str,
+) -> StatedUnits:
+    """The units of the columns in `found` (contract column -> the table's), of which `guessed` were found as objects.
+
+    Raises `BadParameter` where a scale and the file's unit contradict each other, and `MalformedLog` where a column
+    that the log needs is in a unit of unknown size.
+    """
+    known = dict(units)
+    told = []
+    left_out = []
+    notes = []
+    for column, name in found.items():
+        if column in units or column == "run":
+            continue
+        unit = table.units.get(name, "").strip()
+        try:
+            if unit.lower() not in _NO_UNIT:
+                if _counts(column, unit, axis, scaled=column in scales):
+                    known[column] = unit
+                    told.append(f"'{name}' in {unit}")
+            elif column not in scales:
+                _refuse_increments(table, column, name, axis, guessed=column in guessed)
+        except MalformedLog as error:
+            if column not in _DISPENSABLE:
+                raise MalformedLog(f"{table.name}: {error}") from error
+            left_out.append(column)
+            notes.append(f"{table.name}: '{name}' is left out, as {str(error).rstrip('.')}")
+    if guessed:
+        listed = ", ".join(f"'{found[column]}' for {column}" for column in guessed if column not in left_out)
+        notes.append(f"{table.name}: taken by the names of CiA 402 are {listed}")
+    if told:
+        notes.append(f"{table.name}: units as the file gives them, {', '.join(told)}")
+    return StatedUnits(units=known, left_out=tuple(left_out), notes=tuple(notes))
+
+
+def _counts(column: str, unit: str, axis: str, *, scaled: bool) -> bool:
+    """Whether the file's unit is to be used. A scale takes its place where it cannot be converted (ampere to N m)."""
+    try:
+        factor = si_factor(column, unit, axis)
+    except BadParameter as error:
+        if scaled:
+            return False
+        raise MalformedLog(str(error)) from error
+    if scaled and factor != 1.0:
+        raise BadParameter(
+            f"'{column}' is given a scale and the file says that it is in '{unit}': add --unit {column}='{unit}' if "
+            f"the scale comes on top of that, or --unit {column}='{si_unit(column, axis)}' if it takes its place."
+        )
+    return True
+
+
+def _refuse_increments(table: Table, column: str, name: str, axis: str, *, guessed: bool) -> None:
+    """An object of the drive profile is in increments; one that the user mapped, if it holds whole numbers."""
+    known = drive_object(name)
+    if known is None:
+        return
+    if not guessed:
+        values = np.asarray(table.columns[name])
+        if values.dtype.kind not in "fiu" or np.any(values[np.isfinite(values)] % 1 != 0):
+            return
+    raise MalformedLog(
+        f"'{name}' ({known.index.upper()}h) is in {known.counted_in}: say what one is worth, for example "
+        f"--unit {column}={known.worth[axis == 'linear']}, or --unit {column}='{si_unit(column, axis)}' if it is in SI."
+    )
