@@ -175,6 +175,13 @@ def test_the_dead_zone_in_torque_is_friction_and_not_the_gap() -> None:
         assert np.median(short) == pytest.approx(5e-4 * 99.2307, abs=0.012)
 
 
+def test_what_the_gap_costs_at_a_reversal_is_time() -> None:
+    crossing, flight = number("figure6", "crossing_times"), number("figure6", "flight_times")
+    J, rate = 4e-6 * 99.2307**2, 8.0  # a free rotor under a torque that grows evenly
+    assert flight == pytest.approx(np.cbrt(6 * J * np.array([0.29e-3, 1.16e-3, 4.65e-3]) / rate), rel=1e-4)
+    assert crossing == pytest.approx(flight, abs=0.003)  # samples of 2 ms
+
+
 def test_more_friction_widens_one_dead_zone_and_not_the_other(tmp_path: Path) -> None:
     own = changed(
         "figure6",

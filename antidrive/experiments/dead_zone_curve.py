@@ -1,8 +1,8 @@
 """Figure 6 of the paper: the dead zone as an input-output curve, measured on the rig beside the true gap.
 
 One drive pushes and pulls slowly against a load whose brake is on. Torque over twist, the motor's angle less the
-load's, is flat across the free play and rises on either flank. Torque passed over torque told has a dead zone too, and
-that one is the motor's friction: it stays when the gap grows.
+load's, is flat across the free play and rises on either flank. Torque passed falls short of torque told by the motor's
+friction, whatever the gap; what the gap costs at a reversal is the time in which the rotor crosses it.
 """
 
 from __future__ import annotations
@@ -75,6 +75,9 @@ class DeadZoneCurves:
         true_gap, gap: (B,) [rad].
         true_friction, friction: (B,) half width of the dead zone in torque [N m].
         stiffness: (B,) of the teeth [N m/rad].
+        rate: of the torque [N m/s].
+        crossing: (B,) how long nothing is passed at a reversal [s].
+        flight: (B,) how long a free rotor needs for the gap while the torque grows at that rate [s].
     """
 
     time: Array
@@ -86,6 +89,9 @@ class DeadZoneCurves:
     true_friction: Array
     friction: Array
     stiffness: Array
+    rate: float
+    crossing: Array
+    flight: Array
 
 
 def experiment(settings: DeadZoneSettings, seed: int) -> DeadZoneCurves:
@@ -110,17 +116,29 @@ def experiment(settings: DeadZoneSettings, seed: int) -> DeadZoneCurves:
     use = settled & (np.abs(before) > ON_A_FLANK * settings.amplitude) & (direction != 0.0)
     columns = np.column_stack((np.ones(told.size), 0.5 * np.sign(before), before, -direction))[use]
     _, gap, give, lag = np.linalg.lstsq(columns, twist[use], rcond=None)[0]
+    passed, rate = played.flank_torques[:, :, 0], 4.0 * settings.amplitude * settings.frequency
+    gaps = np.array(settings.gaps)
     return DeadZoneCurves(
         time=played.time,
         told=before,
         twist=twist,
-        passed=played.flank_torques[:, :, 0],
-        true_gap=np.array(settings.gaps),
+        passed=passed,
+        true_gap=gaps,
         gap=gap,
         true_friction=np.array([rig.motor_coulomb * rig.motor_ratios[0] for rig in rigs]),
         friction=lag / give,
         stiffness=1.0 / give,
+        rate=rate,
+        crossing=settings.sample_time * np.array([_empty_samples(column[settled]) for column in passed.T]),
+        flight=np.cbrt(6.0 * rigs[0].rotor_inertias[0] * gaps / rate),
     )
+
+
+def _empty_samples(passed: Array) -> float:
+    """Mean number of samples without torque between a flank and the other one; bounces on one flank do not count."""
+    touching = np.flatnonzero(passed != 0.0)
+    crossings = np.sign(passed[touching[1:]]) != np.sign(passed[touching[:-1]])
+    return float(np.mean(np.diff(touching)[crossings] - 1.0))
 
 
 def run(settings: DeadZoneSettings, seed: int) -> Outcome:
@@ -130,34 +148,21 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
     cycle = found.time >= found.time[-1] - 1.0 / settings.frequency
     names = [f"gap {1e3 * gap:g} mrad" for gap in found.true_gap]
     coloured = [(k, name, COLOURS[k % len(COLOURS)]) for k, name in enumerate(names)]
-    reach = settings.amplitude / found.stiffness[0]
-    ideal = []
-    for k, name, _ in coloured[:1]:
-        half = found.true_gap[k] / 2
-        true = Curve(
-            name=f"true, {name}",
-            colour=MEASURED,
-            x=np.array([-half - reach, -half, half, half + reach]),
-            y=settings.amplitude * np.array([-1.0, 0.0, 0.0, 1.0]),
-        )
-        ideal.append(true)
     rig = settings.machines()[0]
     count = 2.0 * np.pi / rig.motor_encoder_counts / rig.motor_ratios[0] * rig.flank_stiffness
-    small = np.abs(found.told) < 8.0 * np.max(found.true_friction)
+    reversal = found.time[-1] - 0.5 / settings.frequency
+    near = np.abs(found.time - reversal) < max(0.15, 3.0 * np.max(found.flight))
     return Outcome(
         title=settings.title,
         said=(
-            "Free plays of "
-            + ", ".join(f"{1e3 * gap:.4g}" for gap in found.true_gap)
-            + " mrad are measured as "
-            + ", ".join(f"{1e3 * gap:.4g}" for gap in found.gap)
-            + f" mrad, from the encoders alone: {100 * np.max(np.abs(error)):.2g} % off at most.",
-            "Equation (6) puts the dead zone into the torque. There the rig has one as well, of "
-            f"{found.true_friction[0]:.3f} N m on either side, but it is the motor's friction and does not grow with "
-            "the gap: the encoders say "
-            + ", ".join(f"{f:.3f}" for f in found.friction)
-            + f" N m, one count of the motor's being worth {count:.2g} N m of wind-up. What the gap takes is angle, "
-            "not torque.",
+            f"Free plays of {_list(1e3 * found.true_gap, '.4g')} mrad are measured as {_list(1e3 * found.gap, '.4g')} "
+            f"mrad, from the encoders alone: {100 * np.max(np.abs(error)):.2g} % off at most.",
+            "Equation (6) puts the dead zone into the torque. There the rig falls short as well, by "
+            f"{found.true_friction[0]:.3f} N m, but that is the motor's friction and does not grow with the gap (the "
+            f"encoders say {_list(found.friction)} N m, one count of the motor's being {count:.2g} N m of wind-up).",
+            f"What the gap costs is time: where the torque reverses at {found.rate:.3g} N m/s, nothing is passed for "
+            f"{_list(1e3 * found.crossing, '.0f')} ms; a free rotor needs (6 J gap/rate)^(1/3) = "
+            f"{_list(1e3 * found.flight, '.0f')} ms.",
         ),
         comparison=(
             ("half width gamma [N m]", "0.5 (put into the model)", f"{found.true_friction[0]:.4f} (motor friction)"),
@@ -165,7 +170,8 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
                 (f"free play of {1e3 * true:g} mrad [mrad]", "", f"{1e3 * gap:.4f} ({100 * off:+.2f} %)")
                 for true, gap, off in zip(found.true_gap, found.gap, error, strict=True)
             ),
-            ("stiffness of the teeth [N m/rad]", "", ", ".join(f"{k:.4g}" for k in found.stiffness)),
+            ("time without torque at a reversal [ms]", "", _list(1e3 * found.crossing, ".0f")),
+            ("stiffness of the teeth [N m/rad]", "", _list(found.stiffness, ".4g")),
         ),
         found={
             "true_gaps": found.true_gap.tolist(),
@@ -173,6 +179,8 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
             "largest_relative_error": float(np.max(np.abs(error))),
             "torque_dead_zones": found.friction.tolist(),
             "true_torque_dead_zone": float(found.true_friction[0]),
+            "crossing_times": found.crossing.tolist(),
+            "flight_times": found.flight.tolist(),
             "stiffnesses": found.stiffness.tolist(),
         },
         columns={
@@ -187,18 +195,29 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
                 x="motor angle less load angle [rad]",
                 y="torque [N m]",
                 curves=[
+                    *(_true_curve(found, k, settings.amplitude) for k in range(len(names))),
                     *(Curve(name=n, colour=c, x=found.twist[cycle, k], y=found.told[cycle]) for k, n, c in coloured),
-                    *ideal,
                 ],
             ),
             Picture(
-                caption="Torque passed over torque told, near zero: this dead zone is friction, the same at every gap.",
-                x="torque told [N m]",
+                caption="A reversal: the torque that the teeth pass while the rotor crosses the gap, and then hits.",
+                x="time [s]",
                 y="torque passed [N m]",
-                curves=[
-                    Curve(name=n, colour=c, x=found.told[cycle & small], y=found.passed[cycle & small, k])
-                    for k, n, c in coloured
-                ],
+                curves=[Curve(name=n, colour=c, x=found.time[near], y=found.passed[near, k]) for k, n, c in coloured],
             ),
         ),
     )
+
+
+def _true_curve(found: DeadZoneCurves, machine: int, amplitude: float) -> Curve:
+    half, reach = found.true_gap[machine] / 2, amplitude / found.stiffness[machine]
+    return Curve(
+        name="true",
+        colour=MEASURED,
+        x=np.array([-half - reach, -half, half, half + reach]),
+        y=amplitude * np.array([-1.0, 0.0, 0.0, 1.0]),
+    )
+
+
+def _list(values: Array, form: str = ".3f") -> str:
+    return ", ".join(format(value, form) for value in values)
