@@ -1,4 +1,5 @@
-"""The command line: `antidrive demo | identify | diagnose | predict | simulate | effects | allocate | capability`.
+"""The command line: `antidrive demo | identify | diagnose | predict | simulate | effects | allocate | capability |
+export`.
 
 Heavy packages are imported inside the commands, so that `--help` answers at once.
 """
@@ -204,6 +205,40 @@ def capability(
         motor_friction=motor_friction,
         out=out,
         voice=commands.Voice(quiet=quiet, json=json, words=context.obj),
+    )
+
+
+@app.command()
+def export(
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model that the controller works with.")],
+    pinion_teeth: Annotated[tuple[int, int], typer.Option(help="Teeth of the two pinions; by default the paper's.")] = (
+        20,
+        20,
+    ),
+    follower_teeth: Annotated[int, typer.Option(help="Teeth of the follower, which turns the load.")] = 161,
+    sample_time: Annotated[float, typer.Option(help="Between two steps of the controller [s].")] = 0.005,
+    horizon: Annotated[int, typer.Option(help="Samples looked ahead.")] = 30,
+    min_torque: MinTorque = 0.02,
+    max_torque: MaxTorque = 0.3,
+    single: Annotated[bool, typer.Option("--single", help="Calculate in single precision.")] = False,
+    out: Out = OUT,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Write the controller as C99 for a target: header, code, test driver, CMakeLists.txt, README.txt."""
+    from antidrive import commands
+    from plant.gears import GearTrain
+
+    commands.export(
+        model,
+        GearTrain(pinion_teeth=pinion_teeth, follower_teeth=follower_teeth),
+        sample_time=sample_time,
+        horizon=horizon,
+        min_torque=min_torque,
+        max_torque=max_torque,
+        single=single,
+        out=out,
+        voice=commands.Voice(quiet=quiet, json=json),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,8 +22,20 @@ from plant.servo import ServoModel
 if TYPE_CHECKING:
     from diagnosis.experiment import Experiment
     from diagnosis.result import Diagnosis
+    from plant.gears import GearTrain
 
-__all__ = ["Voice", "allocate", "capability", "demo", "diagnose", "effects", "identify", "predict", "simulate"]
+__all__ = [
+    "Voice",
+    "allocate",
+    "capability",
+    "demo",
+    "diagnose",
+    "effects",
+    "export",
+    "identify",
+    "predict",
+    "simulate",
+]
 
 _EXPERIMENT = "separating_experiment.csv"
 
@@ -217,6 +229,19 @@ def capability(
         (draft / "report.html").write_text(page, encoding="utf-8")
     lines = [*told.sentences(found), _written(out, "capability.csv, report.html")]
     voice.result("\n".join(lines), told.summary(found))
+
+
+def export(model: Path, gears: GearTrain, *, single: bool, out: Path, voice: Voice, **numbers: Any) -> None:
+    """Write the controller of a model, with these numbers of `mpc.Controller`, as C99 that a target can run."""
+    from mpc import Controller
+    from mpc.export import export as target_code
+
+    controller = Controller(read_model(model).model, gears, **numbers)
+    with whole_folder(out) as draft:
+        made = target_code(controller, single=single)
+        for name, text in made.files.items():
+            (draft / name).write_text(text, encoding="utf-8")
+    voice.result("\n".join([*made.sentences(), _written(out, ", ".join(made.files))]), made.summary())
 
 
 def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:

@@ -27,6 +27,7 @@ class CompiledStep:
     """The whole step as one call.
 
     Attributes:
+        stages: the functions of CasADi, by name.
         layout: the struct of the machine code.
         source: the C code.
         code: the library, once it is there.
@@ -40,6 +41,7 @@ class CompiledStep:
             sizes: whole numbers of the controller.
             arrays: everything else, to be shared with the machine code.
         """
+        self.stages = {function.name(): function for function in functions}
         self._arrays = dict(arrays)  # the machine code only knows where they are
         fields = [(name, ctypes.c_int) for name in sizes] + [(name, ctypes.c_void_p) for name in arrays]
         layout: Any = type("Layout", (ctypes.Structure,), {"_fields_": fields})
@@ -75,12 +77,9 @@ def source(functions: tuple[Any, ...], sizes: tuple[str, ...], arrays: tuple[str
 
 def _plain(code: str, functions: tuple[Any, ...]) -> str:
     """CasADi's code without what serves its own tools: static functions of named arguments, and what they call."""
-    helpers = re.findall(r"^(?:static )?casadi_real (casadi_\w+)\(.*?^\}\n", code, re.M | re.S)
+    defined = r"^(?:static )?(casadi_real (casadi_\w+)\([^\n]*(?:\}\n|\{\n.*?^\}\n))"
+    helpers = [(name, text) for text, name in re.findall(defined, code, re.M | re.S)]
     parts = []
-    for name in helpers:
-        found = re.search(rf"^(?:static )?(casadi_real {name}\(.*?^\}}\n)", code, re.M | re.S)
-        assert found is not None
-        parts.append(_MINIMUM.get(name, "static " + found[1].replace("casadi_real", "real")) + "\n")
     for function in functions:
         entry = re.search(rf"int {function.name()}\(.*?\{{\s*return (casadi_f\d+)\(", code, re.S)
         assert entry is not None
@@ -93,4 +92,7 @@ def _plain(code: str, functions: tuple[Any, ...]) -> str:
         arguments += [f"real *restrict o{place}" for place in range(function.n_out())]
         signature = f"static void {function.name()}({', '.join(arguments)})"
         parts.append(f"{signature}\n{{\n{text.replace('casadi_real', 'real')}}}\n")
+    for name, text in reversed(helpers):  # a helper calls only those before it
+        if any(f"{name}(" in part for part in parts):
+            parts.insert(0, _MINIMUM.get(name, "static " + text.replace("casadi_real", "real").rstrip()) + "\n")
     return "\n".join(parts) + "\n"

@@ -1,0 +1,200 @@
+"""A controller as C99 files for a target: see the templates in `mpc/target`.
+
+The code is that of `Controller.c_code`, with what is remembered in a struct of its caller's and what is constant in
+tables, so that it runs from read-only memory and knows no addresses.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from string import Template
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpc import effort
+from mpc.controller import Controller
+from mpc.trouble import Trouble, sentence
+
+Array = NDArray[np.float64]
+
+FILES = ("antidrive_controller.h", "antidrive_controller.c", "driver.c", "CMakeLists.txt", "README.txt")
+_CONSTANT = ("model", "levels", "machine", "tuning")
+_SHOWN = ("outcome", "torques", "angles")
+_CLOCK = 200e6  # of the Cortex-M7 that the estimate is for [Hz]
+
+CERTIFIED = {"double": "1e-6", "single": "1e-5"}
+"""Largest residual of a solution that is accepted, in units of the greatest torque."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetCode:
+    """A controller for a target.
+
+    Attributes:
+        files: name and content of each.
+        precision: "double" or "single".
+        memory: of one controller's struct [bytes].
+        stack: of one step, at most [bytes].
+        usual, worst: operations of one step.
+    """
+
+    files: Mapping[str, str]
+    precision: str
+    memory: int
+    stack: int
+    usual: effort.Effort
+    worst: effort.Effort
+
+    @property
+    def cortex_m7(self) -> tuple[float, float]:
+        """Estimated time of a usual and of the worst step on a Cortex-M7 at 200 MHz [s]."""
+        costs = effort.CORTEX_M7[self.precision]
+        return self.usual.cycles(costs) / _CLOCK, self.worst.cycles(costs) / _CLOCK
+
+    def summary(self) -> dict[str, Any]:
+        """The numbers; times in seconds, sizes in bytes."""
+        return {
+            "schema": 1,
+            "files": list(self.files),
+            "precision": self.precision,
+            "memory": self.memory,
+            "stack": self.stack,
+            "operations": {"usual": vars(self.usual), "worst": vars(self.worst)},
+            "cortex_m7_200_mhz": dict(zip(("usual", "worst"), self.cortex_m7, strict=True)),
+        }
+
+    def sentences(self) -> list[str]:
+        """The same for readers."""
+        usual, worst = (1e6 * time for time in self.cortex_m7)
+        return [
+            f"A controller takes {self.memory} bytes and at most {self.stack} of stack, in {self.precision} precision.",
+            f"A step takes {self.usual.total} operations, {self.worst.total} at most: an estimated {usual:.0f} and "
+            f"{worst:.0f} us on a Cortex-M7 at 200 MHz.",
+        ]
+
+
+def export(controller: Controller, *, single: bool = False) -> TargetCode:
+    """The files of a controller that has forgotten what it did.
+
+    In double precision the code hands out the torques of the Python form to the last bit; how near they come in single
+    precision is in README.txt.
+
+    Args:
+        controller: what to write.
+        single: numbers of 4 bytes instead of 8, for targets that calculate with no others.
+    """
+    precision = "single" if single else "double"
+    arrays, sizes, stages = controller._arrays, controller._sizes, controller._machine_code.stages
+    remembered = {name: array.size for name, array in arrays.items() if name not in _CONSTANT}
+    number = 4 if single else 8
+    made = TargetCode(
+        files={},
+        precision=precision,
+        memory=number * sum(remembered.values()),
+        stack=effort.stack(stages, number),
+        usual=effort.of_step(stages, sizes, worst=False),
+        worst=effort.of_step(stages, sizes, worst=True),
+    )
+    words = {
+        "real": "float" if single else "double",
+        **{name: _number(getattr(controller, name), single) for name in ("sample_time", "min_torque", "max_torque")},
+        **sizes,
+        "motors": int(controller.motor_resolution is not None),
+        "statuses": _statuses(),
+        "torques": remembered["torques"],
+        "angles": remembered["angles"],
+        "members": _members({name: size for name, size in remembered.items() if name not in _SHOWN}),
+        "constants": "".join(_table(name, arrays[name], single) for name in _CONSTANT),
+        "code": _code(controller.c_code, precision),
+    }
+    words |= _told(controller, made)
+    filled = {name: Template(_template(name)).substitute(words) for name in FILES}
+    return TargetCode(**(vars(made) | {"files": filled}))
+
+
+def _template(name: str) -> str:
+    return (files("mpc") / "target" / name).read_text(encoding="utf-8")
+
+
+def _code(code: str, precision: str) -> str:
+    """The stages and loops on a struct that holds its arrays, with sizes and constants that the compiler knows."""
+    begin, end = code.index("static real casadi_"), code.index("struct controller {")
+    code = code[begin:end] + code[code.index("};\n", end) + 4 :]
+    for old, new in (
+        ("struct controller *", "struct antidrive_controller *"),
+        ("\nreal solve(", "\nstatic real solve("),
+        ("\nint control_step(", "\nstatic int control_step("),
+        ("double angle", "real angle"),
+        ("#define CERTIFIED 1e-6", f"#define CERTIFIED {CERTIFIED[precision]}"),
+    ):
+        if old not in code:
+            raise RuntimeError(f"The code of the step has changed: {old!r} is not in it.")
+        code = code.replace(old, new)
+    code = re.sub(r"\bc->(horizon|late|passes|rounds)\b", lambda found: found[1].upper(), code)
+    code = re.sub(rf"\bc->({'|'.join(_CONSTANT)})\b", r"\1", code)
+    if precision == "double":
+        return code
+    return re.sub(r"(?<![\w.])(?:\d+\.\d*(?:e[+-]?\d+)?|\d+e[+-]?\d+)(?![\w.])", _short, code)
+
+
+def _short(literal: re.Match[str]) -> str:
+    """A number for single precision; guards at the ends of the range of double move to its own ends."""
+    value, limits = float(literal[0]), np.finfo(np.float32)
+    least, most = float(limits.tiny), float(limits.max)
+    if 0.0 < value < least or value > most:
+        return f"{min(max(value, least), most):.8e}f"
+    return f"{literal[0]}f"
+
+
+def _statuses() -> str:
+    """The reasons as constants, each with its sentence."""
+    reasons = [reason for reason in Trouble if reason]
+    lines = [f"  ANTIDRIVE_{reason.name} = {reason.value}, /* {sentence(reason)} */" for reason in reasons]
+    return "\n".join(lines).replace(f"{reasons[-1].value},", f"{reasons[-1].value}")
+
+
+def _members(sizes: Mapping[str, int]) -> str:
+    return "\n".join(f"  antidrive_real {name}[{size}];" for name, size in sizes.items())
+
+
+def _table(name: str, values: Array, single: bool) -> str:
+    numbers = ", ".join(_number(value, single) for value in values.tolist())
+    return f"static const real {name}[{values.size}] = {{{numbers}}};\n"
+
+
+def _number(value: float, single: bool) -> str:
+    """So that reading it gives the same number again."""
+    if np.isinf(value):
+        return "INFINITY" if value > 0 else "-INFINITY"
+    return f"{float(value)!r}{'f' if single else ''}"
+
+
+def _told(controller: Controller, made: TargetCode) -> dict[str, str]:
+    """What README.txt says of this controller."""
+    usual, worst = (1e6 * time for time in made.cortex_m7)
+    costs = effort.CORTEX_M7[made.precision]
+    ends = "fits into a sample"
+    if worst > 1e6 * controller.sample_time:
+        ends = "DOES NOT FIT into a sample; that of a shorter horizon may"
+    return {
+        "servo": str(controller.model),
+        "teeth": " and ".join(str(count) for count in controller.gears.pinion_teeth),
+        "follower_teeth": str(controller.gears.follower_teeth),
+        "least": f"{controller.min_torque:g}",
+        "most": f"{controller.max_torque:g}",
+        "seconds": f"{controller.sample_time:g}",
+        "precision": made.precision,
+        "memory": str(made.memory),
+        "stack": str(made.stack),
+        **{f"usual_{kind}": str(count) for kind, count in vars(made.usual).items()},
+        **{f"worst_{kind}": str(count) for kind, count in vars(made.worst).items()},
+        **{f"cost_{kind}": str(count) for kind, count in vars(costs).items()},
+        "usual_time": f"{usual:.0f}",
+        "worst_time": f"{worst:.0f}",
+        "fits": ends,
+    }
