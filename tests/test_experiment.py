@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
+import diagnosis.experiment.separating as separating
 from diagnosis import Experiment, Limits, rivals_of, separating_experiment
-from diagnosis.experiment.separation import Rival, noise_factor
+from diagnosis.experiment.reshaping import changed
+from diagnosis.experiment.separation import Rival, Trial, noise_factor
+from diagnosis.experiment.signal_design import Design
 from diagnosis.experiment.signal_families import Signal, shapes
 from identification.certainty import fit_of
 from identification.errors import MalformedLog
@@ -28,6 +31,7 @@ from plant.simulation import beginning
 
 LIMITS = Limits(torque=4.0, speed=5.0, travel=(-3.5, 3.5))
 SAMPLE_TIME = 0.005
+DURATION = 1.5
 PAIRS = {  # the hidden truth and its rival
     "presliding": (
         ("presliding_hysteresis", {"torque": 0.1, "stiffness": 10.0}),
@@ -58,7 +62,13 @@ def rivals(pair: str) -> tuple[Machine, Fit, Fit]:
 
 @lru_cache
 def designed(pair: str) -> Experiment:
-    return separating_experiment(*rivals(pair)[1:], LIMITS, duration=3.0)
+    return separating_experiment(*rivals(pair)[1:], LIMITS, duration=DURATION)
+
+
+def task(pair: str, duration: float = DURATION) -> Design:
+    _, first, second = rivals(pair)
+    both, start = (Rival.of(first), Rival.of(second)), float(first.initial[0, 0])
+    return Design(rivals=both, limits=LIMITS, duration=duration, sample_time=SAMPLE_TIME, start=start)
 
 
 def with_experiment(fit: Fit, experiment: Experiment, machine: Machine) -> Fit:
@@ -72,7 +82,7 @@ def with_experiment(fit: Fit, experiment: Experiment, machine: Machine) -> Fit:
 @pytest.mark.parametrize("pair", PAIRS)
 def test_limits_hold_under_both_rivals(pair: str) -> None:
     experiment = designed(pair)
-    assert experiment.time.shape == experiment.torque.shape == (600,)
+    assert experiment.time.shape == experiment.torque.shape == (300,)
     assert np.abs(experiment.torque).max() <= LIMITS.torque
     for fit, shown in zip(rivals(pair)[1:], experiment.predictions, strict=True):
         begin = beginning(fit.model, angle=experiment.start, torque=experiment.torque[0])
@@ -98,12 +108,122 @@ def test_the_recorded_experiment_speaks_for_what_is_hidden(pair: str) -> None:
     assert after[0] - after[1] > before + 0.4 * designed(pair).separation
 
 
-def test_one_model_against_itself_is_said_to_be_inseparable() -> None:
+def test_reshaping_goes_beyond_every_family() -> None:
+    assert designed("lag").separation > 1.2 * task("lag").leaders()[0].log_odds
+
+
+def test_a_change_is_as_large_as_asked_for_and_local_or_everywhere() -> None:
+    torque = np.linspace(-1.0, 2.0, 400)
+    assert changed(torque, 0.0, np.random.default_rng(0)) == pytest.approx(torque, abs=1e-12)
+    rng = np.random.default_rng(1)
+    moves = np.array([changed(torque, 0.1, rng) - torque for _ in range(400)])
+    assert 0.02 < np.abs(moves).max(axis=1).mean() < 0.2
+    moved = (np.abs(moves) > 1e-9).mean(axis=1)
+    assert (moved < 0.1).any()
+    assert (moved > 0.9).any()
+
+
+def test_without_a_duration_it_is_as_short_as_settles_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    def worth(rate: float) -> Any:
+        return lambda design, *_: SimpleNamespace(log_odds=rate * design.duration)
+
+    monkeypatch.setattr(Design, "promising", lambda design: [worth(2.0)(design)])
+    monkeypatch.setattr(Design, "chirps", lambda design: [worth(0.5)(design)])
+    monkeypatch.setattr(Design, "settled", lambda design, found, **_: found)
+    monkeypatch.setattr(Design, "best", worth(3.0))
+    design = task("load")
+    found = separating._shortest(lambda length: replace(design, duration=length), 0)
+    assert found.log_odds == 3.0 * 4.0  # 6 s without reshaping; 3 s would be worth 9, and 9.3 is asked for
+    assert separating._chirp_duration(lambda length: replace(design, duration=length)) == 24.0
+    monkeypatch.setattr(Design, "best", worth(0.1))
+    monkeypatch.setattr(Design, "promising", lambda design: [worth(0.1)(design)])
+    monkeypatch.setattr(Design, "chirps", lambda design: [worth(0.1)(design)])
+    assert separating._shortest(lambda length: replace(design, duration=length), 0).log_odds == pytest.approx(3.2)
+    assert separating._chirp_duration(lambda length: replace(design, duration=length)) == np.inf
+
+
+def test_a_plain_chirp_has_the_best_of_its_amplitudes() -> None:
+    design = task("presliding")
+    chirp = design.plain_chirp()
+    assert chirp is not None
+    others = []
+    for share in np.geomspace(1.0, 0.05, 10):
+        amplitude = float(share) * (LIMITS.torque - abs(chirp.signal.bias))
+        found = design.attempt(replace(chirp.signal, amplitude=amplitude))
+        if found is not None:
+            others.append(design.settled(found).log_odds)
+    assert chirp.log_odds == pytest.approx(max(others), rel=1e-9)
+    assert max(others) > 1.2 * others[0]
+
+
+def test_the_order_of_attempts_at_mimicry_changes_nothing_but_the_time() -> None:
+    design = task("presliding")
+    found = design.leaders()[0]
+    worth, weakest = found.trial.settled(design.start)
+    assert (worth, weakest) == (found.log_odds, found.weakest)
+    assert any(weakest)
+    assert found.trial.settled(design.start, weakest=weakest) == (pytest.approx(worth, rel=1e-9), weakest)
+    assert found.trial.settled(design.start, above=0.99 * worth)[0] == pytest.approx(worth, rel=1e-9)
+    given_up, tried = found.trial.settled(design.start, above=np.inf)
+    assert given_up > worth
+    assert not any(tried)
+
+
+def test_an_experiment_does_for_every_truth_that_the_log_allows() -> None:
+    design = task("presliding")
+    found = design.leaders()[0]
+    first, second = design.rivals
+
+    stiff = first.model.values
+    stiff[first.model.names.index("presliding_hysteresis.stiffness")] *= 1e3  # close to Coulomb friction
+    other = replace(first, model=first.model.with_values(stiff))
+
+    def worth(rival: Rival, *doubts: np.ndarray) -> float:
+        trial = Trial.play(
+            (replace(rival, doubts=doubts), second), found.torque, sample_time=SAMPLE_TIME, start=design.start
+        )
+        return trial.settled(design.start)[0]
+
+    assert worth(first, first.model.values) == pytest.approx(worth(first), rel=1e-9)
+    cell = found.trial._tasks(design.start)[0].under(stiff)
+    played = Trial.play((other, second), found.torque, sample_time=SAMPLE_TIME, start=design.start)
+    assert cell.run.output == pytest.approx(played.runs[0].output)
+    alone = min(cell.settled(bandwidth) for bandwidth in cell.bandwidths)
+    assert alone < 0.5 * worth(first)
+    assert worth(first, stiff) == pytest.approx((0.5 * np.sqrt(worth(first)) + 0.5 * np.sqrt(alone)) ** 2, rel=1e-9)
+
+
+def test_doubts_are_what_the_log_allows() -> None:
+    _, fit, _ = rivals("load")
+    deviations = (np.array(Rival.of(fit).doubts) - fit.model.values)[:, list(fit.free)]
+    std = np.sqrt(np.diag(fit.covariance))
+    assert (np.abs(deviations) < 4.0 * std).all()
+    assert (np.abs(deviations).max(axis=0) > 0.05 * std).all()
+
+
+def test_what_the_log_left_open_is_free() -> None:
+    _, fit, _ = rivals("load")
+    covariance = fit.covariance.copy()
+    covariance[2], covariance[:, 2] = 0.0, 0.0
+    information = Rival.of(replace(fit, covariance=covariance)).information
+    assert not information[2].any()
+    assert not information[:, 2].any()
+    others = [place for place in range(len(covariance)) if place != 2]
+    kept = np.ix_(others, others)
+    assert information[kept] @ covariance[kept] == pytest.approx(np.eye(len(others)), abs=1e-4)
+
+
+def test_one_model_against_itself_is_said_to_be_inseparable(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Design, "refined", lambda design, found, rng: found)
     first = rivals("load")[1]
-    experiment = separating_experiment(first, first, LIMITS, duration=1.0)
-    assert experiment.separation == 0.0
+    experiment = separating_experiment(first, first, LIMITS, duration=0.1)
     assert not experiment.separable
     assert str(experiment).startswith("No signal")
+    sure = replace(Rival.of(first), doubts=())
+    design = replace(task("load"), rivals=(sure, sure))
+    trial = design.play(np.full(200, 3.0))
+    assert trial.first_order(design.start).log_odds == 0.0
+    assert trial.settled(design.start)[0] == 0.0
 
 
 def test_the_file_plays_what_was_designed(tmp_path: Path) -> None:
@@ -117,7 +237,7 @@ def test_the_file_plays_what_was_designed(tmp_path: Path) -> None:
         Log.read(tmp_path / "experiment.csv")
     entry = json.loads(json.dumps(experiment.to_dict()))
     assert entry["rivals"] == list(experiment.rivals)
-    assert (entry["duration"], entry["sample_time"]) == pytest.approx((3.0, SAMPLE_TIME))
+    assert (entry["duration"], entry["sample_time"]) == pytest.approx((DURATION, SAMPLE_TIME))
     assert entry["expected_log_odds"] > entry["chirp_log_odds"]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.experiment.separation import Rival
-from diagnosis.experiment.signal_design import Design, Limits
+from diagnosis.experiment.signal_design import Design, Found, Limits
 from diagnosis.experiment.signal_families import Signal
 from diagnosis.odds import CLEAR
 from diagnosis.result import Diagnosis
@@ -21,9 +23,10 @@ from plant.errors import BadParameter
 
 __all__ = ["Experiment", "Limits", "rivals_of", "separating_experiment"]
 
-_DURATION = 10.0  # of an experiment about which nothing else is said [s]
+_DURATIONS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # that are tried where none is given [s]
 _WIDE = 30.0  # bandwidth of the observer from which a rival's refit descends [rad/s]
 _CONVINCING = 5.0  # expected log odds from which an experiment is worth its time
+_SURE = 9.3  # m of which log odds scattered by sqrt(2 m) exceed log(CLEAR / (1 - CLEAR)) in 95 of 100 cases
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,7 +42,9 @@ class Experiment:
         separation: expected difference of the log-likelihoods after the experiment, when the wrong rival has been
             refitted; the lesser of the two cases of who is right.
         absorbed: share of the difference between the rivals' outputs that the refit takes away [-].
-        chirp_separation, chirp_absorbed: the same for a plain chirp of the same duration within the same limits.
+        chirp_separation, chirp_absorbed: the same for a plain chirp of the same duration within the same limits, with
+            the best of its amplitudes.
+        chirp_duration: that a plain chirp needs to settle it [s]; infinite if it is more than 32 s.
         predictions: (T,) what the sensor shows under either rival [rad; m].
         axis: "rotary" or "linear".
     """
@@ -53,6 +58,7 @@ class Experiment:
     absorbed: float
     chirp_separation: float
     chirp_absorbed: float
+    chirp_duration: float
     predictions: tuple[Array, Array]
     axis: Axis
 
@@ -87,6 +93,7 @@ class Experiment:
             "signal": str(self.signal),
             "expected_log_odds": self.separation,
             "chirp_log_odds": self.chirp_separation,
+            "chirp_duration": self.chirp_duration if np.isfinite(self.chirp_duration) else None,
             "file": file,
         }
 
@@ -98,9 +105,11 @@ class Experiment:
                 f"No signal of {self.duration:.3g} s within the limits tells {first} from {second}: the best, "
                 f"{self.signal}, is worth a log-likelihood difference of {self.separation:.2g}."
             )
+        chirp = f"{self.chirp_duration:.3g} s" if np.isfinite(self.chirp_duration) else "more than 32 s"
         return (
-            f"Play {self.signal} for {self.duration:.3g} s to tell {first} from {second}: expected log-likelihood "
-            f"difference {self.separation:.3g}, against {self.chirp_separation:.3g} for a chirp as long."
+            f"Play {self.signal}, reshaped, for {self.duration:.3g} s to tell {first} from {second}: expected "
+            f"log-likelihood difference {self.separation:.3g}, against {self.chirp_separation:.3g} for a plain chirp "
+            f"as long, which would have to last {chirp}."
         )
 
 
@@ -114,8 +123,8 @@ def separating_experiment(
     Args:
         first, second: the rivals, fitted to the same log.
         limits: of the machine; both rivals keep them in simulation.
-        duration: of the experiment [s]; 10 s by default.
-        seed: of the local search around the best signals.
+        duration: of the experiment [s]; by default as short as can be expected to settle it, at most 32 s.
+        seed: of the changes that are tried of the best signals.
 
     Raises:
         BadParameter: the log is of a position servo, or no signal keeps the limits.
@@ -128,12 +137,15 @@ def separating_experiment(
         raise BadParameter(
             f"The log begins at {start:.3g}, outside of the travel from {least:g} to {most:g}: widen the travel."
         )
-    length = _DURATION if duration is None else duration
-    if not (np.isfinite(length) and length >= 10.0 * sample_time):
-        raise BadParameter(f"duration = {length:g} s must be at least ten samples of {sample_time:g} s.")
+    if duration is not None and not (np.isfinite(duration) and duration >= 10.0 * sample_time):
+        raise BadParameter(f"duration = {duration:g} s must be at least ten samples of {sample_time:g} s.")
     rivals = (Rival.of(first), Rival.of(second))
-    design = Design(rivals=rivals, limits=limits, duration=length, sample_time=sample_time, start=start)
-    best, chirp = design.best(seed), design.plain_chirp()
+
+    def lasting(length: float) -> Design:
+        return Design(rivals=rivals, limits=limits, duration=length, sample_time=sample_time, start=start)
+
+    best = _shortest(lasting, seed) if duration is None else lasting(duration).best(seed)
+    chirp = lasting(best.torque.size * sample_time).plain_chirp()
     return Experiment(
         rivals=_names(first, second),
         time=np.arange(best.torque.size, dtype=float) * sample_time,
@@ -144,9 +156,36 @@ def separating_experiment(
         absorbed=best.worth.absorbed,
         chirp_separation=chirp.log_odds if chirp else 0.0,
         chirp_absorbed=chirp.worth.absorbed if chirp else 1.0,
+        chirp_duration=_chirp_duration(lasting),
         predictions=(best.trial.runs[0].output, best.trial.runs[1].output),
         axis=first.model.axis,
     )
+
+
+def _shortest(lasting: Callable[[float], Design], seed: int) -> Found:
+    """The best signal of the least duration that settles it; reshaping shortens it, by a half at the most."""
+
+    def settled(length: float) -> bool:
+        design = lasting(length)
+        return design.settle(design.promising(), _SURE)
+
+    place = bisect_left(_DURATIONS[:-1], True, key=settled)
+    for length in _DURATIONS[max(place - 2, 0) : place]:
+        best = lasting(length).best(seed)
+        if best.log_odds >= _SURE:
+            return best
+    return lasting(_DURATIONS[place]).best(seed)
+
+
+def _chirp_duration(lasting: Callable[[float], Design]) -> float:
+    """The least duration of a plain chirp that settles it [s]."""
+
+    def settled(length: float) -> bool:
+        design = lasting(length)
+        return design.settle(design.chirps(), _SURE)
+
+    place = bisect_left(_DURATIONS, True, key=settled)
+    return _DURATIONS[place] if place < len(_DURATIONS) else np.inf
 
 
 def _names(first: Fit, second: Fit) -> tuple[str, str]:

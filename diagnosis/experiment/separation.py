@@ -12,7 +12,7 @@ observer follows the measurement noise, which makes the variance of its innovati
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Self
@@ -28,6 +28,7 @@ from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 _RETUNING = 8  # iterations of a full refit to the other's output
+_DOUBTS = 2  # other values of the truth that an experiment should do for
 _BANDWIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # rad/s, to which a mimic may raise that of its observer
 
 
@@ -42,6 +43,7 @@ class Rival:
         noise_std: of one sample [rad or m].
         bandwidth: of the observer [rad/s].
         substeps: integration steps in one sample.
+        doubts: (P,) each, other values that the log allows, drawn from their distribution.
     """
 
     model: ServoModel
@@ -50,6 +52,7 @@ class Rival:
     noise_std: float
     bandwidth: float
     substeps: int
+    doubts: tuple[Array, ...]
 
     @classmethod
     def of(cls, fit: Fit) -> Self:
@@ -57,14 +60,17 @@ class Rival:
         std = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
         scale = np.where(std > 0.0, std, 1.0)
         correlation = fit.covariance / np.outer(scale, scale)
-        information = np.linalg.pinv(correlation, rcond=1e-9, hermitian=True) / np.outer(scale, scale)
+        information = np.linalg.pinv(correlation, rcond=1e-9, hermitian=True)
+        open_ = np.diag(information) < 1e-6  # what is left there is rounding
+        information[open_], information[:, open_] = 0.0, 0.0
         return cls(
             model=fit.model,
             free=fit.free,
-            information=information,
+            information=information / np.outer(scale, scale),
             noise_std=fit.noise_std,
             bandwidth=fit.bandwidth,
             substeps=fit.substeps,
+            doubts=tuple(_drawn(fit, np.random.default_rng(seed)) for seed in range(_DOUBTS)),
         )
 
     def contains(self, other: Rival) -> bool:
@@ -124,15 +130,37 @@ class Trial:
         """The lesser of what the experiment, begun at rest at an angle, tells if the one or the other is true."""
         return min((task.first_order() for task in self._tasks(start)), key=lambda separation: separation.log_odds)
 
-    def settled(self, start: float, *, above: float = 0.0) -> float:
-        """The same log odds when the mimic iterates to its best; it may stop as soon as they are not `above`."""
-        least = np.inf
-        for task in self._tasks(start):
-            for log_odds in task.settled():
-                least = min(least, log_odds)
-                if least <= above:
-                    return least
-        return least
+    def settled(
+        self, start: float, *, above: float = 0.0, weakest: Sequence[int] | None = None
+    ) -> tuple[float, tuple[int, ...]]:
+        """The log odds when the mimic iterates to its best, for every truth that the log allows; and where it did best.
+
+        Over what the log leaves open of the truth the mean of the square root counts, so that none is given up for a
+        gain where the odds are large already.
+
+        Args:
+            start: angle of rest [rad].
+            above: it stops as soon as they cannot be above this.
+            weakest: which of its bandwidths the mimic tries first against each truth. Those that did best against a
+                similar signal make for a short trial.
+        """
+        tasks = self._tasks(start)
+        cells = [cell for task in tasks for cell in (task, *map(task.under, task.truth.doubts))]
+        places = list(weakest) if weakest else [0] * len(cells)
+        odds = np.array([cell.settled(cell.bandwidths[place]) for cell, place in zip(cells, places, strict=True)])
+
+        def worth() -> float:
+            return float(np.min(np.mean(np.sqrt(odds.reshape(len(tasks), -1)), axis=1)) ** 2)
+
+        for row, cell in enumerate(cells):
+            first = places[row]
+            for place, bandwidth in enumerate(cell.bandwidths):
+                if worth() <= above:
+                    return worth(), tuple(places)
+                log_odds = odds[row] if place == first else cell.settled(bandwidth)
+                if log_odds < odds[row]:
+                    odds[row], places[row] = log_odds, place
+        return worth(), tuple(places)
 
     def _tasks(self, start: float) -> list[_Mimicry]:
         """A special case is no truth that counts: the general form mimics it perfectly, and parsimony decides."""
@@ -159,24 +187,30 @@ class _Mimicry:
         here = self._linearised(self._origin, bandwidth)
         return self._worth(here.cost, here.cost - _explained(here) if np.isfinite(here.cost) else np.inf)
 
-    def settled(self) -> Iterator[float]:
-        """Log odds at the minimum for one bandwidth after another, the mimic's own first; the least counts."""
+    def under(self, values: Array) -> _Mimicry:
+        """The same where the truth has other values (P,)."""
+        played = self.truth.predict(self.run, values, np.array([self.start, 0.0]), 0.0, slopes=False)
+        return replace(self, run=replace(self.run, output=np.nan_to_num(played.output, posinf=0.0, neginf=0.0)))
+
+    @property
+    def bandwidths(self) -> tuple[float, ...]:
+        """To which the mimic may set that of its observer [rad/s], its own first."""
         own = self.truth.bandwidth
-        quiet = noise_factor(own, self.run.sample_time)
+        return tuple(dict.fromkeys((max(own, self.mimic.bandwidth), own, *(w for w in _BANDWIDTHS if w > own))))
+
+    def settled(self, bandwidth: float) -> float:
+        """Log odds at the minimum for a bandwidth."""
         specs = [self.mimic.model.parameters[place] for place in self.mimic.free]
-        lower = np.array([*(spec.lower for spec in specs), -np.inf, -np.inf])
-        upper = np.array([*(spec.upper for spec in specs), np.inf, np.inf])
-        for bandwidth in dict.fromkeys((max(own, self.mimic.bandwidth), own, *(w for w in _BANDWIDTHS if w > own))):
-            best = minimise(
-                partial(self._linearised, bandwidth=bandwidth),
-                self._origin,
-                lower,
-                upper,
-                samples=len(self.run),
-                iterations=_RETUNING,
-            )
-            louder = noise_factor(bandwidth, self.run.sample_time) / quiet
-            yield self._worth(np.inf, best.equations.cost, louder).log_odds
+        best = minimise(
+            partial(self._linearised, bandwidth=bandwidth),
+            self._origin,
+            np.array([*(spec.lower for spec in specs), -np.inf, -np.inf]),
+            np.array([*(spec.upper for spec in specs), np.inf, np.inf]),
+            samples=len(self.run),
+            iterations=_RETUNING,
+        )
+        quiet, loud = (noise_factor(w, self.run.sample_time) for w in (self.truth.bandwidth, bandwidth))
+        return self._worth(np.inf, best.equations.cost, loud / quiet).log_odds
 
     @property
     def _origin(self) -> Array:
@@ -206,6 +240,17 @@ class _Mimicry:
             return Separation(log_odds=0.0, absorbed=1.0)
         log_odds = 0.5 * samples * float(np.log(louder + left / samples))
         return Separation(log_odds=log_odds, absorbed=1.0 - left / whole if np.isfinite(whole) else 1.0)
+
+
+def _drawn(fit: Fit, rng: np.random.Generator) -> Array:
+    """(P,) values from the distribution that a log leaves; what is positive by nature stays within a factor of five."""
+    values, free = fit.model.values, list(fit.free)
+    drawn = rng.multivariate_normal(values[free], fit.covariance, method="eigh", check_valid="ignore")
+    for place, value in zip(free, drawn, strict=True):
+        spec = fit.model.parameters[place]
+        near = (values[place] / 5.0, values[place] * 5.0) if spec.lower > 0.0 else (-np.inf, np.inf)
+        values[place] = np.clip(value, max(spec.lower, near[0]), min(spec.upper, near[1]))
+    return values
 
 
 @lru_cache(maxsize=64)

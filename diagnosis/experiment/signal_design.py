@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.experiment.reshaping import changed
 from diagnosis.experiment.separation import Rival, Separation, Trial
 from diagnosis.experiment.signal_families import Signal, shapes
 from identification.log import Log
@@ -14,9 +15,8 @@ from plant.effects.effect import Array
 from plant.errors import BadParameter
 
 _LADDER = (1.0, 0.6, 0.35, 0.2, 0.1, 0.05)  # amplitudes to try, as shares of what the torque limit leaves
-_FINALISTS = 2  # signals of different families that are refined
-_NEIGHBOURS = 40  # tried around each of them, fewer where a simulation takes finer steps
-_PROMISING = 0.8  # share of the worth to first order from which a neighbour is judged by a full refit
+_TRIES = 200  # of changes of the best of all families, fewer where a simulation takes finer steps
+_LARGE, _SMALL = 0.2, 0.005  # changes at first and at least, as shares of the torque limit
 _PLAIN = (0.1, 5.0)  # Hz, the chirp that an experimenter would play first
 
 
@@ -61,13 +61,17 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Found:
-    """A signal (T,) that keeps the limits: what it is worth to first order, and its log odds after a full refit."""
+    """A signal (T,) that keeps the limits: what it is worth to first order, and its log odds after a full refit.
+
+    `weakest` is what `Trial.settled` found.
+    """
 
     signal: Signal
     torque: Array
     trial: Trial
     worth: Separation
     log_odds: float
+    weakest: tuple[int, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,7 +87,10 @@ class Design:
     def attempt(self, signal: Signal) -> Found | None:
         """What a signal is worth to first order, None where it breaks a limit."""
         signal = signal.playable(self.sample_time)
-        torque = signal.torque(self.duration, self.sample_time)
+        return self.tried(signal, signal.torque(self.duration, self.sample_time))
+
+    def tried(self, signal: Signal, torque: Array) -> Found | None:
+        """The same for a torque (T,) that has been made of a signal."""
         if np.abs(torque).max() > self.limits.torque * (1.0 + 1e-12):
             return None
         trial = self.play(torque)
@@ -112,21 +119,38 @@ class Design:
                         yield found
 
     def refined(self, found: Found, rng: np.random.Generator) -> Found:
-        """The best of a random walk around a signal; first order picks the steps, a full refit judges them."""
-        best = found
-        for _ in range(max(_NEIGHBOURS // self.effort, 5)):
-            near = self.attempt(best.signal.varied(rng, self.limits.torque))
-            if near is not None and near.worth.log_odds > _PROMISING * best.worth.log_odds:
-                near = self.settled(near, above=best.log_odds)
-                best = max(best, near, key=lambda found: found.log_odds)
+        """The best of many small changes of a signal, one after another (Rechenberg 1973, (1+1) evolution strategy)."""
+        best, size = found, _LARGE
+        for _ in range(max(_TRIES // self.effort, 5)):
+            torque = changed(best.torque, size * self.limits.torque, rng)
+            near = self.tried(best.signal, np.clip(torque, -self.limits.torque, self.limits.torque))
+            if near is not None:
+                near = self.settled(near, above=best.log_odds, weakest=best.weakest)
+            if near is not None and near.log_odds > best.log_odds:
+                best, size = near, min(1.5 * size, 1.0)
+            else:
+                size = max(0.93 * size, _SMALL)
         return best
 
-    def settled(self, found: Found, *, above: float = 0.0) -> Found:
+    def settled(self, found: Found, *, above: float = 0.0, weakest: tuple[int, ...] | None = None) -> Found:
         """The same signal, judged by a full refit of the rivals, as far as it is worth it."""
-        return replace(found, log_odds=found.trial.settled(self.start, above=above))
+        log_odds, places = found.trial.settled(self.start, above=above, weakest=weakest)
+        return replace(found, log_odds=log_odds, weakest=places)
 
     def best(self, seed: int) -> Found:
-        """The best signal: the leaders of the families judged by a full refit, the best of these refined."""
+        """The best signal: the leader of the families, refined."""
+        return self.refined(self.leaders()[0], np.random.default_rng(seed))
+
+    def leaders(self) -> list[Found]:
+        """The best of each family by first order, judged by a full refit, the best one first."""
+        return sorted(map(self.settled, self.promising()), key=_log_odds, reverse=True)
+
+    def promising(self) -> list[Found]:
+        """The best of each family by first order.
+
+        Raises:
+            BadParameter: no signal keeps the limits.
+        """
         leaders: dict[str, Found] = {}
         for found in self.coarse():
             kept = leaders.get(found.signal.family)
@@ -138,22 +162,29 @@ class Design:
                 f"{self.limits.travel[0]:g} to {self.limits.travel[1]:g} when it starts at rest at {self.start:.3g}: "
                 "give it more room, or begin where it rests."
             )
-        rng = np.random.default_rng(seed)
-        judged = sorted(map(self.settled, leaders.values()), key=lambda found: -found.log_odds)
-        return max((self.refined(found, rng) for found in judged[:_FINALISTS]), key=lambda found: found.log_odds)
+        return list(leaders.values())
 
     def plain_chirp(self) -> Found | None:
-        """A plain chirp at the largest amplitude that keeps the limits, the better one of with and without a bias."""
+        """The plain chirp that is worth most."""
+        best: Found | None = None
+        for found in self.chirps():
+            judged = self.settled(found, above=best.log_odds if best else 0.0)
+            best = max(best or judged, judged, key=_log_odds)
+        return best
+
+    def chirps(self) -> Iterator[Found]:
+        """Plain chirps with and without a bias, at all amplitudes that keep the limits."""
         numbers = dict(zip(("start", "stop"), _PLAIN, strict=True))
-        tried = []
         for bias in sorted({0.0, self.holding_torque()}):
-            for share in np.geomspace(1.0, 0.02, 12):
+            for share in np.geomspace(1.0, 0.05, 10):
                 amplitude = float(share) * (self.limits.torque - abs(bias))
                 found = self.attempt(Signal(family="chirp", amplitude=amplitude, bias=bias, numbers=numbers))
                 if found is not None:
-                    tried.append(self.settled(found))
-                    break
-        return max(tried, key=lambda found: found.log_odds, default=None)
+                    yield found
+
+    def settle(self, signals: Iterable[Found], enough: float) -> bool:
+        """Whether any of some signals is worth that much."""
+        return any(self.settled(found, above=enough).log_odds > enough for found in signals)
 
     def holding_torque(self) -> float:
         """The constant torque that holds the machine where it begins, zero where the limit is too small for it."""
@@ -175,3 +206,7 @@ class Design:
             edges.append(low)
         hold = 0.5 * sum(edges)
         return hold if abs(hold) > 1e-3 * self.limits.torque else 0.0
+
+
+def _log_odds(found: Found) -> float:
+    return found.log_odds

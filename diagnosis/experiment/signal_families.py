@@ -45,19 +45,6 @@ class Signal:
         times = {name: max(value, sample_time) for name, value in self.numbers.items() if name not in _RATES}
         return replace(self, numbers={name: (rates | times)[name] for name in self.numbers})
 
-    def varied(self, rng: np.random.Generator, limit: float) -> Signal:
-        """A neighbour: every number changed a little, now and then another draw of what is random."""
-        amplitude = min(self.amplitude * float(np.exp(0.25 * rng.standard_normal())), limit - abs(self.bias))
-        bias = self.bias + 0.03 * limit * float(rng.standard_normal())
-        factors = np.exp(0.3 * rng.standard_normal(len(self.numbers)))
-        return replace(
-            self,
-            amplitude=amplitude,
-            bias=float(np.clip(bias, amplitude - limit, limit - amplitude)),
-            numbers={name: value * float(f) for (name, value), f in zip(self.numbers.items(), factors, strict=True)},
-            seed=int(rng.integers(1 << 16)) if rng.random() < 0.3 else self.seed,
-        )
-
     def __str__(self) -> str:
         """In words."""
         numbers = ", ".join(
