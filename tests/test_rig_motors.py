@@ -19,6 +19,24 @@ PURE = {"viscous_friction": 0.0, "motor_viscous": 0.0, "motor_coulomb": 0.0, "gr
 NO_LOAD = 2000 * 2 * np.pi / 60  # [rad/s]
 
 
+@pytest.mark.parametrize("preload", [0.0, 0.2])
+def test_halving_the_fine_step_of_the_whole_machine_changes_next_to_nothing(preload: float) -> None:
+    """With everything at work the error is of first order: below a bound that halves with the step.
+
+    Step by step it need not halve where teeth hit: when within a step they do is chance.
+    """
+    rig = Rig.paper_like(
+        **IDEAL, supply_voltage=36.0, current_bandwidth=200.0, encoder_delay=0.0013, coulomb_friction=0.2
+    )
+    follower = 2.0 * np.sin(2 * np.pi * 2.0 * np.arange(200) * 0.005)
+    xi = rig.gears.split(follower, preload / 20)
+    steps = np.array([1.0, 0.5, 0.25, 0.125]) * rig.fine_step
+    exact, *found = (replace(rig, fine_step=step).run(xi, 0.005, seed=0).angle for step in (5e-7, *steps))
+    errors = np.array([np.max(np.abs(angle - exact)) for angle in found])
+    assert errors[0] < 0.1 * 2 * np.pi / Rig.paper_like().encoder_counts  # a tenth of a count
+    assert np.all(errors < 0.25 * steps)
+
+
 def test_the_current_loop_follows_with_its_time_constant() -> None:
     rig = Rig.paper_like(**PURE, current_bandwidth=50.0)
     record = rig.run(np.tile([0.1, -0.2], (20, 1)), 0.001, seed=0)

@@ -25,15 +25,16 @@ PAPER = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
 
 @dataclass(frozen=True, kw_only=True)
 class ChirpSettings:
-    """Attributes.
+    """The sweep, and the machine under it.
 
-    title: for people.
-    amplitude: of the follower torque [N m].
-    start, stop: frequencies [Hz]; the model is found on the sweep backwards.
-    duration, sample_time: [s].
-    preload: of each pinion [N m].
-    steps: sample times at which eq. (5) is compared with eq. (4) [s].
-    rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
+    Attributes:
+        title: for people.
+        amplitude: of the follower torque [N m].
+        start, stop: frequencies [Hz]; the model is found on the sweep backwards.
+        duration, sample_time: [s].
+        preload: of each pinion [N m].
+        steps: sample times at which eq. (5) is compared with eq. (4) [s].
+        rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
     """
 
     title: str

@@ -26,15 +26,16 @@ COLOURS = (BEFORE, AFTER, SECOND, MEASURED)
 
 @dataclass(frozen=True, kw_only=True)
 class DeadZoneSettings:
-    """Attributes.
+    """The triangle, and the machines under it.
 
-    title: for people.
-    amplitude: of the torque that the drive is told to give, at the follower [N m].
-    frequency: of its triangle [Hz].
-    duration, sample_time: [s].
-    brake: dry friction that holds the load [N m].
-    gaps: free plays to measure [rad].
-    rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
+    Attributes:
+        title: for people.
+        amplitude: of the torque that the drive is told to give, at the follower [N m].
+        frequency: of its triangle [Hz].
+        duration, sample_time: [s].
+        brake: dry friction that holds the load [N m].
+        gaps: free plays to measure [rad].
+        rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
     """
 
     title: str

@@ -22,17 +22,18 @@ PAPER_SPEEDS = np.array([5.65, 11.89, 18.12])  # section 4 [rad/s]
 
 @dataclass(frozen=True, kw_only=True)
 class GearTrainSettings:
-    """Attributes.
+    """Teeth, motors and loads.
 
-    title: for people.
-    stages: driven and driving teeth of each stage, one behind the other: 46, 18, 41, 17, ...
-    pinion_teeth, follower_teeth: of the final mesh.
-    motor_speed: without load, at the supply voltage [rpm].
-    supply_voltage: [V].
-    winding_resistance: of each motor [ohm]; the paper does not give it.
-    holding_torque: pinion torque by which the other drive keeps its flank [N m].
-    loads: load torques at which the rig is measured [N m].
-    rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
+    Attributes:
+        title: for people.
+        stages: driven and driving teeth of each stage, one behind the other: 46, 18, 41, 17, ...
+        pinion_teeth, follower_teeth: of the final mesh.
+        motor_speed: without load, at the supply voltage [rpm].
+        supply_voltage: [V].
+        winding_resistance: of each motor [ohm]; the paper does not give it.
+        holding_torque: pinion torque by which the other drive keeps its flank [N m].
+        loads: load torques at which the rig is measured [N m].
+        rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
     """
 
     title: str

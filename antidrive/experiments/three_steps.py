@@ -24,15 +24,17 @@ from plant.simulation import simulate
 
 @dataclass(frozen=True, kw_only=True)
 class ThreeStepsSettings:
-    """Attributes.
+    """Equation (6), the paper's table, and how it was read.
 
-    title: for people.
-    inertia, gravity, viscous_friction, dead_zone: J, alpha, K, gamma of eq. (6) [kg m^2], [N m], [N m s/rad], [N m].
-    torques: (3,) of the steps [N m].
-    printed_speeds, printed_angles: (3,) the table: speeds [rad/s], and angles as it prints them, "deg".
-    instant: when the readings were taken [s].
-    duration, sample_time: of the experiment [s].
-    noise: of the angle that our fit sees, standard deviation [rad].
+    Attributes:
+        title: for people.
+        inertia, gravity, viscous_friction: J, alpha, K of eq. (6) [kg m^2], [N m], [N m s/rad].
+        dead_zone: gamma of eq. (6) [N m].
+        torques: (3,) of the steps [N m].
+        printed_speeds, printed_angles: (3,) the table: speeds [rad/s], and angles as it prints them, "deg".
+        instant: when the readings were taken [s].
+        duration, sample_time: of the experiment [s].
+        noise: of the angle that our fit sees, standard deviation [rad].
     """
 
     title: str
@@ -216,7 +218,8 @@ def run(settings: ThreeStepsSettings, seed: int) -> Outcome:
         ),
     ]
     moments = found.speeds_agree_at
-    agreeing = f"; they round to the printed ones elsewhere, as at {moments[-1]:.2f} s" if moments.size else ""
+    nearest = moments[np.argmin(np.abs(moments - settings.instant), keepdims=True)] if moments.size else moments
+    agreeing = "".join(f"; they round to the printed ones at {moment:.2f} s" for moment in nearest)
     names = [f"{torque:g} N m" for torque in settings.torques]
     late = found.time > 0.7 * settings.duration
     return Outcome(
