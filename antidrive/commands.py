@@ -234,7 +234,7 @@ def capability(
 def export(model: Path, gears: GearTrain, *, single: bool, out: Path, voice: Voice, **numbers: Any) -> None:
     """Write the controller of a model, with these numbers of `mpc.Controller`, as C99 that a target can run."""
     from mpc import Controller
-    from mpc.export import export as target_code
+    from mpc import export as target_code
 
     controller = Controller(read_model(model).model, gears, **numbers)
     with whole_folder(out) as draft:

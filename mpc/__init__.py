@@ -7,6 +7,7 @@ from mpc.bode import bode_figure
 from mpc.closed_loop import ClosedLoopResult, closed_loop
 from mpc.controller import Control, Controller
 from mpc.estimator import Estimator
+from mpc.export import TargetCode, export
 from mpc.monte_carlo import MonteCarlo, Sweep, Trial, monte_carlo, sweep
 from mpc.trajectory import Trajectory, minimum_heat, time_optimal
 
@@ -18,11 +19,13 @@ __all__ = [
     "LoopAnalysis",
     "MonteCarlo",
     "Sweep",
+    "TargetCode",
     "Trajectory",
     "Trial",
     "analyse_loop",
     "bode_figure",
     "closed_loop",
+    "export",
     "minimum_heat",
     "monte_carlo",
     "sweep",

@@ -89,7 +89,8 @@ class Loaded:
     """
 
     def __init__(self, made: TargetCode, folder: Path) -> None:
-        program = built(made.files, folder, "-O2", "-shared", "-fPIC", main="")
+        careful = ("-Wdouble-promotion",) if made.precision == "single" else ()
+        program = built(made.files, folder, "-O2", "-shared", "-fPIC", *careful, main="")
         self._library = ctypes.CDLL(str(program))
         number = np.float32 if made.precision == "single" else np.float64
         real = ctypes.c_float if made.precision == "single" else ctypes.c_double

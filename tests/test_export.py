@@ -20,7 +20,6 @@ from plant import Rig, ServoModel, read_model
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc here")
 pytestmark = needs_gcc
-SINGLE = ("-Wdouble-promotion",)
 OPTIONS = {  # of the controller, and whether the reference is known ahead
     "rigid": ({}, False),
     "late": ({"max_torque": 0.2, "rotor_inertia": 1e-5, "horizon": 12}, True),
@@ -263,8 +262,9 @@ def test_what_cannot_be_exported_is_said_in_a_sentence(
     assert listing(tmp_path) == before
 
 
-def test_a_linear_axis_has_no_drives_to_export(tmp_path: Path) -> None:
-    model = write_model(tmp_path / "model.json", ServoModel(gravity=0.0, axis="linear"))
-    spoken = antidrive("export", model, "--out", tmp_path / "out")
-    assert (spoken.code, spoken.err.count("rotary")) == (2, 1)
-    assert not (tmp_path / "out").exists()
+def test_a_model_that_has_no_drives_or_is_not_there_is_not_exported(tmp_path: Path) -> None:
+    linear = write_model(tmp_path / "model.json", ServoModel(gravity=0.0, axis="linear"))
+    for model, reason in ((linear, "rotary"), (tmp_path / "absent.json", "cannot be read")):
+        spoken = antidrive("export", model, "--out", tmp_path / "out")
+        assert (spoken.code, spoken.err.count(reason), spoken.err.count("\n")) == (2, 1, 1)
+        assert not (tmp_path / "out").exists()
