@@ -216,7 +216,7 @@ def export(
         20,
     ),
     follower_teeth: Annotated[int, typer.Option(help="Teeth of the follower, which turns the load.")] = 161,
-    sample_time: Annotated[float, typer.Option(help="Between two steps of the controller [s].")] = 0.005,
+    sample_time: Annotated[float, typer.Option(help="Seconds between two steps of the controller.")] = 0.005,
     horizon: Annotated[int, typer.Option(help="Samples looked ahead.")] = 30,
     min_torque: MinTorque = 0.02,
     max_torque: MaxTorque = 0.3,
