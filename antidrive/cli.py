@@ -134,7 +134,7 @@ def simulate(
         str,
         typer.Argument(
             metavar="SCENARIO",
-            help="section3, section4, figure5, figure6, figure7, tracking, drive-loss, disturbance, or a TOML file.",
+            help="section3, section4, figure5, figure6, figure7, dwell, tracking, drive-loss, disturbance, or TOML.",
         ),
     ],
     model: Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Design model of the controller.")] = None,

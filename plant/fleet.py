@@ -103,6 +103,10 @@ class Fleet:
         passed = np.sign(gap) * np.where(pressed > 0.0, np.maximum(push, 0.0), 0.0)
         return np.asarray(self._senses * passed)
 
+    def least_flank_torques(self, state: FleetState) -> Array:
+        """(B, m) least torque of each required flank during the last advance [N m], as in `RigState`."""
+        return state.rows[:, 2 + 2 * self._drives : 2 + 3 * self._drives]
+
     def measure(self, state: FleetState, noise: ArrayLike = 0.0) -> Array:
         """(B,) load angles as their encoders show them [rad], with noise (B,) in standard deviations."""
         shown = seen(state.rows, state.trail, self._delay)[:, 0] + self._encoder_noise * np.asarray(noise)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from antidrive.experiments import chirp_response, dead_zone_curve, gear_train, three_steps
+from antidrive.experiments import chirp_response, dead_zone_curve, gear_train, reversal_dwell, three_steps
 from antidrive.experiments.outcome import Outcome
 
 
@@ -23,4 +23,5 @@ KINDS: Final = {
     "three_steps": Kind(three_steps.ThreeStepsSettings, three_steps.run),
     "chirp_response": Kind(chirp_response.ChirpSettings, chirp_response.run),
     "dead_zone_curve": Kind(dead_zone_curve.DeadZoneSettings, dead_zone_curve.run),
+    "reversal_dwell": Kind(reversal_dwell.DwellSettings, reversal_dwell.run),
 }
