@@ -34,6 +34,7 @@ def some(samples: int, seed: int) -> Prediction:
     rng = np.random.default_rng(seed)
     noise = colour(rng.normal(size=samples), np.array([0.6]))
     return Prediction(
+        errors=noise,
         innovations=noise,
         jacobian=rng.normal(size=(samples, 5)),
         states=np.zeros((2, samples)),
