@@ -187,6 +187,7 @@ def test_rivals_that_the_log_cannot_tell_apart_are_told_with_their_marks_and_the
         absorbed=0.1,
         chirp_separation=1.0,
         chirp_absorbed=0.9,
+        chirp_duration=24.0,
         predictions=(np.zeros(2), np.zeros(2)),
         axis="rotary",
     )
