@@ -2,9 +2,10 @@
 
 *Is anything missing?* An effect worth asking for is just visible or larger: before the log is seen, each of its
 parameters is expected to be worth about `_VISIBLE` in lambda, twice the log-likelihood (Zellner's g-prior with g that).
-*And what is it?* Among the names, what a parameter costs is the share of its plausible range that the estimate still
-leaves open (Laplace), but at most half a log(samples) (Schwarz 1978): the simpler law wins unless the log speaks
-against it. In both, a search over shapes costs twice the log of their number and the catalogue the log of its own
+*And what is it?* Among the names, what a parameter costs lies half-way between that and the share of its plausible
+range that the estimate still leaves open (Laplace), which is at most half a log(samples) (Schwarz 1978): by the latter
+alone the simpler law would win too often where an effect is barely visible, by the former too seldom where it is plain.
+In both questions a search over shapes costs twice the log of their number and the catalogue the log of its own
 (extended BIC, Chen and Chen 2008).
 
 The probability of a name is that something is missing, times the name's share among the names.

@@ -52,7 +52,8 @@ class Contestant:
 
     def score(self, fit: Fit, than: Fit, *, over: float | None = None) -> float:
         """Of a fit with it over one without, among the names; for `over` see `evidence_of`."""
-        return evidence_of(fit, than, over=over) - parameter_cost(fit, than) - self.charge
+        cost = 0.5 * (parameter_cost(fit, than) + visibility_cost(self.coefficients))
+        return evidence_of(fit, than, over=over) - cost - self.charge
 
     def visible(self, fit: Fit, than: Fit, *, over: float | None = None) -> float:
         """Of a fit with it over one without, against nothing."""
