@@ -15,12 +15,13 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
+from confusable_pairs import PAIRS, Pair
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
@@ -45,125 +46,8 @@ LOGS, SEEDS = 4, 10  # logs that name neither, and experiments after each
 CASES, SHARE = LOGS * SEEDS, 0.95
 SEEN = 5.0  # rise of the log-likelihood by what is hidden, from which on a log shows it
 WIDE = 30.0  # bandwidth of the observer that the one behind may take [rad/s]
-Values = Mapping[str, float]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Pair:
-    """What is hidden, what it is confused with (with values from which its fit starts), and the chirp of the log."""
-
-    hidden: str
-    values: Values
-    rival: str
-    start: Values
-    amplitude: float
-    duration: float = 12.0
-
-    def __str__(self) -> str:
-        return f"{self.hidden:24}{self.rival:24}"
-
-
-PAIRS = (
-    Pair(
-        hidden="stribeck_friction",
-        values={"coulomb": 0.1, "excess": 0.02, "velocity": 0.3},
-        rival="coulomb_friction",
-        start={"torque": 0.1},
-        amplitude=1.5,
-    ),
-    Pair(
-        hidden="presliding_hysteresis",
-        values={"torque": 0.005, "stiffness": 5.0},
-        rival="coulomb_friction",
-        start={"torque": 0.005},
-        amplitude=1.5,
-    ),
-    Pair(
-        hidden="load_dependent_friction",
-        values={"coefficient": 0.0015},
-        rival="coulomb_friction",
-        start={"torque": 0.005},
-        amplitude=1.0,
-    ),
-    Pair(
-        hidden="asymmetric_friction",
-        values={"forward": 0.101, "backward": 0.099, "viscous_difference": 0.0},
-        rival="coulomb_friction",
-        start={"torque": 0.1},
-        amplitude=3.0,
-    ),
-    Pair(
-        hidden="actuator_lag",
-        values={"time_constant": 0.00125},
-        rival="input_delay",
-        start={"time": 0.001},
-        amplitude=1.5,
-    ),
-    Pair(
-        hidden="encoder_eccentricity",
-        values={"amplitude": 0.002, "order": 1.0, "phase": 0.3},
-        rival="gravity_offset",
-        start={"beta": 0.01},
-        amplitude=1.5,
-    ),
-    Pair(
-        hidden="cable_stiffness",
-        values={"stiffness": 0.0006, "cubic": 0.0, "rest_angle": 0.0},
-        rival="asymmetric_friction",
-        start={"forward": 0.006, "backward": 0.003, "viscous_difference": 0.0},
-        amplitude=1.5,
-    ),
-    Pair(
-        hidden="cable_stiffness",
-        values={"stiffness": 0.0009, "cubic": 0.0, "rest_angle": 1.0},
-        rival="torque_offset",
-        start={"torque": 0.003},
-        amplitude=1.5,
-        duration=30.0,
-    ),
-    Pair(
-        hidden="gravity_offset",
-        values={"beta": 0.0003},
-        rival="torque_offset",
-        start={"torque": 0.003},
-        amplitude=1.5,
-    ),
-    Pair(
-        hidden="cable_stiffness",
-        values={"stiffness": 0.0021, "cubic": 0.0, "rest_angle": 0.0},
-        rival="gravity_offset",
-        start={"beta": 0.003},
-        amplitude=1.5,
-    ),
-    Pair(
-        hidden="asymmetric_friction",
-        values={"forward": 0.0027, "backward": 0.0, "viscous_difference": 0.0},
-        rival="torque_offset",
-        start={"torque": 0.003},
-        amplitude=2.0,
-    ),
-    Pair(
-        hidden="backlash",
-        values={"gap": 0.0012, "motor_share": 0.3},
-        rival="compliance",
-        start={"frequency": 70.0, "damping": 0.1, "motor_share": 0.3},
-        amplitude=1.5,
-    ),
-    Pair(
-        hidden="stribeck_friction",
-        values={"coulomb": 0.1, "excess": 0.018, "velocity": 0.3},
-        rival="presliding_hysteresis",
-        start={"torque": 0.1, "stiffness": 60.0},
-        amplitude=2.0,
-    ),
-    Pair(
-        hidden="sensor_lag",
-        values={"time_constant": 0.00125},
-        rival="input_delay",
-        start={"time": 0.001},
-        amplitude=1.5,
-    ),
-)
 HEADER = (
     f"{'hidden':24}{'rival':24}{'in the logs':>14}{'settled after [s]':>20}{'':7}{'named, of':>10}{'s for a':>10}\n"
     f"{'':48}{'seen':>8}{'odds':>6}{'chirp':>11}{'design':>9}{'share':>7}{CASES:10}{'design':>10}"
