@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from machine import Machine, excitation, load_fluctuation, record
@@ -12,8 +14,10 @@ from identification.problem import Problem
 from plant import ServoModel
 from plant.effects import TorqueOffset
 
+COLOURS = [(), (0.8, -0.1)]
 
-def random_linear(samples: int, n: int) -> Linear:
+
+def random_linear(samples: int, n: int, colour: tuple[float, ...] = ()) -> Linear:
     rng = np.random.default_rng(samples)
     return Linear(
         closed_loop=0.4 * rng.normal(size=(samples, n, n)),
@@ -21,6 +25,7 @@ def random_linear(samples: int, n: int) -> Linear:
         by_reading=rng.normal(size=(samples, n)),
         seen=rng.normal(size=(samples, n)),
         weight=(rng.random(samples) > 0.1).astype(float),
+        colour=colour,
     )
 
 
@@ -45,19 +50,22 @@ def test_torques_and_readings_of_any_number_keep_their_places(columns: int) -> N
     assert together == pytest.approx(np.array(alone).T, rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.parametrize("colour", COLOURS)
 @pytest.mark.parametrize("on_reading", [False, True])
-def test_the_score_is_the_adjoint_of_the_response(on_reading: bool) -> None:
-    linear, rng = random_linear(400, 3), np.random.default_rng(2)
+def test_the_score_is_the_adjoint_of_the_response(on_reading: bool, colour: tuple[float, ...]) -> None:
+    linear, rng = random_linear(400, 3, colour), np.random.default_rng(2)
     innovations, column = rng.normal(size=400), rng.normal(size=(400, 1))
     along = -innovations @ linear.response(column, np.array([on_reading]))[:, 0]
     assert linear.score(innovations)[int(on_reading)] @ column[:, 0] == pytest.approx(along, rel=1e-12)
 
 
-def test_the_response_to_a_constant_torque_is_what_the_predictor_does_with_an_offset() -> None:
+@pytest.mark.parametrize("colour", COLOURS)
+def test_the_response_to_a_constant_torque_is_what_the_predictor_does_with_an_offset(colour: tuple[float, ...]) -> None:
     command = excitation(3, duration=10.0)
     log = record(Machine(), command, load_torque=load_fluctuation(1, 0.05, (command.size, 1))).log()
     found = fit(log, ServoModel.paper())
     assert found.bandwidth > 0.0  # so that the observer's corrections are in it
+    log = replace(log, colour=colour)
     size = 1e-6
 
     def innovations(offset: float) -> np.ndarray:
@@ -67,7 +75,8 @@ def test_the_response_to_a_constant_torque_is_what_the_predictor_does_with_an_of
 
     problem = Problem.of(log, found.model)
     path = problem.predictor.predict(found.model.values, found.initial, bandwidth=found.bandwidth, width=0.0)[0]
-    linear = linearised(found.model, log.runs[0], path, found.bandwidth, substeps=problem.predictor.substeps)
+    substeps = problem.predictor.substeps
+    linear = linearised(found.model, log.runs[0], path, found.bandwidth, substeps=substeps, colour=colour)
     told = linear.response(np.ones((command.size, 1)), np.array([False]))[:, 0]
     seen = (innovations(size) - innovations(-size)) / (2 * size)
     assert told == pytest.approx(seen, abs=1e-4 * np.abs(seen).max())
