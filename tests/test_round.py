@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from diagnosis.round import _PROMISING, _REFITS, _WORTH, _worth_a_refit
+from diagnosis import search
+from diagnosis.round import _PROMISING, _REFITS, _WORTH, Addition, _worth_a_refit
 from diagnosis.screen import Suspect
 from plant.effects import CoulombFriction
 
@@ -53,3 +58,32 @@ def test_the_leaders_come_together() -> None:
     scores = {suspect.name: suspect.evidence for suspect in suspects}
     first = next(iter(_worth_a_refit(suspects, scores, {}, observed=False)))
     assert [suspect.name for suspect in first] == ["e0", "e1", "e2"]
+
+
+@pytest.mark.parametrize(("second", "rounds"), [(0.3, ["base", "better", "fit"]), (1e-30, ["base", "fit"])])
+def test_a_better_null_repeats_the_round_only_where_a_rival_could_win_from_it(
+    monkeypatch: pytest.MonkeyPatch, second: float, rounds: list[str]
+) -> None:
+    """It rises by 10: more than a rival lags behind with odds of 0.3, less than one with odds of 1e-30 does."""
+    fits: list[Any] = [SimpleNamespace(name=name) for name in ("base", "better", "fit")]
+    base, better, fit = fits
+    found = Addition(effect="a", fit=fit, odds={"a": 1.0 - second, "b": second}, evidence=100.0, contest=())
+    asked: list[str] = []
+
+    def one_round(at: Any, *_: Any) -> Addition | None:
+        asked.append(at.name)
+        return None if at is fit else found
+
+    rises = {("better", "base"): 10.0, ("fit", "better"): 90.0}
+    monkeypatch.setattr(search, "one_round", one_round)
+    monkeypatch.setattr(search, "_better_null", lambda at, _: better if at is base else None)
+    monkeypatch.setattr(search, "evidence_of", lambda after, before: rises[after.name, before.name])
+    monkeypatch.setattr(search, "without_superfluous", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "holds_up", lambda *_: True)
+    monkeypatch.setattr(search, "without_wanderers", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "with_best_names", lambda additions, _: additions)
+    outcome = search.search(base)
+    assert asked == rounds
+    assert outcome.base is better
+    assert [addition.effect for addition in outcome.additions] == ["a"]
+    assert outcome.additions[0].evidence == (90.0 if len(rounds) == 2 else 100.0)
