@@ -29,6 +29,7 @@ LOAD_PARAMETERS: Final = (
     "torque_offset",
     "flank_stiffness",
     "flank_damping",
+    "mesh_friction",
     "current_lag",
 )
 """What a machine has once; `current_lag` is the time constant of the current loops [s]."""
@@ -142,7 +143,8 @@ def fine_steps(drives: int) -> Any:
         )
         load += passed
         free = w + h / d["rotor_inertia"] * (motor - passed - d["rotor_viscous"] * w)
-        w_next = _rub(free, h / d["rotor_inertia"] * d["rotor_coulomb"])
+        rubs = d["rotor_coulomb"] + p["mesh_friction"] * ca.fabs(passed)
+        w_next = _rub(free, h / d["rotor_inertia"] * rubs)
         rates.append(w_next)
         rotors.append(q + h * w_next)
         least.append(ca.fmin(least_before, d["sense"] * passed))

@@ -64,6 +64,7 @@ class Rig:
         current_bandwidth: of the current loop [Hz]; 0 follows at once.
         backlash: free play of each final mesh, seen at the load, from flank to flank [rad]; a number, or one a drive.
         flank_stiffness, flank_damping: of teeth in contact, seen at the load [N m/rad], [N m s/rad].
+        mesh_friction: dry friction of each gear per torque that its teeth pass, felt by its motor [-].
         encoder_counts: counts per turn of the load's encoder; 0 reads without steps.
         encoder_noise: standard deviation before counting [rad].
         motor_encoder_counts: counts per turn of the motors' encoders; 0 reads without steps.
@@ -99,6 +100,7 @@ class Rig:
     backlash: float | tuple[float, ...] = 1.2e-3
     flank_stiffness: float = 2e4
     flank_damping: float = 6.0
+    mesh_friction: float = 0.0
     encoder_counts: int = 2**17
     encoder_noise: float = 2e-5
     motor_encoder_counts: int = 4096

@@ -191,3 +191,14 @@ def test_refuses_motors_that_cannot_be(bad: dict[str, object]) -> None:
 def test_a_motor_too_quick_for_the_fine_step_is_refused() -> None:
     with pytest.raises(BadParameter, match="fine_step"):
         Rig.paper_like(supply_voltage=36.0, winding_resistance=0.1)
+
+
+def test_a_gear_rubs_the_more_the_more_it_passes() -> None:
+    # against a brake: D - f - mu T = T while the torque grows, D + f + mu T = T while it falls
+    mu = 0.1
+    rig = Rig.paper_like(drives=(2,), coulomb_friction=50.0, mesh_friction=mu, motor_viscous=0.0)
+    ramp = 8.0 * np.concatenate((np.linspace(0, 1, 200), np.linspace(1, 0.25, 150)))
+    played = rig.run(ramp[:, None] / rig.torque_map, 0.005, seed=0)
+    friction, passed = rig.motor_coulomb * rig.gears.ratio, played.flank_torques[:, 0]
+    for k, (told, sign) in {150: (ramp[149], 1.0), 340: (ramp[339], -1.0)}.items():
+        assert passed[k] == pytest.approx((told - sign * friction) / (1.0 + sign * mu), abs=0.01)
