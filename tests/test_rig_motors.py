@@ -201,4 +201,4 @@ def test_a_gear_rubs_the_more_the_more_it_passes() -> None:
     played = rig.run(ramp[:, None] / rig.torque_map, 0.005, seed=0)
     friction, passed = rig.motor_coulomb * rig.gears.ratio, played.flank_torques[:, 0]
     for k, (told, sign) in {150: (ramp[149], 1.0), 340: (ramp[339], -1.0)}.items():
-        assert passed[k] == pytest.approx((told - sign * friction) / (1.0 + sign * mu), abs=0.01)
+        assert passed[k] == pytest.approx((told - sign * friction) / (1.0 + sign * mu), abs=0.04)  # a step of the ramp
