@@ -14,7 +14,7 @@ from antidrive.scenario import Scenario
 from antidrive.simulation import Trial, run_scenario
 from antidrive.words import headline
 from diagnosis.diagnose import diagnose
-from diagnosis.explanation.wording import percent, sentence_case, title_of
+from diagnosis.explanation.wording import percent, sentence_case, size, title_of
 from diagnosis.result import Diagnosis
 from identification.log import Log
 from plant.model_file import ModelFile
@@ -91,8 +91,8 @@ class Demo:
         found, gain = self.summary(), self.diagnosis.gain
         lines = [f"Synthetic log, recorded on the rig. {headline(self.diagnosis)}"]
         for cause in self.diagnosis.causes:
-            size = ", ".join(f"{name.replace('_', ' ')} {e.value:.4g} {e.unit}" for name, e in cause.parameters.items())
-            lines.append(f"Missing: {title_of(cause.effect)} ({size}), {percent(cause.probability)} sure.")
+            found_size = size(cause.parameters.items())
+            lines.append(f"Missing: {title_of(cause.effect)} ({found_size}), {percent(cause.probability)} sure.")
         if gain is not None:
             lines.append(
                 f"Prediction: held-out error {gain.held_out_rms_before:.3g} -> {gain.held_out_rms_after:.3g} "

@@ -1,12 +1,18 @@
-"""What can be read from an effect's equations: how they look in print, and where they have a kink."""
+"""What can be read from equations: how a model's look in print, and where an effect's have a kink."""
 
 from __future__ import annotations
+
+import re
+import unicodedata
 
 import casadi as ca
 from latex2mathml.converter import convert
 from markupsafe import Markup
 
+from diagnosis.explanation.wording import sentence_case
 from plant.effects import Effect, Moment
+from plant.effects.parameter import parameters_of
+from plant.servo import ServoModel
 
 _KINKS = {
     ca.OP_FABS: "absolute value",
@@ -16,6 +22,8 @@ _KINKS = {
     ca.OP_IF_ELSE_ZERO: "case",
     ca.OP_FLOOR: "step",
 }
+_ADDED = re.compile(r"(\\tau_[^la])\s*(?:=|\\in)")  # a torque on the load; tau_l is the drivetrain's, tau_a a lag's
+_GREEK = re.compile(r"\b(?:alpha|gamma|mu)\b")
 _STEP = 0.01  # an integration step [s]; as a number, so that no guard against a step of zero counts as a kink
 
 
@@ -26,6 +34,27 @@ def typeset(equation: str) -> Markup:
     except Exception:  # somebody's own equation may be beyond the converter: then its source has to do
         return Markup("<code>{}</code>").format(equation)
     return Markup(printed.replace(' xmlns="http://www.w3.org/1998/Math/MathML"', ""))
+
+
+def model_equations(model: ServoModel) -> list[tuple[str, Markup, str]]:
+    """Title, printed equation and meaning of the symbols for the rigid body (eq. 4) and each effect of a model."""
+    rotary, loose = model.axis == "rotary", model.drivetrain is not None
+    names = {effect.name for effect in model.effects}
+    torque = r"\tau_a" if "actuator_lag" in names else r"\tau"
+    torque = f"h({torque})" if "dead_zone" in names else torque
+    added = dict.fromkeys(found[1] for e in model.effects if (found := _ADDED.search(e.equation)))
+    resisted = (r" - \alpha\cos x" if rotary else "") + r" - K\dot x" + "".join(f" + {torque}" for torque in added)
+    body = rf"J\ddot x = {torque}{resisted}"
+    if loose:
+        body = rf"(1 - s)\,J\ddot x = \tau_l{resisted}, \quad s\,J\ddot\theta = {torque} - \tau_l"
+    own = [spec.meaning for spec in parameters_of(ServoModel) if rotary or spec.name != "gravity"]
+    parts = [("Rigid body", body, own)]
+    parts += [(sentence_case(e.title), e.equation, [spec.meaning for spec in e.parameters()]) for e in model.effects]
+    return [(title, typeset(law), _GREEK.sub(_letter, ", ".join(meanings))) for title, law, meanings in parts]
+
+
+def _letter(name: re.Match[str]) -> str:
+    return unicodedata.lookup(f"GREEK SMALL LETTER {name[0].upper()}")
 
 
 def kinks(effect: Effect) -> tuple[str, ...]:

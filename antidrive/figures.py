@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MEASURED, BEFORE, AFTER, SECOND = "#8a929b", "#e07b27", "#2f7fd1", "#2a9d6f"
-"""Told apart in light and dark and by readers who see no red: grey, orange, blue, green."""
+MEASURED, BEFORE, AFTER, SECOND, THIRD = "#8a929b", "#e07b27", "#2f7fd1", "#2a9d6f", "#b65fa0"
+"""Told apart in light and dark and by readers who see no red: grey, orange, blue, green, purple."""
 
 ALONE = float(np.log(CLEAR / (1.0 - CLEAR)))
 """Log odds from which a name stands without its rivals."""
@@ -97,7 +97,7 @@ def contest_figure(contest: Contest, names: Mapping[str, str], labels: Mapping[s
         figure.add_annotation(y=place, yref="y", **text)
     figure.add_vline(x=ALONE, line_dash="dot", line_color=SECOND, line_width=1.5)
     figure.update_xaxes(range=[0.0, max(3.0 * ALONE, 2.0 * behind[1])])
-    figure.update_xaxes(title_text="log odds behind the first (dotted: 9 to 1)")
+    figure.update_xaxes(title_text="log odds behind (dotted: 9 to 1)")
     figure.update_yaxes(autorange="reversed", ticksuffix="  ")
     return finish(figure, 110 + 34 * len(rows), legend=False).update_layout(margin_r=64)
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from antidrive.provenance import Provenance
 
@@ -28,12 +29,21 @@ def figure_json(figure: Any) -> Markup:
     return Markup(figure.to_json().replace("<", "\u003c"))
 
 
+def printed(text: str) -> Markup:
+    """Plain words as they look in print: powers raised, indices lowered, arrows drawn."""
+    raised = re.sub(r"(?<=\w)\^(-?\d+(?:\.\d+)?)", r"<sup>\1</sup>", str(escape(text)))
+    lowered = re.sub(r"\b([A-Za-z])_(\w)\b", r"\1<sub>\2</sub>", raised)
+    return Markup(lowered.replace(" -&gt; ", " \N{RIGHTWARDS ARROW} "))
+
+
 @cache
 def _environment() -> Environment:
-    return Environment(
+    environment = Environment(
         loader=PackageLoader("antidrive"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["printed"] = printed
+    return environment

@@ -9,14 +9,16 @@ import numpy as np
 
 from antidrive import figures
 from antidrive.curves import picture_figure
+from antidrive.equations import model_equations
 from antidrive.experiments.outcome import Outcome
 from antidrive.page import figure_json, page
 from antidrive.provenance import Provenance
 from antidrive.words import headline, sentences
 from diagnosis.explanation import Explanation, Reason
 from diagnosis.explanation.wording import effect_of, percent, sentence_case, title_of
+from diagnosis.holdout import rms
 from diagnosis.odds import NONE
-from diagnosis.result import Cause, Diagnosis
+from diagnosis.result import Cause, Diagnosis, Gain
 from identification.fit_result import Fit, FittedParameter, correlations
 from plant.effects.effect import Array
 
@@ -47,7 +49,9 @@ def fit_page(fit: Fit, simulated: Sequence[Array], provenance: Provenance, notes
     ]
     content = {
         "unit": unit,
+        "equations": model_equations(fit.model),
         "noise": fit.noise_std,
+        "noise_error": fit.noise_std / np.sqrt(2.0 * fit.samples),
         "samples": fit.samples,
         "runs": len(runs),
         "bandwidth": fit.bandwidth,
@@ -123,6 +127,7 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
         "extended": extended,
         "held_out": gain is not None,
         "gain": gain,
+        "errors": [] if gain is None else _errors(diagnosis, gain, extended),
         "unit": unit,
         "replays": [
             (replay.label, figure_json(figures.replay_figure(replay, unit, extended=extended))) for replay in replays
@@ -139,6 +144,7 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
                 gain.held_out_rms_before, gain.held_out_rms_after if extended else None, gain.noise_floor, unit
             )
         ),
+        "equations": model_equations(diagnosis.model),
         "parameters": [_parameter(p) for p in diagnosis.extended.parameters],
         "candidates": [
             {
@@ -154,6 +160,19 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
         ],
         "data": _data(diagnosis.base, diagnosis.warnings, notes),
     }
+
+
+def _errors(diagnosis: Diagnosis, gain: Gain, extended: bool) -> list[tuple[str, str]]:
+    """The held-out error of each model with its standard error, and the model's name."""
+    told = [("base model", gain.held_out_rms_before, [r.before for r in diagnosis.replays])]
+    if extended:
+        told.append(("extended model", gain.held_out_rms_after, [r.after for r in diagnosis.replays]))
+    lines = []
+    for model, size, simulated in told:
+        missed = [(r.measured - path)[r.valid] for r, path in zip(diagnosis.replays, simulated, strict=True)]
+        scatter = f" ± {rms(np.concatenate(missed))[1]:.1g}" if missed else ""
+        lines.append((f"{size:.3g}{scatter} {gain.unit}", model))
+    return lines
 
 
 def _cause(diagnosis: Diagnosis, cause: Cause, reason: Reason) -> dict[str, Any]:

@@ -106,6 +106,15 @@ def standard_errors(gained: Array) -> float:
     return float(blocks.mean() / scatter) if scatter > 0.0 else 0.0
 
 
+def rms(errors: Array) -> tuple[float, float]:
+    """Root mean square of a record (T,) and its standard error, from the scatter over blocks of the record."""
+    squares = bounded(errors) ** 2
+    blocks = np.array([block.mean() for block in np.array_split(squares, min(_BLOCKS, squares.size))])
+    size = float(np.sqrt(np.mean(squares)))
+    scatter = float(blocks.std(ddof=1)) / np.sqrt(blocks.size) if blocks.size > 1 else 0.0
+    return size, scatter / (2.0 * size) if size > 0.0 else 0.0
+
+
 def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[float], tuple[Replay, ...]]:
     """Gain of the last fit of a path over the first, the error after each step of it, and the runs replayed."""
     window = scoring_window(*path)

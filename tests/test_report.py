@@ -9,84 +9,28 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from front_door import PLAIN, columns
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from sample_pages import HOSTILE, sample_diagnosis, sample_fit
 
 from antidrive.output import to_json
+from antidrive.page import printed
 from antidrive.provenance import Provenance
 from antidrive.report import diagnosis_page, fit_page
 from antidrive.thinning import LIMIT, thin
 from antidrive.words import headline, percent, sentences
-from diagnosis.missing_torque import missing_torque
-from diagnosis.result import Candidate, Cause, Diagnosis, Estimate, Gain, Replay, TorqueError, Unexplained
-from identification import Log, fit, free_simulation
-
-HOSTILE = "</script><script>alert(1)</script> & <b>log</b>"
+from identification import free_simulation
 
 
 @pytest.fixture(scope="module")
 def fitted():
-    return fit(Log.from_arrays(label=HOSTILE, **columns(PLAIN, duration=6.0)), PLAIN)
+    return sample_fit()
 
 
 @pytest.fixture(scope="module")
 def diagnosis(fitted):
-    run = fitted.log.runs[0]
-    size = Estimate(value=0.4, std=0.01, unit="N m")
-    cause = Cause(
-        effect="coulomb_friction",
-        probability=0.97,
-        alternatives=(("stribeck_friction", 0.02), ("none", 0.01)),
-        parameters={"torque": size},
-        gain=0.8,
-        evidence=321.0,
-    )
-    candidate = Candidate(
-        round=1,
-        effect="coulomb_friction",
-        evidence=321.0,
-        score=311.0,
-        visible=315.0,
-        probability=0.97,
-        refitted=True,
-        parameters={"torque": size},
-    )
-    missing = missing_torque(fitted)
-    return Diagnosis(
-        verdict="named",
-        causes=(cause,),
-        gain=Gain(
-            held_out_rms_before=0.05,
-            held_out_rms_after=0.01,
-            noise_floor=0.001,
-            unit="rad",
-            window=None,
-            runs=(HOSTILE,),
-        ),
-        torque_error=TorqueError(
-            cutoff=5.0, estimation_before=0.18, estimation_after=0.04, held_out_before=0.19, held_out_after=0.06
-        ),
-        unexplained=Unexplained(share=0.02, depends_on=("velocity",)),
-        warnings=("a warning about " + HOSTILE,),
-        base=fitted,
-        extended=replace(fitted),
-        missing_before=missing,
-        missing_after=missing,
-        candidates=(candidate,),
-        replays=(
-            Replay(
-                label=HOSTILE,
-                time=run.time,
-                measured=run.output,
-                before=run.output + 0.01,
-                after=run.output + 0.001,
-                valid=run.valid,
-            ),
-        ),
-        whiteness=0.01,
-    )
+    return sample_diagnosis(fitted)
 
 
 @pytest.fixture(scope="module")
@@ -147,8 +91,8 @@ def test_the_page_reads_from_verdict_to_reproduction(outline):
         "How to reproduce",
     ]
     text = " ".join(outline.text)
-    for expected in ("0.05 rad", "0.01 rad", "97 %", "inertia", "kg m^2"):
-        assert expected in text
+    for expected in (r"0\.05 ± \S+ rad", r"0\.01 ± \S+ rad", "97 %", "inertia", "kg m 2"):
+        assert re.search(expected, text), expected
     assert re.search(r"[0-9a-f]{64}", text)
 
 
@@ -158,6 +102,32 @@ def test_the_page_loads_nothing_and_runs_nothing_of_the_user(page, outline):
     assert "alert(1)</script>" not in page
     assert page.count("<script>") == 2
     assert HOSTILE in "".join(outline.text)
+
+
+def test_the_error_of_a_simulation_has_its_standard_error(diagnosis):
+    rng = np.random.default_rng(0)
+    (replay,) = diagnosis.replays
+    samples = 4000
+    missed = 0.01 * rng.standard_normal(samples)
+    noisy = replace(
+        replay,
+        time=0.01 * np.arange(samples),
+        measured=missed,
+        before=np.zeros(samples),
+        after=0.9 * missed,
+        valid=np.ones(samples, dtype=bool),
+    )
+    lead = diagnosis_page(replace(diagnosis, replays=(noisy,)), Provenance.now([])).split("<h2>")[0]
+    said = [float(number) for number in re.findall(r"± (\S+) rad</b>", lead)]
+    # of the rms of white noise: sigma / sqrt(2 N)
+    assert said == pytest.approx([0.01 / np.sqrt(2 * samples), 0.001 / np.sqrt(2 * samples)], rel=0.5)
+
+
+def test_words_look_as_in_print():
+    assert printed("e^-5.3 to 1, F_c -> 2 kg m^2 <b>") == (
+        "e<sup>-5.3</sup> to 1, F<sub>c</sub> → 2 kg m<sup>2</sup> &lt;b&gt;"
+    )
+    assert printed("cogging_amplitude") == "cogging_amplitude"
 
 
 def sections(page: str) -> dict[str, str]:
