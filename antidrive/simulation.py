@@ -144,7 +144,7 @@ class Trial:
 
     def figure(self) -> Any:
         """Reference and angle, error, pinion torques, flank torques."""
-        from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, traces_figure
+        from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, THIRD, traces_figure
 
         r = self.result
         angles = [("reference", MEASURED, r.reference), ("angle", AFTER, r.angle)]
@@ -152,8 +152,8 @@ class Trial:
         if self.single is not None:
             angles.append(("angle, one drive", BEFORE, self.single.angle))
             errors.append(("angle, one drive", BEFORE, self.single.angle - self.single.reference))
-        torques = [("drive 1", AFTER, r.torques[:, 0]), ("drive 2", SECOND, r.torques[:, 1])]
-        flanks = [("drive 1", AFTER, r.flank_torques[:, 0]), ("drive 2", SECOND, r.flank_torques[:, 1])]
+        torques = [("drive 1", SECOND, r.torques[:, 0]), ("drive 2", THIRD, r.torques[:, 1])]
+        flanks = [("drive 1", SECOND, r.flank_torques[:, 0]), ("drive 2", THIRD, r.flank_torques[:, 1])]
         return traces_figure(
             r.time,
             [
