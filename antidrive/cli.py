@@ -221,6 +221,7 @@ def export(
     min_torque: MinTorque = 0.02,
     max_torque: MaxTorque = 0.3,
     single: Annotated[bool, typer.Option("--single", help="Calculate in single precision.")] = False,
+    fmu: Annotated[bool, typer.Option("--fmu", help="Write controller and plant as FMUs instead.")] = False,
     out: Out = OUT,
     quiet: Quiet = False,
     json: Json = False,
@@ -237,6 +238,7 @@ def export(
         min_torque=min_torque,
         max_torque=max_torque,
         single=single,
+        fmu=fmu,
         out=out,
         voice=commands.Voice(quiet=quiet, json=json),
     )

@@ -231,17 +231,18 @@ def capability(
     voice.result("\n".join(lines), told.summary(found))
 
 
-def export(model: Path, gears: GearTrain, *, single: bool, out: Path, voice: Voice, **numbers: Any) -> None:
-    """Write the controller of a model, with these numbers of `mpc.Controller`, as C99 that a target can run."""
+def export(model: Path, gears: GearTrain, *, single: bool, fmu: bool, out: Path, voice: Voice, **numbers: Any) -> None:
+    """Write the controller of a model, with these numbers of `mpc.Controller`, as C99 for a target, or as FMUs."""
+    from antidrive import exports
     from mpc import Controller
-    from mpc import export as target_code
 
-    controller = Controller(read_model(model).model, gears, **numbers)
-    with whole_folder(out) as draft:
-        made = target_code(controller, single=single)
-        for name, text in made.files.items():
-            (draft / name).write_text(text, encoding="utf-8")
-    voice.result("\n".join([*made.sentences(), _written(out, ", ".join(made.files))]), made.summary())
+    if fmu and single:
+        raise BadParameter("An FMU calculates in double precision; leave --single or --fmu out.")
+    servo = read_model(model).model
+    controller = Controller(servo, gears, **numbers)
+    with whole_folder(out) as draft, voice.progress("exporting"):
+        told, content = exports.fmus(controller, servo, draft) if fmu else exports.c99(controller, single, draft)
+    voice.result("\n".join([*told, _written(out, ", ".join(content["files"]))]), content)
 
 
 def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:

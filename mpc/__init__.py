@@ -8,6 +8,7 @@ from mpc.closed_loop import ClosedLoopResult, closed_loop
 from mpc.controller import Control, Controller
 from mpc.estimator import Estimator
 from mpc.export import TargetCode, export
+from mpc.fmu import controller_fmu
 from mpc.monte_carlo import MonteCarlo, Sweep, Trial, monte_carlo, sweep
 from mpc.trajectory import Trajectory, minimum_heat, time_optimal
 
@@ -25,6 +26,7 @@ __all__ = [
     "analyse_loop",
     "bode_figure",
     "closed_loop",
+    "controller_fmu",
     "export",
     "minimum_heat",
     "monte_carlo",

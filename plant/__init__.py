@@ -6,10 +6,12 @@ from plant.discrete import sample_step
 from plant.effects import Effect, catalogue
 from plant.errors import AntidriveError, BadModelFile, BadParameter
 from plant.fleet import Fleet
+from plant.fmu import Fmu
 from plant.gears import GearTrain
 from plant.model_file import ModelFile, read_model
 from plant.rig import Rig
 from plant.servo import ServoModel
+from plant.servo_fmu import servo_fmu
 from plant.simulation import simulate
 
 __all__ = [
@@ -18,6 +20,7 @@ __all__ = [
     "BadParameter",
     "Effect",
     "Fleet",
+    "Fmu",
     "GearTrain",
     "ModelFile",
     "Rig",
@@ -25,5 +28,6 @@ __all__ = [
     "catalogue",
     "read_model",
     "sample_step",
+    "servo_fmu",
     "simulate",
 ]

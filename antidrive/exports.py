@@ -1,0 +1,35 @@
+"""The controller in the forms that leave Python: C99 for a target, FMUs for the tools of Simulink and Modelica."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from mpc import Controller, controller_fmu
+from mpc import export as target_code
+from plant import ServoModel, servo_fmu
+
+
+def c99(controller: Controller, single: bool, folder: Path) -> tuple[list[str], dict[str, Any]]:
+    """Write the C files; what they are, for readers and for scripts."""
+    made = target_code(controller, single=single)
+    for name, text in made.files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return made.sentences(), made.summary()
+
+
+def fmus(controller: Controller, model: ServoModel, folder: Path) -> tuple[list[str], dict[str, Any]]:
+    """Write the controller and the plant that it is for as FMUs; what they are, for readers and for scripts."""
+    plant = servo_fmu(model, sample_time=controller.sample_time, gears=controller.gears)
+    told, entries = [], []
+    for fmu in (controller_fmu(controller), plant):
+        fmu.write(folder / f"{fmu.name}.fmu")
+        inputs, outputs, parameters = (
+            [variable.name for variable in fmu.variables if variable.causality == kind]
+            for kind in ("input", "output", "parameter")
+        )
+        told.append(f"{fmu.name}: {', '.join(inputs)} in, {', '.join(outputs)} out.")
+        entries.append({"name": fmu.name, "inputs": inputs, "outputs": outputs, "parameters": parameters})
+    told.append(f"FMI 2.0 for co-simulation, with a sample of {controller.sample_time:g} s.")
+    files = [f"{entry['name']}.fmu" for entry in entries]
+    return told, {"schema": 1, "files": files, "sample_time": controller.sample_time, "fmus": entries}

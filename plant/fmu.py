@@ -1,0 +1,172 @@
+"""A sampled machine as an FMU: C code and its description in one file that Simulink and Modelica tools load.
+
+FMI 2.0, co-simulation (Modelica Association, fmi-standard.org). `plant/fmu.c` has the functions that a tool calls.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+import tempfile
+import uuid
+import zipfile
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.metadata import version
+from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Literal
+from xml.etree import ElementTree as xml
+
+from plant.errors import BadParameter
+from plant.machine_code import compiler
+
+_FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-fPIC", "-shared")
+_HERE = {"linux": "linux64", "darwin": "darwin64", "win32": "win64"}
+_ENDING = {"linux64": "so", "darwin64": "dylib", "win64": "dll"}
+_TARGET = {"linux64": "x86_64-linux-gnu.2.17", "darwin64": "x86_64-macos", "win64": "x86_64-windows-gnu"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variable:
+    """What a tool sees of a machine.
+
+    Attributes:
+        name: dots divide what belongs together.
+        unit: as elsewhere, "N m"; empty where there is none.
+        meaning: in words.
+        causality: "input", "output", or "parameter", which may be set before the start.
+        start: value of an input or a parameter before anybody sets it.
+        lower, upper: bounds of a parameter.
+        whole: whether it is a whole number.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    causality: Literal["input", "output", "parameter"]
+    start: float = 0.0
+    lower: float = -float("inf")
+    upper: float = float("inf")
+    whole: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fmu:
+    """A machine that can be written as an FMU.
+
+    Attributes:
+        name: of the file and its library; a C identifier.
+        description: in a sentence.
+        sample_time: between two samples of the machine [s]; a tool may take other steps.
+        variables: in the order in which the machine keeps their values.
+        machine: C99 code of `struct machine` and its functions, see `plant/fmu.c`.
+    """
+
+    name: str
+    description: str
+    sample_time: float
+    variables: tuple[Variable, ...]
+    machine: str
+
+    @cached_property
+    def guid(self) -> str:
+        """Ties library and description together: equal for equal content."""
+        content = repr((self.name, self.sample_time, self.variables, self.machine))
+        return f"{{{uuid.UUID(bytes=hashlib.sha256(content.encode()).digest()[:16])}}}"
+
+    @property
+    def source(self) -> str:
+        """The library's code, which any C99 compiler takes."""
+        start = ", ".join(repr(float(variable.start)) for variable in self.variables)
+        return (
+            f'#define GUID "{self.guid}"\n#define SAMPLE_TIME {self.sample_time!r}\n'
+            f"enum {{ VARIABLES = {len(self.variables)} }};\nstatic const double first[VARIABLES] = {{{start}}};\n\n"
+            f"{self.machine}\n{(files('plant') / 'fmu.c').read_text(encoding='utf-8')}"
+        )
+
+    @property
+    def model_description(self) -> bytes:
+        """modelDescription.xml."""
+        root = xml.Element(
+            "fmiModelDescription",
+            fmiVersion="2.0",
+            modelName=self.name,
+            guid=self.guid,
+            description=self.description,
+            generationTool=f"antidrive {version('antidrive')}",
+            variableNamingConvention="structured",
+        )
+        slave = xml.SubElement(
+            root, "CoSimulation", modelIdentifier=self.name, canHandleVariableCommunicationStepSize="true"
+        )
+        xml.SubElement(xml.SubElement(slave, "SourceFiles"), "File", name=f"{self.name}.c")
+        units = xml.SubElement(root, "UnitDefinitions")
+        for unit in dict.fromkeys(variable.unit for variable in self.variables if variable.unit):
+            xml.SubElement(units, "Unit", name=unit)
+        xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="10", stepSize=repr(self.sample_time))
+        variables = xml.SubElement(root, "ModelVariables")
+        for reference, variable in enumerate(self.variables):
+            _describe(variables, reference, variable)
+        structure = xml.SubElement(root, "ModelStructure")
+        for kind in ("Outputs", "InitialUnknowns"):
+            listed = xml.SubElement(structure, kind)
+            for place, variable in enumerate(self.variables, start=1):
+                if variable.causality == "output":
+                    xml.SubElement(listed, "Unknown", index=str(place))
+        xml.indent(root)
+        text: str = xml.tostring(root, encoding="unicode")
+        return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
+
+    def write(self, path: Path) -> None:
+        """Write the FMU, with a library for this platform and its source for others.
+
+        With the package `ziglang` there are libraries for Linux, macOS and Windows (x86-64); the first time takes
+        minutes.
+
+        Raises:
+            BadParameter: there is no C compiler, or it fails.
+        """
+        command, here = compiler(), _HERE.get(sys.platform, "linux64")
+        if command is None:
+            raise BadParameter("An FMU needs a C compiler: name one in CC, or `pip install 'antidrive[fast]'`.")
+        commands = {here: command}
+        if find_spec("ziglang"):
+            zig = (sys.executable, "-m", "ziglang", "cc", "-target")
+            commands = {platform: (*zig, target) for platform, target in _TARGET.items()} | commands
+        content = {"modelDescription.xml": self.model_description, f"sources/{self.name}.c": self.source.encode()}
+        for platform, line in commands.items():
+            content[f"binaries/{platform}/{self.name}.{_ENDING[platform]}"] = self._library(line)
+        with zipfile.ZipFile(path, "w") as made:
+            for name, part in content.items():
+                made.writestr(zipfile.ZipInfo(name), part, zipfile.ZIP_DEFLATED)  # without a date: equal each time
+
+    def _library(self, command: tuple[str, ...]) -> bytes:
+        with tempfile.TemporaryDirectory(prefix="antidrive-") as folder:
+            (Path(folder) / f"{self.name}.c").write_text(self.source, encoding="utf-8")
+            line = [*command, *_FLAGS, f"{self.name}.c", "-o", "library", "-lm"]
+            done = subprocess.run(line, cwd=folder, capture_output=True, text=True)
+            if done.returncode != 0:
+                raise BadParameter(f"{command[0]} cannot compile the FMU: {done.stderr.strip() or done.returncode}")
+            return (Path(folder) / "library").read_bytes()
+
+
+def _describe(variables: xml.Element, reference: int, variable: Variable) -> None:
+    """The element of one variable."""
+    entry = xml.SubElement(
+        variables,
+        "ScalarVariable",
+        name=variable.name,
+        valueReference=str(reference),
+        description=variable.meaning,
+        causality=variable.causality,
+    )
+    changes = {"input": "discrete" if variable.whole else "continuous", "output": "discrete", "parameter": "fixed"}
+    entry.set("variability", changes[variable.causality])
+    told = {} if variable.causality == "output" else {"start": repr(float(variable.start))}
+    told |= {"unit": variable.unit} if variable.unit else {}
+    told |= {"min": repr(float(variable.lower))} if variable.lower > -float("inf") else {}
+    told |= {"max": repr(float(variable.upper))} if variable.upper < float("inf") else {}
+    xml.SubElement(entry, "Integer" if variable.whole else "Real", told)

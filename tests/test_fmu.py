@@ -1,0 +1,211 @@
+"""FMUs of plant and controller, driven by FMPy: the samples of Python to the last bit."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from importlib.util import find_spec
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi1 import FMICallException
+from front_door import antidrive, listing, write_model
+from slave import Slave
+from target import MODELS, PAPER, UNEQUAL, recorded
+
+from mpc import Controller, controller_fmu
+from mpc.trouble import sentence
+from plant import BadParameter, ServoModel, sample_step, servo_fmu, simulate
+from plant.discrete import sample_reading
+from plant.effects import Backlash, CoulombFriction, DeadZone, FrictionDrift, InputDelay, SensorLag
+from plant.machine_code import compiler
+from plant.simulation import beginning
+
+DT = 0.005
+LATE = ServoModel.paper().with_effect(InputDelay(time=0.0132)).with_effect(CoulombFriction(torque=0.2))
+PLANTS = {
+    "late": LATE.with_effect(SensorLag(time_constant=0.01)),
+    "gap": MODELS["lag"].with_effect(Backlash(gap=0.01, motor_share=0.3)),
+    "drift": MODELS["rigid"].with_effect(FrictionDrift(viscous_rate=0.5, coulomb_rate=0.2)),
+    "linear": ServoModel(gravity=0.0, axis="linear", effects=(DeadZone(half_width=0.3),)),
+}
+
+
+def commands(samples: int) -> np.ndarray:
+    """Noise that is held for some samples, strong enough to leave every dead zone."""
+    rng = np.random.default_rng(0)
+    return np.repeat(rng.normal(scale=3.0, size=samples // 5 + 1), 5)[:samples]
+
+
+def shown(model: ServoModel, states: np.ndarray) -> np.ndarray:
+    return np.array(sample_reading(model).map(len(states))(states.T, model.values)).ravel()
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_the_plant_is_the_simulation(name: str, tmp_path: Path) -> None:
+    model, command = PLANTS[name], commands(300)
+    states = simulate(model, command=command, dt=DT)
+    angle, torque = ("position", "force") if name == "linear" else ("angle", "torque")
+    slave, found = Slave(servo_fmu(model, sample_time=DT), tmp_path), []
+    for value in command:
+        found.append(slave.get(f"load_{angle}", "velocity", angle))
+        slave.sample(**{torque: value})
+    assert np.ptp(states[:, 0]) > 0.05
+    np.testing.assert_array_equal(found, np.column_stack((states[:-1, :2], shown(model, states[:-1]))))
+    slave.close()
+
+
+def test_the_parameters_count_and_so_does_where_it_starts(tmp_path: Path) -> None:
+    fmu, command = servo_fmu(LATE, sample_time=DT), commands(100)
+    given = {"inertia": 3.0, "input_delay.time": 0.031, "coulomb_friction.torque": 0.5}
+    named = {name.replace(".", "__"): value for name, value in given.items()}
+    slave = Slave(fmu, tmp_path, first_angle=0.7, first_velocity=-1.0, **named)
+    other = LATE.with_values([given.get(name, value) for name, value in zip(LATE.names, LATE.values, strict=True)])
+    states = simulate(other, command=command, dt=DT, state=beginning(other, angle=0.7, velocity=-1.0))
+    for value, state in zip(command, states, strict=False):
+        assert slave.get("load_angle", "velocity") == state[:2].tolist()
+        slave.sample(torque=value)
+    for spec in LATE.parameters:
+        told = slave.variables[spec.name]
+        assert (told.causality, told.unit, float(told.start)) == (
+            "parameter", spec.unit, LATE.values[LATE.names.index(spec.name)]
+        )  # fmt: skip
+        assert told.min is None or float(told.min) == spec.lower
+    slave.close()
+
+
+def test_a_tool_may_step_finer_and_coarser_than_a_sample(tmp_path: Path) -> None:
+    fmu, command = servo_fmu(LATE, sample_time=DT), commands(60)
+    slave, finer, coarser = (Slave(fmu, tmp_path / name) for name in ("one", "fine", "coarse"))
+    for k, value in enumerate(command):
+        before = slave.get("angle")
+        slave.sample(torque=value)
+        for part in range(3):
+            assert finer.get("angle") == before
+            finer.set(torque=value if part == 0 else 99.0)  # what comes inside a sample is too late for it
+            finer.step((k + part / 3) * DT, DT / 3)
+        assert finer.get("angle") == slave.get("angle")
+        if k % 5 == 0:
+            coarser.set(torque=value)
+            coarser.step(k * DT, 5 * DT)
+        if k % 5 == 4:
+            assert coarser.get("angle", "velocity") == slave.get("angle", "velocity")
+    for each in (slave, finer, coarser):
+        each.close()
+
+
+@pytest.mark.parametrize("name", ["late", "lag"])
+def test_the_controller_hands_out_the_torques_of_python(name: str, tmp_path: Path) -> None:
+    motors = {"motor_resolution": 1e-3} if name == "lag" else {}
+    used = Controller(MODELS[name], PAPER, **motors)  # type: ignore[arg-type]
+    recording = recorded(used, ahead=False, samples=300)
+    slave = Slave(controller_fmu(used), tmp_path)
+    inputs = ["angle", *(["motor_angle_1", "motor_angle_2"] if motors else []), "reference"]
+    for line, torques, status in zip(recording.lines.splitlines(), recording.torques, recording.statuses, strict=True):
+        slave.sample(**dict(zip(inputs, map(float, line.split(",")), strict=True)))
+        assert slave.get("torque_1", "torque_2") == torques.tolist()
+        (reasons,) = slave.get("status")
+        assert status == ("optimal" if reasons == 0 else f"degraded: {sentence(reasons)}")
+    assert len(set(recording.statuses)) > 3
+    slave.close()
+
+
+def test_both_close_the_loop_of_python(tmp_path: Path) -> None:
+    model = LATE.without_effect("input_delay")
+    options = {"min_torque": 0.03, "max_torque": 0.3, "horizon": 20}
+    used, again = (Controller(model, UNEQUAL, **options) for _ in range(2))  # type: ignore[arg-type]
+    plant = Slave(servo_fmu(model, sample_time=DT, gears=UNEQUAL), tmp_path)
+    controller = Slave(controller_fmu(used), tmp_path)
+    step, state, ratios = sample_step(model), beginning(model), UNEQUAL.torque_map
+    for _ in range(750):
+        (angle,) = plant.get("angle")
+        control = again.step(angle, 0.2)
+        controller.sample(angle=angle, reference=0.2)
+        first, second = controller.get("torque_1", "torque_2")
+        assert [first, second] == control.torques.tolist()
+        assert controller.get("margin", "disturbance") == [control.margin, control.disturbance]
+        plant.sample(torque_1=first, torque_2=second)
+        torque = ratios[0] * first + ratios[1] * second
+        state = np.array(step(state, [torque, torque, 0, np.inf, 0, DT, 0], model.values)).ravel()
+        assert plant.get("load_angle", "velocity") == state[:2].tolist()
+    assert plant.get("angle")[0] == pytest.approx(0.2, abs=2e-3)
+    plant.close()
+    controller.close()
+
+
+def test_a_tool_simulates_the_file_at_its_own_step(tmp_path: Path) -> None:
+    path = tmp_path / "plant.fmu"
+    servo_fmu(PLANTS["drift"], sample_time=DT).write(path)
+    command = np.array([(0.0, 3.0), (1.0, 3.0)], dtype=[("time", float), ("torque", float)])
+    found = fmpy.simulate_fmu(str(path), stop_time=1.0, input=command, output=["load_angle"])
+    assert found["time"][1] == DT
+    expected = simulate(PLANTS["drift"], command=np.full(200, 3.0), dt=DT)[:, 0]
+    np.testing.assert_array_equal(found["load_angle"], expected)
+
+
+def test_what_is_not_understood_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    fmu = servo_fmu(MODELS["rigid"], sample_time=DT)
+    slave = Slave(fmu, tmp_path)
+    for length in (0.0, -DT, np.nan, np.inf):
+        with pytest.raises(FMICallException):
+            slave.step(0.0, length)
+    with pytest.raises(FMICallException):
+        slave.slave.getReal([99])
+    with pytest.raises(FMICallException):
+        slave.slave.getString([0])
+    slave.slave.guid = "{another}"
+    with pytest.raises(Exception, match="instantiate"):
+        slave.slave.instantiate()
+    said = capfd.readouterr().out
+    for reason in ("forward by a finite time", "no variable", "fmi2GetString is not offered", "modelDescription.xml"):
+        assert reason in said, said
+    with pytest.raises(BadParameter, match="sample_time"):
+        servo_fmu(MODELS["rigid"], sample_time=0.0)
+    with pytest.raises(BadParameter, match="linear"):
+        servo_fmu(PLANTS["linear"], sample_time=DT, gears=PAPER)
+
+
+def test_the_file_is_the_same_each_time_and_brings_its_source(tmp_path: Path) -> None:
+    for name in ("one.fmu", "two.fmu"):
+        servo_fmu(MODELS["rigid"], sample_time=DT).write(tmp_path / name)
+    assert (tmp_path / "one.fmu").read_bytes() == (tmp_path / "two.fmu").read_bytes()
+    other = servo_fmu(MODELS["rigid"], sample_time=0.004)
+    with zipfile.ZipFile(tmp_path / "one.fmu") as made:
+        assert other.guid not in made.read("modelDescription.xml").decode()
+        assert "sample_step" in made.read("sources/antidrive_plant.c").decode()
+
+
+def test_without_a_compiler_there_is_no_fmu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fmu = servo_fmu(MODELS["rigid"], sample_time=DT)
+    for command, reason in (("", "needs a C compiler"), ("false", "cannot compile")):
+        monkeypatch.setenv("CC", command)
+        compiler.cache_clear()
+        with pytest.raises(BadParameter, match=reason):
+            fmu.write(tmp_path / "plant.fmu")
+        assert listing(tmp_path) == {}
+    compiler.cache_clear()
+
+
+@pytest.mark.skipif(find_spec("ziglang") is None, reason="no ziglang here: no libraries for other platforms")
+def test_ziglang_brings_the_other_platforms(tmp_path: Path) -> None:
+    servo_fmu(MODELS["rigid"], sample_time=DT).write(tmp_path / "plant.fmu")
+    assert set(fmpy.supported_platforms(str(tmp_path / "plant.fmu"))) >= {"linux64", "darwin64", "win64"}
+
+
+def test_the_command_writes_both(tmp_path: Path) -> None:
+    model, out = write_model(tmp_path / "model.json", LATE), tmp_path / "out"
+    spoken = antidrive("export", model, "--fmu", "--out", out, "--sample-time", 0.004, "--json")
+    assert spoken.code == 0, spoken.err
+    told = json.loads(spoken.out)
+    assert sorted(listing(out)) == sorted(told["files"]) == ["antidrive_controller.fmu", "antidrive_plant.fmu"]
+    for entry in told["fmus"]:
+        found = fmpy.read_model_description(str(out / f"{entry['name']}.fmu"))
+        assert float(found.defaultExperiment.stepSize) == 0.004
+        by = {kind: [v.name for v in found.modelVariables if v.causality == kind] for kind in ("input", "output")}
+        assert (by["input"], by["output"]) == (entry["inputs"], entry["outputs"])
+    assert "input_delay.time" in told["fmus"][1]["parameters"]
+    refused = antidrive("export", model, "--fmu", "--single", "--out", tmp_path / "other")
+    assert (refused.code, refused.err.count("double precision"), refused.err.count("\n")) == (2, 1, 1)
+    assert not (tmp_path / "other").exists()
