@@ -61,7 +61,7 @@ def _experiment(name: str, content: Mapping[str, Any]) -> Plan:
 
     def run(model: ServoModel | None, seed: int) -> Result:
         if model is not None:
-            raise BadParameter(f"{name}: an experiment without a controller takes no --model.")
+            raise BadParameter(f"{name}: an experiment takes no --model.")
         return kind.run(settings, seed)
 
     return Plan(name=name, run=run)

@@ -207,5 +207,5 @@ def run_scenario(scenario: Scenario, *, model: ServoModel | None = None, seed: i
 
 def rigid_model(rig: Rig) -> ServoModel:
     """Eq. (4) with the rig's own numbers, rotors in mesh: what a careful engineer knows from the drawings."""
-    motors = float(np.sum(rig.motor_viscous * rig.gears.motor_ratios**2))
+    motors = float(np.sum(rig.motor_viscous * rig.motor_ratios**2))
     return ServoModel(inertia=rig.total_inertia, gravity=rig.gravity, viscous_friction=rig.viscous_friction + motors)

@@ -6,7 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from antidrive.experiments import chirp_response, dead_zone_curve, gear_train, reversal_dwell, three_steps
+from antidrive.experiments import (
+    camera_report,
+    camera_tracking,
+    chirp_response,
+    dead_zone_curve,
+    gear_train,
+    reversal_dwell,
+    three_steps,
+)
 from antidrive.experiments.outcome import Outcome
 
 
@@ -23,5 +31,6 @@ KINDS: Final = {
     "three_steps": Kind(three_steps.ThreeStepsSettings, three_steps.run),
     "chirp_response": Kind(chirp_response.ChirpSettings, chirp_response.run),
     "dead_zone_curve": Kind(dead_zone_curve.DeadZoneSettings, dead_zone_curve.run),
+    "camera_tracking": Kind(camera_tracking.CameraSettings, camera_report.run),
     "reversal_dwell": Kind(reversal_dwell.DwellSettings, reversal_dwell.run),
 }

@@ -1,0 +1,233 @@
+"""The abstract of the paper: a platform carries a camera that follows a moving target, with one drive and with two.
+
+The same controller asks for the follower torque every time; what differs is how drive and anti-drive share it. The load
+is seen through the camera, coarsely; the motors' encoders see it much finer, but through the teeth. So the price of a
+gap is not only what the teeth do when they meet, but that the motors no longer tell where the load is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from allocation import Bounds, least_effort
+from antidrive.experiments.outcome import Array
+from antidrive.experiments.preload_laws import LAWS, ONE, PreloadLaws, joule
+from antidrive.experiments.settings import need_positive, need_samples
+from antidrive.experiments.targets import FADE_IN, TARGETS, target
+from antidrive.simulation import rigid_model
+from mpc import Controller
+from plant.effects import CoulombFriction
+from plant.errors import BadParameter
+from plant.fleet import Fleet
+from plant.rig import Rig
+from plant.servo import ServoModel
+
+GRAVITY = 9.81  # [m/s^2]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraSettings:
+    """Targets, platform, payload and controller.
+
+    Attributes:
+        title: for people.
+        span: over which the targets move [rad].
+        acceleration: greatest one of the targets [rad/s^2].
+        targets: how many of each kind are followed.
+        duration, sample_time: [s].
+        payload_mass, payload_arm: of the camera [kg], and how far from the axis, level with it at angle zero [m].
+        pixel: width of one in the camera's picture [rad].
+        picture_noise: standard deviation of where it sees the target [rad].
+        min_torque, max_torque: of each pinion [N m].
+        rig: fields of `plant.rig.Rig` that differ from the paper-like machine without payload.
+    """
+
+    title: str
+    span: float
+    acceleration: float
+    targets: int
+    duration: float
+    sample_time: float
+    payload_mass: float
+    payload_arm: float
+    pixel: float
+    picture_noise: float
+    min_torque: float
+    max_torque: float
+    rig: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        """Check what neither rig nor controller checks."""
+        need_positive(self, "span", "acceleration", "sample_time", "pixel", "min_torque", "max_torque")
+        need_samples(self.duration - FADE_IN, self.sample_time)
+        if self.targets < 2:
+            raise BadParameter(f"targets = {self.targets}: an interval needs at least two of each kind.")
+        for name in ("encoder_counts", "encoder_noise"):
+            if name in self.rig:
+                raise BadParameter(f"rig.{name} is given by pixel and picture_noise here.")
+        self.machine((1, 2))
+
+    def machine(self, drives: tuple[int, ...]) -> Rig:
+        """The rig with its payload; the camera stands for the load's encoder."""
+        bare = Rig.paper_like(**{**self.rig, "drives": drives})
+        carried = {
+            "inertia": bare.inertia + self.payload_mass * self.payload_arm**2,
+            "gravity": bare.gravity + self.payload_mass * GRAVITY * self.payload_arm,
+            "encoder_counts": round(2.0 * np.pi / self.pixel),
+            "encoder_noise": self.picture_noise,
+        }
+        return Rig.paper_like(**{**self.rig, **carried, "drives": drives})
+
+    def paths(self, ahead: int, seed: int) -> dict[tuple[str, int], Array]:
+        """(T + ahead,) angle of each target [rad], by kind and number."""
+        time = np.arange(round(self.duration / self.sample_time) + ahead, dtype=np.float64) * self.sample_time
+        limits = {"span": self.span, "acceleration": self.acceleration}
+        return {
+            (kind, number): target(kind, time, seed + number, **limits)
+            for kind, number in product(TARGETS, range(self.targets))
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tracked:
+    """Over L laws, K kinds of target and S targets of each kind.
+
+    Attributes:
+        laws: how the preloads were sized.
+        rms: (L, K, S) root mean square of load less target [rad].
+        peak: (L, K, S) its greatest size [rad].
+        heat: (L, K, S) mean of the sum of xi_i^2 [N^2 m^2].
+        watts: (L, K, S) mean heat in the windings [W].
+        least: (L, K, S) least flank torque of two drives [N m], follower side; of one drive, zero or less if it parted.
+        time: (T,) [s].
+        wanted: (T,) first target of the last kind [rad].
+        error: (L, T) load less that target [rad].
+    """
+
+    laws: PreloadLaws
+    rms: Array
+    peak: Array
+    heat: Array
+    watts: Array
+    least: Array
+    time: Array
+    wanted: Array
+    error: Array
+
+
+def experiment(settings: CameraSettings, seed: int) -> Tracked:
+    """Follow every target under every law."""
+    pair = settings.machine((1, 2))
+    ahead = _controller(settings, pair, rigid_model(pair)).horizon + 1
+    paths = settings.paths(ahead, seed)
+    laws, friction = _sized(settings, pair, paths)
+    loops = {
+        drives: _followed(settings, drives, laws, friction, ways, paths, seed)
+        for drives, ways in (((2,), (ONE,)), ((1, 2), LAWS[1:]))
+    }
+    merged = {name: np.concatenate([loop[name] for loop in loops.values()]) for name in loops[1, 2]}
+    shape = (len(LAWS), len(TARGETS), settings.targets)
+    count = round(settings.duration / settings.sample_time)
+    shown = paths[list(TARGETS)[-1], 0][:count]
+    return Tracked(
+        laws=laws,
+        **{name: merged[name].reshape(shape) for name in ("rms", "peak", "heat", "watts", "least")},
+        time=np.arange(count, dtype=np.float64) * settings.sample_time,
+        wanted=shown,
+        error=merged["error"].reshape(*shape, count)[:, -1, 0],
+    )
+
+
+def _sized(
+    settings: CameraSettings, rig: Rig, paths: Mapping[tuple[str, int], Array]
+) -> tuple[PreloadLaws, dict[str, float]]:
+    """The laws for what the targets ask of the machine, and the dry friction that it has under each of them [N m]."""
+    rubs = rig.coulomb_friction + float(np.sum(rig.motor_coulomb * rig.motor_ratios))
+    model, torques, accelerations = rigid_model(rig), [], []
+    for path in paths.values():
+        rate = np.gradient(path, settings.sample_time)
+        accelerations.append(np.gradient(rate, settings.sample_time))
+        load = model.gravity * np.cos(path) + model.viscous_friction * rate + rubs * np.sign(rate)
+        torques.append(model.inertia * accelerations[-1] + load)
+    torque, acceleration = np.concatenate(torques), np.concatenate(accelerations)
+    bounds = Bounds(
+        gears=rig.gears,
+        min_torque=settings.min_torque,
+        max_torque=settings.max_torque,
+        rotor_inertia=rig.rotor_inertia,
+        motor_friction=rig.motor_coulomb,
+    )
+    laws, planned = PreloadLaws.for_demand(bounds, torque, acceleration), least_effort(bounds, torque, acceleration)
+    shares = {law: np.abs(laws.split(law, torque, planned)).sum(axis=1) for law in LAWS}
+    passed = {law: float(np.mean(share) * rig.gears.mesh_ratios[0]) for law, share in shares.items()}
+    return laws, {law: rubs + rig.mesh_friction * each for law, each in passed.items()}
+
+
+def _controller(settings: CameraSettings, rig: Rig, model: ServoModel) -> Controller:
+    """The one controller; a single drive has it without its motor's encoder, which a gap makes worse than none."""
+    return Controller(
+        model,
+        rig.gears,
+        sample_time=settings.sample_time,
+        min_torque=settings.min_torque,
+        max_torque=settings.max_torque,
+        rotor_inertia=rig.rotor_inertia,
+        encoder_resolution=settings.pixel,
+        encoder_noise=settings.picture_noise,
+        motor_resolution=2.0 * np.pi / rig.motor_encoder_counts if len(rig.drives) == 2 else None,
+    )
+
+
+def _followed(
+    settings: CameraSettings,
+    drives: tuple[int, ...],
+    laws: PreloadLaws,
+    friction: Mapping[str, float],
+    ways: Sequence[str],
+    paths: Mapping[tuple[str, int], Array],
+    seed: int,
+) -> dict[str, Array]:
+    """All targets under some laws at once, cases in the order of laws, kinds and numbers."""
+    rig = settings.machine(drives)
+    cases = list(product(ways, paths))
+    fleet, count = Fleet([rig] * len(cases)), round(settings.duration / settings.sample_time)
+    model = rigid_model(rig)
+    controllers = [
+        _controller(settings, rig, model.with_effect(CoulombFriction(torque=friction[law]))) for law, _ in cases
+    ]
+    wanted = np.stack([paths[which] for _, which in cases])
+    noise = np.stack([np.random.default_rng((seed + number, 1)).standard_normal(count) for _, (_, number) in cases], 1)
+    ahead = wanted.shape[1] - count
+    pressed = settings.min_torque * np.array([1.0, -1.0])[-len(drives) :] * (len(drives) == 2)
+    state, length = fleet.rest(torques=pressed), len(paths)
+    angle = np.empty((len(cases), count))
+    pinions = np.empty((len(cases), count, len(drives)))
+    least = np.full(len(cases), np.inf)
+    late = np.arange(count) * settings.sample_time >= FADE_IN
+    for k in range(count):
+        angle[:, k] = state.rows[:, 0]
+        seen, motors = fleet.measure(state, noise[k]), fleet.motor_angles(state)
+        planned = np.empty((len(cases), 2))
+        for i, controller in enumerate(controllers):
+            at_motors = None if controller.motor_resolution is None else motors[i]
+            planned[i] = controller.step(float(seen[i]), wanted[i, k : k + ahead], at_motors).torques
+        torque = rig.gears.follower_torque(planned)
+        for w, law in enumerate(ways):
+            own = slice(w * length, (w + 1) * length)
+            pinions[own, k] = laws.split(law, torque[own], planned[own])
+        state = fleet.advance(state, pinions[:, k], settings.sample_time)
+        if late[k]:
+            least = np.minimum(least, fleet.least_flank_torques(state).min(axis=1))
+    error = angle - wanted[:, :count]
+    return {
+        "rms": np.sqrt(np.mean(error[:, late] ** 2, axis=1)),
+        "peak": np.max(np.abs(error[:, late]), axis=1),
+        "heat": np.mean(np.sum(pinions[:, late] ** 2, axis=2), axis=1),
+        "watts": np.mean(joule(rig, pinions[:, late]), axis=1),
+        "least": least,
+        "error": error,
+    }
