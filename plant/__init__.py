@@ -8,6 +8,7 @@ from plant.errors import AntidriveError, BadModelFile, BadParameter
 from plant.fleet import Fleet
 from plant.fmu import Fmu
 from plant.gears import GearTrain
+from plant.linear import linearise
 from plant.model_file import ModelFile, read_model
 from plant.rig import Rig
 from plant.servo import ServoModel
@@ -26,6 +27,7 @@ __all__ = [
     "Rig",
     "ServoModel",
     "catalogue",
+    "linearise",
     "read_model",
     "sample_step",
     "servo_fmu",
