@@ -13,13 +13,22 @@ Array = NDArray[np.float64]
 
 
 def loop_with_drive_loss(
-    controller: Controller, rig: Rig, reference: Array, pushes: Array, *, drive: int, time: float, seed: int
+    controller: Controller,
+    rig: Rig,
+    reference: Array,
+    pushes: Array,
+    *,
+    drive: int,
+    time: float,
+    seed: int,
+    detection: float = 0.0,
 ) -> ClosedLoopResult:
     """Run a controller on the rig while one drive fails.
 
-    From then on the follower torque that the controller asks for goes to the allocator of what is left: the other drive
-    gives it alone, in both senses and within its limit. Motion is kept; its flank parts whenever the torque reverses,
-    and the backlash shows.
+    Until the loss is known the other drive gives its own part of the torque, and the load is pushed aside. From then on
+    the follower torque that the controller asks for goes to the allocator of what is left: the other drive gives it
+    alone, in both senses and within its limit. Motion is kept; its flank parts whenever the torque reverses, and the
+    backlash shows. Encoders at the motors are not asked any more: what they say is true but for the gap.
 
     Args:
         controller: a fresh one.
@@ -29,23 +38,30 @@ def loop_with_drive_loss(
         drive: 1 or 2, the one that fails.
         time: when it fails [s].
         seed: of the encoder's noise.
+        detection: how long after that the loss is known [s].
     """
     dt, ahead = controller.sample_time, controller.horizon
     left = Allocator(rig.gears, min_torque=controller.min_torque, max_torque=controller.max_torque, lost=(drive,))
     wanted = np.append(reference, np.full(ahead, reference[-1]))
     rng = np.random.default_rng(seed)
-    broken_from = round(time / dt)
+    broken_from, known_from = round(time / dt), round((time + detection) / dt)
+    alive = np.arange(1, 3) != drive
     first = least_effort(controller.bounds, 0.0)
     state = rig.rest(float(reference[0]), first if broken_from > 0 else np.zeros(2))
     rows: dict[str, list[float]] = {name: [] for name in ("angle", "velocity", "measured", "unknown", "margin")}
     torques, flanks, status = [], [], []
     for k, push in enumerate(pushes):
         measured = rig.measure(state, rng)
-        control = controller.step(measured, wanted[k : k + ahead + 1])
+        shown = None
+        if controller.motor_resolution is not None:
+            shown = rig.motor_angles(state) if k < known_from else np.full(2, np.nan)
+        control = controller.step(measured, wanted[k : k + ahead + 1], shown)
         applied, said, margin = control.torques, control.status, control.margin
-        if k >= broken_from:
+        if k >= known_from:
             alone = left.allocate(float(rig.gears.follower_torque(applied)))
             applied, said, margin = alone.torques, alone.status, alone.margin
+        elif k >= broken_from:
+            applied = applied * alive
         for name, value in zip(rows, (state.angle, state.velocity, measured, control.disturbance, margin), strict=True):
             rows[name].append(value)
         state = rig.advance(state, applied, dt, float(push))

@@ -42,10 +42,11 @@ class Disturbance:
 
 @dataclass(frozen=True, kw_only=True)
 class DriveLoss:
-    """From a time on [s], one drive (1 or 2) gives no torque."""
+    """From a time on [s], one drive (1 or 2) gives no torque; so much later [s] the controller knows."""
 
     drive: int
     time: float
+    detection: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +153,7 @@ def parse_scenario(name: str, text: str) -> Scenario:
         rig=rig,
         controller=controller,
         disturbance=_disturbance(name, table(content, "disturbance", ["torque", "start", "stop"])),
-        drive_loss=_drive_loss(name, table(content, "drive_loss", ["drive", "time"])),
+        drive_loss=_drive_loss(name, table(content, "drive_loss", ["drive", "time", "detection"])),
         compare_single_drive=single,
     )
     if not 1.0 <= scenario.duration / scenario.sample_time <= _MOST_SAMPLES:
@@ -187,7 +188,10 @@ def _drive_loss(name: str, table: Mapping[str, Any]) -> DriveLoss | None:
         return None
     if table.get("drive") not in (1, 2):
         raise BadParameter(f"{name}: drive_loss.drive must be 1 or 2, not {table.get('drive')!r}.")
-    return DriveLoss(drive=int(table["drive"]), time=_number(name, "drive_loss.time", table))
+    detection = _number(name, "drive_loss.detection", {"detection": 0.0, **table})
+    if detection < 0.0:
+        raise BadParameter(f"{name}: drive_loss.detection must not be negative, but is {detection:g} s.")
+    return DriveLoss(drive=int(table["drive"]), time=_number(name, "drive_loss.time", table), detection=detection)
 
 
 def _table(name: str, content: Mapping[str, Any], section: str, known: list[str] | None) -> Mapping[str, Any]:

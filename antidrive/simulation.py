@@ -32,6 +32,7 @@ class Trial:
         min_torque: least pinion torque that the controller had to keep [N m].
         max_torque: greatest [N m].
         single: the same motion with one drive alone, when it was compared.
+        intact: the same motion with both drives throughout, when one was lost.
     """
 
     title: str
@@ -40,6 +41,7 @@ class Trial:
     min_torque: float
     max_torque: float
     single: ClosedLoopResult | None = None
+    intact: ClosedLoopResult | None = None
 
     def table(self) -> pd.DataFrame:
         """The trajectory, one row a sample, SI units."""
@@ -80,9 +82,7 @@ class Trial:
             "degraded_samples": r.degraded,
         }
         if self.scenario.drive_loss is not None:
-            after = slice(kept.stop, None)
-            error = r.angle[after] - r.reference[after]
-            found["tracking_rms_after_loss"] = float(np.sqrt(np.mean(error**2)))
+            found |= self._loss(kept.stop)
         if self.single is not None:
             alone = self.single.flank_torques[:, 0]
             found["samples_apart"] = int(np.sum(np.any(r.flank_torques <= 0.0, axis=1)))
@@ -92,6 +92,22 @@ class Trial:
                 "hardest_hit_on_far_flank": float(max(-np.min(alone), 0.0)),
             }
         return found
+
+    def _loss(self, first: int) -> dict[str, Any]:
+        """What the loss of a drive at sample `first` cost: errors from then on, and without it in the same samples."""
+        error = (self.result.angle - self.result.reference)[first:]
+        if error.size == 0:
+            return {"backlash_control": "kept"}
+        after = float(np.sqrt(np.mean(error**2)))
+        found = {"tracking_rms_after_loss": after, "largest_error_after_loss": float(np.max(np.abs(error)))}
+        if self.intact is not None:
+            spared = (self.intact.angle - self.intact.reference)[first:]
+            without = float(np.sqrt(np.mean(spared**2)))
+            largest = float(np.max(np.abs(spared)))
+            found |= {"tracking_rms_without_loss": without, "largest_error_without_loss": largest}
+            found["error_growth"] = after / without
+        lost = any("backlash control with it" in status for status in self.result.status)
+        return {**found, "backlash_control": "lost" if lost else "kept"}
 
     def _preloaded(self) -> slice:
         """The samples in which both drives worked."""
@@ -112,9 +128,16 @@ class Trial:
             while_both = "" if self.scenario.drive_loss is None else " while both drives worked"
             lines.append(f"Least flank torque on the rig{while_both}: {margin:.3g} N m at the follower; {held}.")
         if "tracking_rms_after_loss" in s:
+            growth = ""
+            if "error_growth" in s:
+                growth = (
+                    f", {s['error_growth']:.2g} times the {s['tracking_rms_without_loss']:.3g} rad without the loss "
+                    f"(at most {s['largest_error_after_loss']:.3g} and {s['largest_error_without_loss']:.3g} rad)"
+                )
             lines.append(
                 f"After the loss of drive {self.scenario.drive_loss.drive if self.scenario.drive_loss else ''} the "
-                f"motion goes on with {s['tracking_rms_after_loss']:.3g} rad rms; backlash control is lost."
+                f"motion goes on with {s['tracking_rms_after_loss']:.3g} rad rms{growth}; backlash control is "
+                f"{s['backlash_control']}."
             )
         if "single_drive" in s:
             one = s["single_drive"]
@@ -186,11 +209,12 @@ def run_scenario(scenario: Scenario, *, model: ServoModel | None = None, seed: i
     pushes, loss = scenario.pushes(), scenario.drive_loss
     wanted = scenario.wanted(np.arange(pushes.size, dtype=np.float64) * scenario.sample_time)
     first = controller()
-    if loss is None:
-        result = closed_loop(first, rig, scenario.wanted, scenario.duration, seed, disturbance=pushes)
-    else:
-        result = loop_with_drive_loss(first, rig, wanted, pushes, drive=loss.drive, time=loss.time, seed=seed)
-    single = None
+    result = closed_loop(first, rig, scenario.wanted, scenario.duration, seed, disturbance=pushes)
+    single = intact = None
+    if loss is not None:
+        intact = result
+        when = {"time": loss.time, "detection": loss.detection}
+        result = loop_with_drive_loss(controller(), rig, wanted, pushes, drive=loss.drive, seed=seed, **when)
     if scenario.compare_single_drive:
         single = loop_with_drive_loss(controller(), rig, wanted, pushes, drive=2, time=0.0, seed=seed)
     if not np.all(np.isfinite(result.angle)):
@@ -202,6 +226,7 @@ def run_scenario(scenario: Scenario, *, model: ServoModel | None = None, seed: i
         min_torque=first.min_torque,
         max_torque=first.max_torque,
         single=single,
+        intact=intact,
     )
 
 

@@ -11,9 +11,9 @@ from antidrive.experiments.camera_tracking import CameraSettings, Tracked, exper
 from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
 from antidrive.experiments.preload_laws import LAWS, ONE, PLANNED, SHAPED, SIZED, WARM
 from antidrive.experiments.targets import TARGETS
-from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND
+from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, THIRD
 
-COLOURS = {ONE: MEASURED, SIZED: BEFORE, WARM: "#b65fa0", SHAPED: SECOND, PLANNED: AFTER}
+COLOURS = {ONE: MEASURED, SIZED: BEFORE, WARM: THIRD, SHAPED: SECOND, PLANNED: AFTER}
 MICRO = 1e6  # microradians in a radian
 
 

@@ -11,6 +11,7 @@ from antidrive.experiments import (
     camera_tracking,
     chirp_response,
     dead_zone_curve,
+    drive_losses,
     gear_train,
     reversal_dwell,
     three_steps,
@@ -31,6 +32,7 @@ KINDS: Final = {
     "three_steps": Kind(three_steps.ThreeStepsSettings, three_steps.run),
     "chirp_response": Kind(chirp_response.ChirpSettings, chirp_response.run),
     "dead_zone_curve": Kind(dead_zone_curve.DeadZoneSettings, dead_zone_curve.run),
+    "drive_losses": Kind(drive_losses.LossSettings, drive_losses.run),
     "camera_tracking": Kind(camera_tracking.CameraSettings, camera_report.run),
     "reversal_dwell": Kind(reversal_dwell.DwellSettings, reversal_dwell.run),
 }

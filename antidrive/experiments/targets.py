@@ -31,7 +31,7 @@ def _stepping(time: Array, rng: np.random.Generator) -> Array:
     levels = np.append(0.0, rng.uniform(-1.0, 1.0, int(time[-1] / HOLD) + 2))
     place = (time / HOLD).astype(int)
     share = np.clip((time - place * HOLD) / MOVE, 0.0, 1.0)
-    return np.asarray(levels[place] + (levels[place + 1] - levels[place]) * _least_jerk(share))
+    return np.asarray(levels[place] + (levels[place + 1] - levels[place]) * least_jerk(share))
 
 
 def _walking(time: Array, rng: np.random.Generator) -> Array:
@@ -66,10 +66,10 @@ def target(kind: str, time: Array, seed: int, *, span: float, acceleration: floa
     return np.asarray(path * min(0.5 * span / np.max(np.abs(path)), acceleration / fastest))
 
 
-def _least_jerk(share: Array) -> Array:
+def least_jerk(share: Array) -> Array:
     """From 0 to 1 over a share of the way in time, at rest at both ends (Flash and Hogan 1985)."""
     return np.asarray(share**3 * (10.0 - 15.0 * share + 6.0 * share**2))
 
 
 def _risen(time: Array) -> Array:
-    return _least_jerk(np.clip(time / FADE_IN, 0.0, 1.0))
+    return least_jerk(np.clip(time / FADE_IN, 0.0, 1.0))

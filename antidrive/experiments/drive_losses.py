@@ -1,0 +1,259 @@
+"""The conclusion of the paper: the mechanism is fail-safe. Either drive is lost at every kind of moment of a move.
+
+Each loss is compared with the same run, same noise, in which nothing is lost, over the same samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from antidrive.drive_loss import loop_with_drive_loss
+from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
+from antidrive.experiments.settings import need_positive, need_samples
+from antidrive.experiments.targets import least_jerk
+from antidrive.figures import AFTER, BEFORE, MEASURED
+from antidrive.simulation import rigid_model
+from mpc import ClosedLoopResult, Controller
+from plant.effects import CoulombFriction
+from plant.errors import BadParameter
+from plant.rig import Rig
+
+REST = 1.0
+"""How long the load stands before, between and after the two moves [s]."""
+
+MOMENTS = {"at standstill": -0.2, "accelerating": 0.2113, "in mid motion": 0.5, "braking": 0.7887}
+"""When a drive is lost, as a share of the first move: greatest acceleration, speed and deceleration of least jerk."""
+
+KNOWN = "backlash control with it"
+"""What the status says of a pair of which one is lost."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LossSettings:
+    """The move, the machine and the controller.
+
+    Attributes:
+        title: for people.
+        span: of the move there and back [rad].
+        acceleration: its greatest one [rad/s^2].
+        sample_time: [s].
+        detection: how long after a loss it is known [s].
+        runs: how many seeds of the encoders' noise.
+        min_torque, max_torque: of each pinion [N m].
+        rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
+    """
+
+    title: str
+    span: float
+    acceleration: float
+    sample_time: float
+    detection: float
+    runs: int
+    min_torque: float
+    max_torque: float
+    rig: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        """Check what neither rig nor controller checks."""
+        need_positive(self, "span", "acceleration", "sample_time", "min_torque", "max_torque")
+        if self.detection < 0.0:
+            raise BadParameter(f"detection must not be negative, but is {self.detection:g} s.")
+        if self.runs < 1:
+            raise BadParameter(f"runs must be at least 1, not {self.runs}.")
+        need_samples(self.move, self.sample_time)
+        rig = self.machine()
+        if rig.encoder_counts == 0 or rig.motor_encoder_counts == 0:
+            raise BadParameter("rig.encoder_counts and rig.motor_encoder_counts must be above zero here.")
+
+    @property
+    def move(self) -> float:
+        """Duration of one move of least jerk [s]: its greatest acceleration is 10/sqrt(3) span/duration^2."""
+        return float(np.sqrt(10.0 / np.sqrt(3.0) * self.span / self.acceleration))
+
+    def machine(self) -> Rig:
+        """The rig."""
+        return Rig.paper_like(**self.rig)
+
+    def reference(self) -> tuple[Array, Array]:
+        """(T,) time [s] and wanted angle [rad]: rest, there, rest, back, rest."""
+        time = np.arange(round((3.0 * REST + 2.0 * self.move) / self.sample_time), dtype=np.float64) * self.sample_time
+        there, back = (time - REST) / self.move, (time - 2.0 * REST - self.move) / self.move
+        return time, self.span * (least_jerk(np.clip(there, 0.0, 1.0)) - least_jerk(np.clip(back, 0.0, 1.0)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Losses:
+    """Over D = 2 drives, M moments and R runs.
+
+    Attributes:
+        loss: (M,) when a drive is lost [s].
+        rms, intact: (D, M, R) root mean square of the error from the loss on, and without it [rad].
+        peak, intact_peak: (D, M, R) its greatest size [rad].
+        final: (D, M, R) mean error of the last 20 samples [rad].
+        said: whether the status says from the moment that the loss is known, and not before, that backlash control
+            is lost.
+        kept: (D, M, R) whether the teeth were together until the loss.
+        parted: (D, M, R) whether those of the drive that is left parted after it.
+        time, reference: (T,) [s], [rad].
+        error: (M, T) error of the first run when drive 2 is lost [rad].
+        error_intact: (T,) without a loss [rad].
+    """
+
+    loss: Array
+    rms: Array
+    intact: Array
+    peak: Array
+    intact_peak: Array
+    final: Array
+    said: bool
+    kept: Array
+    parted: Array
+    time: Array
+    reference: Array
+    error: Array
+    error_intact: Array
+
+
+def experiment(settings: LossSettings, seed: int) -> Losses:
+    """Lose either drive at every moment, and none."""
+    time, reference = settings.reference()
+    moments = REST + settings.move * np.array(list(MOMENTS.values()))
+    still = [_played(settings, reference, 1, np.inf, seed + run) for run in range(settings.runs)]
+    shape = (2, moments.size, settings.runs)
+    names = ("rms", "intact", "peak", "intact_peak", "final")
+    numbers, flags = {name: np.empty(shape) for name in names}, np.empty((2, *shape), dtype=bool)
+    said, errors = True, np.empty((moments.size, time.size))
+    for d, m, r in product(*(range(size) for size in shape)):
+        played = _played(settings, reference, d + 1, float(moments[m]), seed + r)
+        first = round(float(moments[m]) / settings.sample_time)
+        known = round((float(moments[m]) + settings.detection) / settings.sample_time)
+        error, spared = (each.angle - each.reference for each in (played, still[r]))
+        of_all = {
+            "rms": _rms(error[first:]),
+            "intact": _rms(spared[first:]),
+            "peak": np.max(np.abs(error[first:])),
+            "intact_peak": np.max(np.abs(spared[first:])),
+            "final": np.mean(error[-20:]),
+        }
+        for name, value in of_all.items():
+            numbers[name][d, m, r] = value
+        flags[:, d, m, r] = np.min(played.flank_torques[:first]) > 0.0, np.min(played.flank_torques[first:, 1 - d]) <= 0
+        said &= [KNOWN in status for status in played.status] == [k >= known for k in range(time.size)]
+        errors[m] = error
+    return Losses(
+        loss=moments,
+        **numbers,
+        said=said,
+        kept=flags[0],
+        parted=flags[1],
+        time=time,
+        reference=reference,
+        error=errors,
+        error_intact=still[-1].angle - reference,
+    )
+
+
+def _played(settings: LossSettings, reference: Array, drive: int, time: float, seed: int) -> ClosedLoopResult:
+    rig = settings.machine()
+    rubs = rig.coulomb_friction + float(np.sum(rig.motor_coulomb * rig.motor_ratios))
+    controller = Controller(
+        rigid_model(rig).with_effect(CoulombFriction(torque=rubs)),
+        rig.gears,
+        sample_time=settings.sample_time,
+        min_torque=settings.min_torque,
+        max_torque=settings.max_torque,
+        rotor_inertia=rig.rotor_inertia,
+        encoder_resolution=2.0 * np.pi / rig.encoder_counts,
+        encoder_noise=rig.encoder_noise,
+        motor_resolution=2.0 * np.pi / rig.motor_encoder_counts,
+    )
+    never = min(time, reference.size * settings.sample_time + 1.0)
+    when = {"time": never, "detection": settings.detection}
+    return loop_with_drive_loss(controller, rig, reference, np.zeros(reference.size), drive=drive, seed=seed, **when)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def run(settings: LossSettings, seed: int) -> Outcome:
+    """Losses of a drive, told."""
+    found = experiment(settings, seed)
+    before, after = found.intact.mean(axis=2), found.rms.mean(axis=2)
+    growth = after / before
+    cases: list[dict[str, Any]] = [
+        {
+            "drive": d + 1,
+            "moment": moment,
+            "tracking_rms_after_loss": float(after[d, m]),
+            "tracking_rms_without_loss": float(before[d, m]),
+            "error_growth": float(growth[d, m]),
+            "largest_error_after_loss": float(found.peak[d, m].max()),
+            "largest_error_without_loss": float(found.intact_peak[d, m].max()),
+            "final_error": float(np.max(np.abs(found.final[d, m]))),
+        }
+        for d, (m, moment) in product(range(2), enumerate(MOMENTS))
+    ]
+    worst = max(cases, key=lambda case: case["largest_error_after_loss"])
+    return Outcome(
+        title=settings.title,
+        said=(
+            f"Either drive is lost {', '.join(MOMENTS)}; {1e3 * settings.detection:g} ms later the controller knows. "
+            f"The platform goes on: at the end it is off by {np.max(np.abs(found.final)):.2g} rad at most.",
+            f"From the loss on the error is {growth.min():.2g} to {growth.max():.2g} times that of the same run "
+            f"without a loss ({before.min():.2g} to {before.max():.2g} rad rms). It is greatest, "
+            f"{worst['largest_error_after_loss']:.2g} rad, where drive {worst['drive']} is lost {worst['moment']}; "
+            f"without a loss {worst['largest_error_without_loss']:.2g} rad.",
+            f"Until the loss the teeth {'never parted' if found.kept.all() else 'parted'}; after it those of the drive "
+            f"that is left parted in {np.mean(found.parted):.0%} of the runs. "
+            + ("The status says at every sample" if found.said else "The status fails to say")
+            + " from then on that backlash control is lost.",
+        ),
+        comparison=[
+            (
+                f"drive {case['drive']} lost {case['moment']}: error after, without [rad rms]",
+                "“can continue to function”",
+                f"{case['tracking_rms_after_loss']:.3g}, {case['tracking_rms_without_loss']:.3g}: "
+                f"times {case['error_growth']:.2f}",
+            )
+            for case in cases
+        ],
+        found={
+            "cases": cases,
+            "backlash_control_said_lost": found.said,
+            "teeth_together_until_loss": bool(found.kept.all()),
+            "share_parted_after_loss": float(np.mean(found.parted)),
+            "detection": settings.detection,
+        },
+        columns={
+            "time": found.time,
+            "reference": found.reference,
+            "error_without_loss": found.error_intact,
+            **{f"error_drive_2_lost_{name.replace(' ', '_')}": found.error[m] for m, name in enumerate(MOMENTS)},
+        },
+        pictures=[
+            Picture(
+                caption=f"Drive 2 is lost {moment}, at {found.loss[m]:.2f} s.",
+                x="time [s]",
+                y="error [rad]",
+                curves=[
+                    Curve(name="drive 2 lost", colour=BEFORE, x=found.time, y=found.error[m]),
+                    Curve(name="nothing lost", colour=AFTER, x=found.time, y=found.error_intact),
+                ],
+            )
+            for m, moment in enumerate(MOMENTS)
+        ]
+        + [
+            Picture(
+                caption="The move.",
+                x="time [s]",
+                y="angle [rad]",
+                curves=[Curve(name="reference", colour=MEASURED, x=found.time, y=found.reference)],
+            )
+        ],
+    )
