@@ -7,6 +7,7 @@ from identification.fit import base_model, fit
 from identification.fit_result import Fit, FittedParameter, fit_report, fit_to_dict
 from identification.inverse import torque_error
 from identification.log import Log
+from identification.lost_motion import LostMotion, lost_motion
 from identification.run import Run
 from identification.simulation import free_simulation
 
@@ -14,6 +15,7 @@ __all__ = [
     "Fit",
     "FittedParameter",
     "Log",
+    "LostMotion",
     "MalformedLog",
     "Run",
     "Unidentifiable",
@@ -22,5 +24,6 @@ __all__ = [
     "fit_report",
     "fit_to_dict",
     "free_simulation",
+    "lost_motion",
     "torque_error",
 ]

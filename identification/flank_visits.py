@@ -1,0 +1,97 @@
+"""Samples in which two opposed drives press their flanks and slide on them, so that friction has a known sense.
+
+While the preload is swept through both senses each drive visits one flank, then the other. What it passes is its torque
+less friction, whose sense is that of the rotor's motion; this is measured at the motor, whose encoder is finer than the
+load's by the gear ratio. Samples in which a rotor may stand are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import MalformedLog
+from identification.faults import quantum
+from identification.run import Run
+from plant.gears import GearTrain
+
+Array = NDArray[np.float64]
+
+_SETTLED = 0.25  # share of a visit after which the teeth no longer bounce
+_COUNTS = 3.0  # by which a rotor must move, before and after a sample, to be surely in motion
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlankSamples:
+    """N samples on known flanks; all torques and angles are seen from the load.
+
+    Attributes:
+        visit: (N,) number of the visit that a sample belongs to.
+        flank: (N, 2) which flank each drive presses, +1 or -1: the sign of its torque.
+        loading: (N, 2) whether friction takes from what each drive passes; else it adds.
+        torque: (N, 2) of each drive [N m].
+        rotors: (N, 2) angle of each rotor [rad].
+        reading: (N,) of the load's encoder [rad].
+    """
+
+    visit: NDArray[np.int64]
+    flank: Array
+    loading: NDArray[np.bool_]
+    torque: Array
+    rotors: Array
+    reading: Array
+
+
+def flank_samples(run: Run, gears: GearTrain) -> FlankSamples:
+    """The samples of a run that tell of lost motion; perhaps none.
+
+    Raises `MalformedLog` when the run has no pinion torques or no motor angles.
+    """
+    if run.torques is None or run.drive_angles is None:
+        raise MalformedLog(f"{run.label}: lost motion needs torque_1, torque_2, angle_1, angle_2 beside the angle.")
+    told = run.torques * gears.torque_map
+    torque = 0.5 * (told + np.vstack((told[:1], told[:-1])))  # a torque held in steps acts as a ramp half a step later
+    rotors = run.drive_angles / (gears.pre_reduction * gears.angle_map)
+    visit = _visits(np.where(np.prod(told, axis=1) < 0.0, np.sign(told[:, 1]), 0.0))
+    motion = np.column_stack([_motion(column) for column in rotors.T])
+    use = run.valid & (visit >= 0) & np.all(motion != 0.0, axis=1)
+    flank = np.sign(torque[use])
+    return FlankSamples(
+        visit=visit[use],
+        flank=flank,
+        loading=flank == motion[use],
+        torque=torque[use],
+        rotors=rotors[use],
+        reading=run.output[use],
+    )
+
+
+def _visits(sense: Array) -> NDArray[np.int64]:
+    """(T,) number of the visit, -1 outside and while it settles; short stretches are the bounces of a reversal."""
+    edges = np.concatenate(([0], np.flatnonzero(np.diff(sense)) + 1, [sense.size]))
+    stretches = [(first, last) for first, last in pairwise(edges) if sense[first] != 0.0]
+    longest = max((last - first for first, last in stretches), default=0)
+    visit = np.full(sense.size, -1)
+    for number, (first, last) in enumerate(stretches):
+        if last - first > longest // 2:
+            visit[first + int(np.ceil(_SETTLED * (last - first))) : last] = number
+    return visit
+
+
+def _motion(rotor: Array) -> Array:
+    """(T,) sense in which a rotor (T,) surely moves, before and after a sample; 0 where it may stand."""
+    found = np.zeros(rotor.size)
+    shake = 2.0 * float(np.median(np.abs(np.diff(rotor, 2)))) if rotor.size > 2 else 0.0
+    resolution = max(quantum(rotor), shake)
+    stride = max(rotor.size // 200, 1)
+    speed = float(np.median(np.abs(rotor[stride:] - rotor[:-stride]))) / stride if rotor.size > stride else 0.0
+    reach = max(int(np.ceil(2.0 * _COUNTS * resolution / speed)), 2) if speed > 0.0 else rotor.size
+    if 2 * reach >= rotor.size:
+        return found
+    before, after = rotor[reach:-reach] - rotor[: -2 * reach], rotor[2 * reach :] - rotor[reach:-reach]
+    sure = np.minimum(np.abs(before), np.abs(after)) > _COUNTS * resolution
+    found[reach:-reach] = np.where(sure & (before * after > 0.0), np.sign(before), 0.0)
+    return found

@@ -1,0 +1,145 @@
+"""Lost motion of two opposed drives, from sweeps of their preload at standstill.
+
+With the preload swept through both senses each drive lies now on one flank, now on the other, and the load stays where
+it is. On the flank s = +-1 of drive i its twist, rotor less load as seen from the load, is
+
+    q_i - x = c_i + s gap_i/2 + T_i/k_i,    T_i = D_i -+ (f_i + mu_i |T_i|)
+
+with D_i the torque of the drive, T_i what its teeth pass, k_i their stiffness, f_i and mu_i friction that is constant
+and that grows with the load (- while |T_i| grows, + while it falls). Solved for T_i the twist is linear in five numbers
+a drive: c_i, an intercept and a slope of loading, an intercept and a slope of unloading.
+
+The motors' encoders are finer than the load's by the gear ratio. Their difference, which the load's angle is not in,
+gives the sum of both gaps; only how it divides between the drives is left to the load's encoder. Its readings enter
+with the likelihood of rounded readings. Everything is found at once by maximum likelihood.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import Unidentifiable
+from identification.flank_visits import FlankSamples, flank_samples
+from identification.log import Log
+from identification.sweep_likelihood import most_likely
+from plant.gears import GearTrain
+
+Array = NDArray[np.float64]
+
+_LEAST = 50  # samples on each flank
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A value and its standard error, which is enormous where the log does not tell."""
+
+    value: float
+    std: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveLostMotion:
+    """Of one drive, seen from the load.
+
+    Attributes:
+        gap: free play from flank to flank [rad].
+        stiffness: of the teeth [N m/rad].
+        friction: of the motor and its gears that does not depend on load, as felt at the speed of the sweep [N m].
+        friction_coefficient: friction per torque that the teeth pass [-].
+    """
+
+    gap: Measured
+    stiffness: Measured
+    friction: Measured
+    friction_coefficient: Measured
+
+
+@dataclass(frozen=True, kw_only=True)
+class LostMotion:
+    """What sweeps of the preload tell.
+
+    Attributes:
+        drives: of each drive.
+        total_gap: sum of both gaps [rad], which the motors' encoders alone tell.
+        encoder_noise: of the load's angle before it was counted, standard deviation [rad].
+        samples, visits: how many were used.
+    """
+
+    drives: tuple[DriveLostMotion, DriveLostMotion]
+    total_gap: Measured
+    encoder_noise: float
+    samples: int
+    visits: int
+
+    def __str__(self) -> str:
+        """Gaps with their standard errors."""
+        gaps = ", ".join(f"{1e3 * d.gap.value:.5g} +- {1e3 * d.gap.std:.2g} mrad" for d in self.drives)
+        return f"gaps {gaps}; together {1e3 * self.total_gap.value:.5g} +- {1e3 * self.total_gap.std:.2g} mrad"
+
+
+def lost_motion(log: Log, gears: GearTrain) -> LostMotion:
+    """Gap, stiffness and friction of both drives, from a log in which the preload is swept while the load stands.
+
+    The log has `torque_1`, `torque_2`, `angle`, `angle_1` and `angle_2`; its longest run is used. Each flank should be
+    visited several times, with the preload slowly up and down again, and stay under some preload until it reverses.
+    Resolutions and noise are taken from the readings. The gap does not depend on the torques' scale; the rest does.
+    Where the load's encoder has less noise than a third of a count, the load must creep over a few counts meanwhile.
+
+    Raises:
+        MalformedLog: a channel is missing.
+        Unidentifiable: there are too few samples on one of the flanks, or the load's reading never changes.
+    """
+    samples = flank_samples(max(log.runs, key=len), gears)
+    _need_both_flanks(samples)
+    found = most_likely(samples)
+    values, slopes = _physical(found.numbers), _slopes(found.numbers)
+    std = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
+    lines = [Measured(value=float(value), std=float(each)) for value, each in zip(values, std, strict=True)]
+    return LostMotion(
+        drives=(_drive(lines[0:4]), _drive(lines[4:8])),
+        total_gap=lines[8],
+        encoder_noise=found.noise,
+        samples=samples.reading.size,
+        visits=int(np.unique(samples.visit).size),
+    )
+
+
+def _need_both_flanks(samples: FlankSamples) -> None:
+    for flank in (-1.0, 1.0):
+        for loading in (True, False):
+            found = int(np.min(np.sum((samples.flank == flank) & (samples.loading == loading), axis=0)))
+            if found < _LEAST:
+                way = "grows" if loading else "falls"
+                raise Unidentifiable(
+                    f"only {found} samples in which the torque on flank {flank:+.0f} of each drive surely {way}: sweep "
+                    "the preload slowly up and down in both senses."
+                )
+    if np.ptp(samples.reading) == 0.0:
+        raise Unidentifiable("the load's reading never changes: let the load creep over a few counts meanwhile.")
+
+
+def _drive(lines: list[Measured]) -> DriveLostMotion:
+    gap, stiffness, friction, coefficient = lines
+    return DriveLostMotion(gap=gap, stiffness=stiffness, friction=friction, friction_coefficient=coefficient)
+
+
+def _physical(numbers: NDArray[Any]) -> NDArray[Any]:
+    """(9,) gap, k, f, mu of each drive and the sum of the gaps, from the (10,) numbers of `sweep_likelihood`.
+
+    With L = 1 loading and -1 unloading, intercept = gap/2 - L f slope and slope = 1/(k (1 + L mu)).
+    """
+    found = []
+    for _, loaded, unloaded, give, give_back in numbers.reshape(2, 5):
+        friction = (unloaded - loaded) / (give + give_back)
+        stiffness = 0.5 * (1.0 / give + 1.0 / give_back)
+        found += [2.0 * (loaded + friction * give), stiffness, friction, (give_back - give) / (give_back + give)]
+    return np.array([*found, found[0] + found[4]])
+
+
+def _slopes(numbers: Array) -> Array:
+    """(9, 10) derivatives of `_physical`, by complex steps."""
+    return np.column_stack([_physical(numbers + 1e-30j * row).imag / 1e-30 for row in np.eye(numbers.size)])

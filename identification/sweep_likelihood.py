@@ -1,0 +1,139 @@
+"""The likelihood of a sweep of the preload, and where it is greatest.
+
+Unknown are ten numbers, five a drive: offset, intercept and slope of loading, intercept and slope of unloading, all of
+the twist over the drive's torque (see `identification.lost_motion`); and the noise of the load's encoder.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from identification.faults import quantum
+from identification.flank_visits import FlankSamples
+from identification.rounded import rounded_likelihood
+
+Array = NDArray[np.float64]
+
+_FINE = 0.01  # counts finer than this share of the noise round nothing
+_NOTHING = 1e-12  # information that is none, where the Gaussian guess has 1
+_FADED = 0.05  # correlation below which residuals count as independent
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SweepEstimate:
+    """The most likely numbers.
+
+    Attributes:
+        numbers: (10,).
+        covariance: (10, 10); enormous where the samples tell nothing.
+        noise: of the load's encoder before it counts, standard deviation [rad].
+    """
+
+    numbers: Array
+    covariance: Array
+    noise: float
+
+
+def most_likely(samples: FlankSamples) -> SweepEstimate:
+    """Maximum likelihood from samples on both flanks of both drives, loading and unloading."""
+    sweep = _Sweep(samples)
+    found = minimize(
+        sweep.value_and_slope,
+        np.append(sweep.start, 1.0),
+        jac=True,
+        hess=sweep.curvature,
+        method="trust-exact",
+        options={"gtol": 1e-4},
+    )
+    size, axes = np.linalg.eigh(sweep.curvature(found.x))
+    root = sweep.basis @ (axes[:10] / np.sqrt(np.maximum(size, _NOTHING)))
+    return SweepEstimate(
+        numbers=sweep.basis @ found.x[:10], covariance=root @ root.T, noise=sweep.noise(float(found.x[10]))[0]
+    )
+
+
+class _Sweep:
+    """Minus the log-likelihood, in unknowns (10,) of which a Gaussian guess has unit covariance, and one for the noise.
+
+    The difference of the rotors is Gaussian; its residuals are the rounding of the motors' encoders, alike from sample
+    to sample and from visit to visit, so that they weigh as the few independent ones that they are. The rotors' middle,
+    less half the twists, is the load's angle, of which the reading is a rounded one.
+    """
+
+    def __init__(self, samples: FlankSamples) -> None:
+        """Scale the problem by its Gaussian approximation."""
+        first, second = (_columns(samples, drive) for drive in (0, 1))
+        self._apart, self._of_apart = samples.rotors[:, 0] - samples.rotors[:, 1], np.hstack((first, -second))
+        self._middle, self._of_middle = samples.rotors.mean(axis=1), 0.5 * np.hstack((first, second))
+        self._reading = samples.reading
+        left = _left(self._of_apart, self._apart)
+        spread = float(np.std(left)) * np.sqrt(_alike(left, samples.visit))
+        off = self._middle - self._reading
+        self._least_noise = 0.5 * float(np.std(left))  # the motors' share
+        self._scale = max(float(np.std(_left(self._of_middle, off))), self._least_noise)
+        self._count = max(quantum(samples.reading), _FINE * self._scale)
+        stacked = np.vstack((self._of_apart / spread, self._of_middle / self._scale))
+        orthogonal, triangle = np.linalg.qr(stacked)
+        self.basis = np.linalg.inv(triangle)
+        self.start = orthogonal.T @ np.concatenate((self._apart / spread, off / self._scale))
+        self._apart, self._of_apart = self._apart / spread, self._of_apart @ self.basis / spread
+        self._of_middle = self._of_middle @ self.basis
+
+    def noise(self, unknown: float) -> tuple[float, float, float]:
+        """Noise [rad], never below the motors' share, and two derivatives of its logarithm by the unknown."""
+        noise = float(np.hypot(self._least_noise, unknown * self._scale))
+        by = unknown * (self._scale / noise) ** 2
+        return noise, by, (self._scale / noise) ** 2 - 2.0 * by**2
+
+    def value_and_slope(self, unknowns: Array) -> tuple[float, Array]:
+        """Minus the log-likelihood, and its gradient (11,)."""
+        noise, by, _ = self.noise(float(unknowns[10]))
+        left = self._apart - self._of_apart @ unknowns[:10]
+        expected = self._middle - self._of_middle @ unknowns[:10]
+        told = rounded_likelihood(self._reading, expected, count=self._count, noise=noise)
+        slope = self._of_middle.T @ told.slope[:, 0] - self._of_apart.T @ left
+        value = 0.5 * float(left @ left) - float(np.sum(told.value))
+        return value, np.append(slope, -by * np.sum(told.slope[:, 1]))
+
+    def curvature(self, unknowns: Array) -> Array:
+        """(11, 11) Hessian."""
+        noise, by, twice = self.noise(float(unknowns[10]))
+        expected = self._middle - self._of_middle @ unknowns[:10]
+        told = rounded_likelihood(self._reading, expected, count=self._count, noise=noise)
+        found = np.empty((11, 11))
+        of_middle = self._of_middle.T * told.curvature[:, 0, 0] @ self._of_middle
+        found[:10, :10] = self._of_apart.T @ self._of_apart - of_middle
+        found[:10, 10] = found[10, :10] = by * (self._of_middle.T @ told.curvature[:, 0, 1])
+        found[10, 10] = -(by**2) * np.sum(told.curvature[:, 1, 1]) - twice * np.sum(told.slope[:, 1])
+        return found
+
+
+def _columns(samples: FlankSamples, drive: int) -> Array:
+    """(N, 5) what a drive's numbers are multiplied by in its twist."""
+    flank, torque = samples.flank[:, drive], samples.torque[:, drive]
+    loading = samples.loading[:, drive].astype(np.float64)
+    back = 1.0 - loading
+    return np.column_stack((np.ones(flank.size), flank * loading, flank * back, torque * loading, torque * back))
+
+
+def _left(columns: Array, values: Array) -> Array:
+    return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
+
+
+def _alike(residuals: Array, visit: NDArray[np.int64]) -> float:
+    """How many samples of these residuals (N,) tell as much as one.
+
+    Within a visit 1 + 2 (sum of correlations); and all visits of a flank may repeat what one of them says.
+    """
+    groups = [residuals[visit == number] for number in np.unique(visit)]
+    power, alike = float(residuals @ residuals), 1.0
+    for lag in range(1, min(map(len, groups))):
+        correlation = sum(float(group[lag:] @ group[:-lag]) for group in groups) / power
+        if correlation < _FADED:
+            break
+        alike += 2.0 * correlation
+    return alike * max(len(groups) / 2.0, 1.0)

@@ -1,0 +1,131 @@
+"""Lost motion from sweeps of the preload: right within its standard error, and silent where the log is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+from swept_preload import ARCMIN, GEARS, Teeth, swept
+
+from identification import Log, LostMotion, MalformedLog, Unidentifiable, lost_motion
+from identification.rounded import rounded_likelihood
+
+
+def found(teeth: Teeth, seed: int = 0, **sweep: float) -> LostMotion:
+    return lost_motion(swept(teeth, seed, **sweep), GEARS)  # type: ignore[arg-type]
+
+
+# The likelihood of a rounded reading.
+
+
+def test_the_likelihood_is_that_of_a_count() -> None:
+    told = rounded_likelihood(np.array([0.0, 2.0, 9.0]), np.array([0.2, 0.2, -1.0]), count=1.0, noise=0.7)
+    edges = [(0.3, -0.7), (2.3, 1.3)]
+    expected = [np.log(norm.cdf(b / 0.7) - norm.cdf(a / 0.7)) for b, a in edges]
+    assert told.value[:2] == pytest.approx(expected, rel=1e-12)
+    far = norm.logsf(9.5 / 0.7) + np.log(-np.expm1(norm.logsf(10.5 / 0.7) - norm.logsf(9.5 / 0.7)))
+    assert told.value[2] == pytest.approx(far, rel=1e-12)  # nothing is lost far from the mean
+    fine = rounded_likelihood(np.array([0.3]), np.array([0.0]), count=1e-4, noise=0.7)
+    assert fine.value[0] == pytest.approx(norm.logpdf(0.3, scale=0.7) + np.log(1e-4), abs=1e-8)
+
+
+def test_its_derivatives_are_those_of_differences() -> None:
+    rng = np.random.default_rng(0)
+    reading, expected, step = rng.integers(-3, 4, 50).astype(float), rng.normal(0, 1.5, 50), 1e-5
+
+    def at(m: float, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        told = rounded_likelihood(reading, expected + m, count=1.0, noise=0.6 * np.exp(s))
+        return told.value, told.slope, told.curvature
+
+    for place, way in enumerate([(step, 0.0), (0.0, step)]):
+        ahead, behind = at(*way), at(-way[0], -way[1])
+        np.testing.assert_allclose((ahead[0] - behind[0]) / (2 * step), at(0, 0)[1][:, place], rtol=1e-6, atol=1e-7)
+        np.testing.assert_allclose((ahead[1] - behind[1]) / (2 * step), at(0, 0)[2][:, place], rtol=1e-5, atol=1e-5)
+
+
+# The estimate.
+
+
+def test_every_number_of_either_drive_is_found() -> None:
+    teeth = Teeth(noise=2e-6, bits=21)
+    drives = found(teeth, visits=16).drives
+    for name, truth in {
+        "gap": teeth.gaps,
+        "stiffness": teeth.stiffness,
+        "friction": teeth.friction,
+        "friction_coefficient": teeth.coefficient,
+    }.items():
+        for drive, true in zip(drives, truth, strict=True):
+            line = getattr(drive, name)
+            assert abs(line.value - true) < 4 * line.std, name
+            assert line.std < 0.08 * true, name
+
+
+@pytest.mark.parametrize(
+    ("bits", "noise", "creep"),
+    [(17, 1e-6, 4e-7), (17, 5e-6, 2e-7), (17, 2e-5, 0.0), (23, 5e-6, 0.0)],
+    ids=["rounding", "both", "standing", "noise"],
+)
+def test_the_standard_error_is_that_of_repeated_logs(bits: int, noise: float, creep: float) -> None:
+    teeth = Teeth(gaps=(0.1 * ARCMIN, 0.1 * ARCMIN), bits=bits, noise=noise)
+    tries = [found(teeth, seed, creep=creep) for seed in range(60)]
+    gaps = [each.drives[0].gap for each in tries]
+    scores = np.array([(each.value - teeth.gaps[0]) / each.std for each in gaps])
+    assert 0.7 < np.sqrt(np.mean(scores**2)) < 1.3  # 60 draws: 0.82 to 1.18 at 95 %
+    assert np.mean(np.abs(scores) < 1.96) > 0.88
+    assert abs(np.mean(scores)) < 0.45
+    totals = np.array([(each.total_gap.value - sum(teeth.gaps)) / each.total_gap.std for each in tries])
+    assert 0.2 < np.sqrt(np.mean(totals**2)) < 1.3  # where the load creeps, visits repeat less than is allowed for
+
+
+def test_rounding_that_is_modelled_tells_more_than_rounding_as_noise() -> None:
+    """Oracle: a count of width c taken as noise of c/sqrt(12) would leave three times the error."""
+    quiet = Teeth(gaps=(0.1 * ARCMIN, 0.1 * ARCMIN), noise=5e-7)
+    count = 2 * np.pi / 2**17
+    as_noise = replace(quiet, bits=30, noise=count / np.sqrt(12))
+    assert found(quiet, creep=4e-7).drives[0].gap.std < found(as_noise, creep=4e-7).drives[0].gap.std / 3
+
+
+def test_the_motors_alone_tell_the_sum_of_the_gaps() -> None:
+    blind = found(Teeth(noise=1e-4))
+    assert blind.drives[0].gap.std > 0.02 * ARCMIN
+    assert blind.total_gap.value == pytest.approx(2.5 * ARCMIN, rel=2e-3)
+    assert abs(blind.total_gap.value - 2.5 * ARCMIN) < 3 * blind.total_gap.std < 0.03 * ARCMIN
+
+
+def test_a_load_that_stands_within_a_count_leaves_the_division_open() -> None:
+    log = swept(Teeth(noise=0.0), 3, creep=0.0)
+    with pytest.raises(Unidentifiable, match="never changes"):
+        lost_motion(log, GEARS)
+    run, count = log.runs[0], 2 * np.pi / 2**17
+    assert run.drive_angles is not None
+    moved = np.where(np.arange(len(run)) < len(run) // 2, 0.0, count)  # to the same place within the next count
+    shafts = run.drive_angles + moved[:, None] * GEARS.pre_reduction * GEARS.angle_map
+    stepped = replace(run, output=run.output + moved, drive_angles=shafts)
+    still = lost_motion(Log(runs=(stepped,), axis="rotary"), GEARS)
+    assert still.drives[0].gap.std > 10 * ARCMIN
+    assert still.total_gap.value == pytest.approx(2.5 * ARCMIN, rel=1e-3)
+
+
+def test_gaps_do_not_depend_on_the_scale_of_torque() -> None:
+    log = swept(Teeth(), 0)
+    run = log.runs[0]
+    assert run.torques is not None
+    doubled = lost_motion(Log(runs=(replace(run, torques=2 * run.torques),), axis="rotary"), GEARS)
+    for once, twice in zip(lost_motion(log, GEARS).drives, doubled.drives, strict=True):
+        assert twice.gap.value == pytest.approx(once.gap.value, rel=1e-6)
+        assert twice.stiffness.value == pytest.approx(2 * once.stiffness.value, rel=1e-6)
+
+
+def test_a_log_that_cannot_tell_is_refused() -> None:
+    run = swept(Teeth(), 0).runs[0]
+    with pytest.raises(MalformedLog, match="angle_1"):
+        lost_motion(Log(runs=(replace(run, drive_angles=None),), axis="rotary"), GEARS)
+    with pytest.raises(Unidentifiable, match="in both senses"):
+        lost_motion(Log(runs=(run.slice(0, 500),), axis="rotary"), GEARS)
+    assert run.torques is not None
+    together = replace(run, torques=np.abs(run.torques))  # both drives push the load the same way
+    with pytest.raises(Unidentifiable, match="only 0 samples"):
+        lost_motion(Log(runs=(together,), axis="rotary"), GEARS)
