@@ -129,3 +129,8 @@ def test_a_log_that_cannot_tell_is_refused() -> None:
     together = replace(run, torques=np.abs(run.torques))  # both drives push the load the same way
     with pytest.raises(Unidentifiable, match="only 0 samples"):
         lost_motion(Log(runs=(together,), axis="rotary"), GEARS)
+
+
+def test_visits_that_repeat_their_rounding_tell_the_sum_no_better() -> None:
+    few, many = (found(Teeth(noise=5e-6), visits=visits, creep=0.0).total_gap.std for visits in (4, 16))
+    assert many > 0.8 * few  # as independent visits they would say half
