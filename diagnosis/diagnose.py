@@ -20,6 +20,7 @@ from diagnosis.search import Outcome, search
 from identification.fit import base_model, fit
 from identification.fit_result import Fit
 from identification.log import Log
+from identification.stamps import evenly_timed
 from plant.servo import ServoModel
 
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
@@ -58,13 +59,14 @@ def diagnose(
         BadParameter: base and log do not fit together, or an effect is not known.
     """
     effects = chosen(candidates, exclude)
-    warnings = [*log.warnings, *log.repairs, *log.notes]
-    if holdout is None:
-        log, holdout, sentence = split(log)
-        warnings.append(sentence)
     tell = progress or (lambda line: None)
+    said: list[str] = []
+    if holdout is None:
+        log, holdout, *said = split(log)
     tell("fitting the base model")
     null = fit(log, base_model(log) if base is None else base, fixed=fixed)
+    log, holdout = null.log, evenly_timed(holdout) if null.log.evenly_timed else holdout
+    warnings = [*log.warnings, *log.repairs, *log.notes, *said]
     if null.unidentifiable:
         warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
     outcome = search(null, effects, progress=progress)

@@ -1,23 +1,42 @@
 """The colour of the reading's noise: filters in an encoder or a drive make neighbouring readings err alike.
 
 Without it, an observer takes slow noise for motion and follows it. The noise counts as coloured where a short
-autoregression of a free simulation's errors explains the log clearly better than an observer does. From then on the log
-carries a colour, and every fit of it finds its own (generalised least squares; Cochrane and Orcutt 1949).
+autoregression of its own explains the log clearly better than an observer does. From then on the log carries a colour,
+and every fit of it finds its own (generalised least squares; Cochrane and Orcutt 1949).
+
+A good model shows it in a free simulation, a poor one behind an observer that keeps it near the log and is yet too slow
+to follow the noise. Noise that outlasts the observer's corrections cannot be told from motion and is left to it.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
 
 from identification.fit_result import Fit
 from identification.noise import autoregression
 from identification.problem import Problem
 
 _CLEARLY = 10.0  # rise of the log-likelihood from which a colour is believed
+_SLOWER = 3.0  # from one observer to the next
+_SLOWEST = 0.01  # of the best observer's bandwidth: slower ones leave the model to itself
 
 
 def with_its_colour(fit: Fit) -> Fit:
     """The same model fitted to the log with the colour of its reading's noise, or the fit as it is."""
-    free = Problem.of(fit.log, fit.model, fixed=fit.fixed).solve(free=True) if fit.bandwidth else fit
-    if free.bandwidth or not autoregression(free.innovations).size:
-        return fit
-    coloured = Problem.of(fit.log, free.model, fixed=fit.fixed).recoloured(free)
-    return coloured if coloured.log_likelihood > fit.log_likelihood + _CLEARLY else fit
+    found = max(_coloured(fit), key=lambda coloured: coloured.log_likelihood, default=fit)
+    return found if found.log_likelihood > fit.log_likelihood + _CLEARLY else fit
+
+
+def _coloured(fit: Fit) -> Iterator[Fit]:
+    """The fit with a colour of the reading, behind slower and slower observers and in a free simulation."""
+    problem = Problem.of(fit.log, fit.model, fixed=fit.fixed)
+    free = problem.solve(free=True) if fit.bandwidth else fit
+    if not free.bandwidth and autoregression(free.innovations).size:
+        yield problem.recoloured(free)
+    bandwidth = fit.bandwidth / _SLOWER
+    while fit.bandwidth * _SLOWEST < bandwidth:
+        coloured = problem.recoloured(replace(fit, bandwidth=bandwidth))
+        if fit.log.sample_time < coloured.noise_memory < 1.0 / bandwidth:
+            yield coloured
+        bandwidth /= _SLOWER

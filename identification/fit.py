@@ -8,6 +8,7 @@ from identification.colour import with_its_colour
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem
+from identification.stamps import with_its_clock
 from plant.effects import DeadZone
 from plant.servo import ServoModel
 
@@ -35,7 +36,7 @@ def fit(
     """
     model = base_model(log) if model is None else model
     problem = Problem.of(log, model, fixed=fixed)
-    return with_its_colour(problem.solve(progress=progress))
+    return with_its_colour(with_its_clock(problem.solve(progress=progress)))
 
 
 def base_model(log: Log) -> ServoModel:

@@ -46,6 +46,7 @@ class Log:
     warnings: what was found, `repairs`: what was masked, continued or left out; one sentence each.
     command_unit: "N m", "N", or "V", "A" where the torque's scale is unknown, as `notes` then say.
     colour: autoregression of the reading's noise, as `identification.colour` finds it; empty for white noise.
+    evenly_timed: whether `identification.stamps` put even times in the place of the written ones.
 
     Raises `MalformedLog` when there is no run.
     """
@@ -58,6 +59,7 @@ class Log:
     command_unit: str = "N m"
     notes: tuple[str, ...] = ()
     colour: tuple[float, ...] = ()
+    evenly_timed: bool = False
 
     def __post_init__(self) -> None:
         """Refuse an empty log or an unknown axis."""

@@ -57,6 +57,26 @@ def test_a_cause_is_named_through_coloured_noise_and_the_colour_is_found_again_b
     assert sum(found.extended.log.colour) == pytest.approx(FADES, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("cogging", {"amplitude": 0.3, "order": 7.0, "phase": 0.4}),
+        ("torque_saturation", {"limit": 5.1}),
+    ],
+)
+def test_a_cause_too_large_for_a_free_simulation_is_named_through_coloured_noise(effect, values):
+    log = coloured(Machine().hiding(**{effect: values}), 3)
+    base = fit(log)
+    assert base.bandwidth > 0.0  # a slow observer keeps the poor model near the log, and the noise shows behind it
+    assert sum(base.log.colour) == pytest.approx(FADES, abs=0.1)
+    found = diagnose(log)
+    assert [cause.effect for cause in found.causes] == [effect]
+    for name, value in values.items():
+        assert found.causes[0].parameters[name].value == pytest.approx(value, rel=0.05)
+    assert sum(found.extended.log.colour) == pytest.approx(FADES, abs=0.05)
+    assert found.extended.bandwidth == 0.0
+
+
 def test_whitening_goes_on_from_piece_to_piece():
     rng = np.random.default_rng(0)
     values = rng.standard_normal((50, 3))
