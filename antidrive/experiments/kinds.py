@@ -11,6 +11,8 @@ from antidrive.experiments import (
     camera_tracking,
     chirp_response,
     dead_zone_curve,
+    differential,
+    differential_report,
     drive_losses,
     gear_train,
     reversal_dwell,
@@ -34,5 +36,6 @@ KINDS: Final = {
     "dead_zone_curve": Kind(dead_zone_curve.DeadZoneSettings, dead_zone_curve.run),
     "drive_losses": Kind(drive_losses.LossSettings, drive_losses.run),
     "camera_tracking": Kind(camera_tracking.CameraSettings, camera_report.run),
+    "differential": Kind(differential.DifferentialSettings, differential_report.run),
     "reversal_dwell": Kind(reversal_dwell.DwellSettings, reversal_dwell.run),
 }
