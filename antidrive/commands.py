@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +43,7 @@ _EXPERIMENT = "separating_experiment.csv"
 
 def identify(options: LogOptions, *, base: Path | None, out: Path, seed: int, voice: Voice) -> None:
     """Fit a model and write model.json, fit.json and report.html."""
+    from diagnosis import blind_spots
     from identification.fit import fit
     from identification.fit_result import fit_report, fit_to_dict
     from identification.simulation import free_simulation
@@ -52,13 +54,14 @@ def identify(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
         with voice.progress("fitting") as progress:
             found = fit(measured.log, start or measured.base, fixed=measured.absent(start), progress=progress)
             simulated = free_simulation(measured.log, found.model)
-        content = fit_to_dict(found)
+        content, unseen = fit_to_dict(found), blind_spots(found)
+        content["data"]["warnings"] += unseen
         provenance = Provenance.now(voice.words, measured.log.sources)
         model_file(found).write(draft / "model.json")
         write_json(draft / "fit.json", content)
-        page = report.fit_page(found, simulated, provenance, notes=measured.notes)
+        page = report.fit_page(found, simulated, provenance, notes=measured.notes, warnings=unseen)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [fit_report(found), *_data_lines(measured.log), _written(out, "model.json, fit.json, report.html")]
+    lines = [fit_report(found), *_data_lines(measured.log, unseen), _written(out, "model.json, fit.json, report.html")]
     voice.result("\n".join(lines), content)
 
 
@@ -283,9 +286,9 @@ def _base(path: Path | None) -> ServoModel | None:
     return None if path is None else read_model(path).model
 
 
-def _data_lines(log: Log) -> list[str]:
+def _data_lines(log: Log, unseen: Sequence[str]) -> list[str]:
     return [
-        *(f"  warning: {text}" for text in log.warnings),
+        *(f"  warning: {text}" for text in (*log.warnings, *unseen)),
         *(f"  repaired: {text}" for text in log.repairs),
     ]
 

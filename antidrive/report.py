@@ -38,8 +38,14 @@ def diagnosis_page(
     return page("diagnosis", provenance, headline(diagnosis), diagnosis=content)
 
 
-def fit_page(fit: Fit, simulated: Sequence[Array], provenance: Provenance, notes: Sequence[str] = ()) -> str:
-    """The page of a fit; `simulated` holds one free simulation (T,) a run."""
+def fit_page(
+    fit: Fit,
+    simulated: Sequence[Array],
+    provenance: Provenance,
+    notes: Sequence[str] = (),
+    warnings: Sequence[str] = (),
+) -> str:
+    """The page of a fit; `simulated` holds one free simulation (T,) a run, `warnings` what the log cannot show."""
     unit = "rad" if fit.log.axis == "rotary" else "m"
     runs = list(zip(fit.log.runs, simulated, strict=True))
     worst = sorted(runs, key=lambda pair: -_rms((pair[0].output - pair[1])[pair[0].valid]))[:_RUNS_DRAWN]
@@ -59,7 +65,7 @@ def fit_page(fit: Fit, simulated: Sequence[Array], provenance: Provenance, notes
         "figures": drawn,
         "parameters": [_parameter(p) for p in fit.parameters],
         "correlations": correlations(fit, 0.5),
-        "data": _data(fit, (), notes),
+        "data": _data(fit, warnings, notes),
     }
     lost = fit.unidentifiable
     title = f"{len(fit.free) - len(lost)} parameters fitted"

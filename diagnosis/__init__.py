@@ -6,6 +6,7 @@ from diagnosis.batch import diagnose_all
 from diagnosis.diagnose import diagnose
 from diagnosis.experiment import Experiment, Limits, rivals_of, separating_experiment
 from diagnosis.explanation import Explanation
+from diagnosis.identifiability import blind_spots
 from diagnosis.result import Cause, Diagnosis, Gain
 
 __all__ = [
@@ -15,6 +16,7 @@ __all__ = [
     "Explanation",
     "Gain",
     "Limits",
+    "blind_spots",
     "diagnose",
     "diagnose_all",
     "rivals_of",

@@ -10,6 +10,7 @@ import numpy as np
 from diagnosis.candidates import Choice, chosen
 from diagnosis.curves import carried, unnamed_dependence
 from diagnosis.holdout import inverse_errors, measure_gain, remaining, split
+from diagnosis.identifiability import blind_spots
 from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
 from diagnosis.odds import NONE, parameter_cost
 from diagnosis.refit import estimates, evidence_of
@@ -69,6 +70,7 @@ def diagnose(
     warnings = [*log.warnings, *log.repairs, *log.notes, *said]
     if null.unidentifiable:
         warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
+    warnings.extend(blind_spots(null))
     outcome = search(null, effects, progress=progress)
     null = outcome.base
     if null.log.colour:

@@ -33,9 +33,13 @@ class Nuisance:
         shared = np.vstack([p.jacobian[:, :free] for p in predictions])
         return cls(own=own, shared=_basis(_beyond(own, shared)))
 
+    def beyond_initial_states(self, values: Array) -> Array:
+        """What no initial state can follow of values (T,) or (T, M)."""
+        return _beyond(self.own, values)
+
     def beyond(self, values: Array) -> Array:
         """What no parameter and no initial state can follow of values (T,) or (T, M)."""
-        left = _beyond(self.own, values)
+        left = self.beyond_initial_states(values)
         left -= self.shared @ (self.shared.T @ left)
         return left
 

@@ -63,6 +63,21 @@ def test_identify_recovers_the_truth_and_writes_three_files(fitted):
     assert "inertia" in spoken.out
 
 
+def test_identify_says_what_the_log_cannot_show_and_what_to_do(tmp_path):
+    time_ = np.arange(800) * DT
+    angle = 0.02 * (np.sin(2 * np.pi * 0.6 * time_) + np.sin(2 * np.pi * 1.5 * time_))
+    velocity = np.gradient(angle, DT)
+    torque = 0.8 * np.gradient(velocity, DT) + 0.5 * velocity + 0.6 * np.cos(angle)
+    noise = 1e-4 * np.random.default_rng(0).standard_normal(time_.size)
+    log = write_csv(tmp_path / "log.csv", {"time": time_, "torque": torque, "angle": angle + noise})
+    spoken = antidrive("identify", log, "--out", tmp_path / "out")
+    advice = "the load turns by 4.5 degrees only; let it turn by more than 90 degrees."
+    assert spoken.code == 0, spoken.err
+    assert advice in spoken.out
+    assert advice in (tmp_path / "out" / "report.html").read_text()
+    assert any(advice in text for text in strict_json((tmp_path / "out" / "fit.json").read_text())["data"]["warnings"])
+
+
 def test_mapping_units_and_scales_give_the_same_fit(fitted, log, tmp_path):
     _, out = fitted
     table = pd.read_csv(log)

@@ -13,6 +13,7 @@ from front_door import antidrive, columns, write_csv
 from machine import Machine, excitation, record
 from test_unknown import Windage
 
+from antidrive.page import printed
 from diagnosis import Diagnosis, Experiment, diagnose
 from diagnosis.experiment.signal_families import Signal
 from diagnosis.explanation.contest import AGAIN, NAMED, Contest, contest_of
@@ -290,7 +291,7 @@ def test_the_command_prints_the_margin_and_the_report_explains_it_all(monkeypatc
     assert lines.index(explained.short[0]) == 2  # behind headline and cause
     page = (tmp_path / "out" / "report.html").read_text()
     for sentence in (*explained.missing, *explained.reasons[0].sentences, *explained.outcome):
-        assert sentence.replace("<", "&lt;").replace(">", "&gt;") in page
+        assert printed(sentence) in page
     pictures = page.split("Its name, and how sure")[1].split("Before and after")[0].split("application/json")[1:]
     assert [("no effect more" in p, "log-likelihood gained" in p, "what it predicts" in p) for p in pictures] == [
         (True, False, False),

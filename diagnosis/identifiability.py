@@ -1,0 +1,149 @@
+"""What a log cannot show, whatever the machine has, and what to do about it.
+
+Each question is a torque: gravity's cos x, friction's sgn v, and so on along the fitted motion. It passes through the
+linearised predictor; what the companions that a log may confuse it with can imitate is projected out, and the rest says
+how surely its size could be told. Where three standard errors are worth more than the torque of the log, the log is
+blind to it. This is the Cramer-Rao bound of that size, with the noise that the fit has found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.linear import response
+from diagnosis.screen import Screen
+from identification.fit_result import Fit
+from identification.problem import Problem
+from plant.effects import Motion
+from plant.effects.effect import Array
+
+_SURE = 3.0  # standard errors
+_ENOUGH = 90.0  # degrees of turning; where gravity hides in more, turning further does not help
+_SLOW = 0.1  # share of the greatest speed at which the hump of breaking away has fallen to a third
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Question:
+    """One size that a log may leave open, what it may be confused with, and how to ask better."""
+
+    about: str
+    companions: tuple[str, ...]
+    sentence: str
+
+
+_RIGID = ("inertia", "viscous", "gravity", "zone")
+_QUESTIONS = (
+    _Question(
+        about="gravity",
+        companions=("inertia", "viscous", "zone", "offset", "quadrature"),
+        sentence="Gravity cannot be told from an offset of the torque: the load turns by {turned:.2g} degrees only; "
+        "let it turn by more than 90 degrees.",
+    ),
+    _Question(
+        about="dry",
+        companions=(*_RIGID, "offset"),
+        sentence="Dry friction cannot be told from an offset of the torque: the load {back} turns back; let it move "
+        "in both directions.",
+    ),
+    _Question(
+        about="breakaway",
+        companions=(*_RIGID, "dry"),
+        sentence="Stiction cannot be seen: the load {rests}; let it stop and break away again.",
+    ),
+    _Question(
+        about="zone",
+        companions=("inertia", "viscous", "gravity", "offset"),
+        sentence="The dead zone cannot be told from an offset of the torque: the torque {through} passes through zero; "
+        "let it change its sign slowly.",
+    ),
+    _Question(
+        about="viscous",
+        companions=("inertia", "gravity", "zone", "dry"),
+        sentence="Viscous friction cannot be told from dry friction: the load moves at one speed only; let it move "
+        "slowly and fast.",
+    ),
+    _Question(
+        about="inertia",
+        companions=("viscous", "gravity", "zone", "dry"),
+        sentence="Inertia cannot be seen: the load hardly speeds up; let it reverse faster.",
+    ),
+)
+
+
+def blind_spots(fit: Fit) -> tuple[str, ...]:
+    """One sentence for each size that the log of a fit cannot tell, with what to do next; none for a telling log."""
+    if _stands_still(fit):
+        highest = max(float(np.nanmax(np.abs(run.command - run.servo_gain * run.output))) for run in fit.log.runs)
+        return (
+            f"The load does not move: a torque of at most {highest:.3g} {fit.log.command_unit} does not leave the dead "
+            "zone or dry friction; raise it until the load moves.",
+        )
+    screen = Screen.of(fit, Problem.of(fit.log, fit.model, fixed=fit.fixed), bandwidth=fit.bandwidth)
+    motion, columns = screen.motion, _columns(screen.motion, fit)
+    shown = response(screen.filters, np.column_stack(list(columns.values())), np.zeros(len(columns), dtype=bool))
+    seen = dict(zip(columns, screen.nuisance.beyond_initial_states(shown).T, strict=True))
+    worth = {"inertia": _rms(motion.acceleration), "viscous": _rms(motion.velocity)}
+    limit, told = _rms(motion.torque) / (_SURE * fit.noise_std), _words(motion, fit)
+    return tuple(
+        question.sentence.format(**told)
+        for question in _QUESTIONS
+        if question.about in seen
+        and not (question.about == "gravity" and float(told["turned"]) >= _ENOUGH)
+        and worth.get(question.about, 1.0) * _standard_error(seen, question) > limit
+    )
+
+
+def _stands_still(fit: Fit) -> bool:
+    """Whether noise alone accounts for what the sensor has shown."""
+    spread = np.concatenate([(run.output - run.output[run.valid].mean())[run.valid] for run in fit.log.runs])
+    return _rms(spread) < 2.0 * fit.noise_std
+
+
+def _columns(motion: Motion, fit: Fit) -> dict[str, Array]:
+    """(T,) torque on the load per unit of each size [N m per unit]."""
+    fastest = max(float(np.quantile(np.abs(motion.velocity), 0.99)), 1e-300)
+    columns = {
+        "inertia": -motion.acceleration,
+        "viscous": -motion.velocity,
+        "dry": -motion.sign,
+        "breakaway": -motion.sign * np.exp(-((motion.velocity / (_SLOW * fastest)) ** 2)),
+        "offset": np.ones_like(motion.angle),
+    }
+    zone = fit.model.effect("dead_zone")
+    if zone is not None:
+        columns["zone"] = -np.sign(motion.torque) * (np.abs(motion.torque) > zone.values[0])
+    if fit.model.axis == "rotary":
+        columns |= {"gravity": -np.cos(motion.angle), "quadrature": -np.sin(motion.angle)}
+    return columns
+
+
+def _standard_error(seen: dict[str, Array], question: _Question) -> float:
+    """Of a size beside its companions, in its unit, for noise of unit size."""
+    own = seen[question.about]
+    others = np.column_stack([seen[name] for name in question.companions if name in seen])
+    others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
+    beyond = own - others @ np.linalg.lstsq(others, own, rcond=1e-10)[0]
+    return 1.0 / max(float(np.linalg.norm(beyond)), 1e-12 * float(np.linalg.norm(own)), 1e-300)
+
+
+def _words(motion: Motion, fit: Fit) -> dict[str, str | float]:
+    """What the sentences say of the motion."""
+    moving = np.abs(motion.velocity) > motion.velocity_resolution
+    speed = "rad/s" if fit.model.axis == "rotary" else "m/s"
+    slowest = float(np.min(np.abs(motion.velocity)))
+    return {
+        "turned": float(np.degrees(np.ptp(motion.angle))),
+        "rests": "hardly breaks away" if not moving.all() else f"is never slower than {slowest:.2g} {speed}",
+        "back": _how_often(np.sign(motion.velocity[moving])),
+        "through": _how_often(np.sign(motion.torque)),
+    }
+
+
+def _how_often(signs: Array) -> str:
+    return "hardly" if (signs > 0).any() and (signs < 0).any() else "never"
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
