@@ -134,8 +134,8 @@ def simulate(
         str,
         typer.Argument(
             metavar="SCENARIO",
-            help="section3, section4, figure5, figure6, figure7, dwell, camera, fail-safe, tracking, drive-loss, "
-            "disturbance, or TOML.",
+            help="section3, section4, figure5, figure6, figure7, figure7-samples, dwell, camera, fail-safe, tracking, "
+            "drive-loss, disturbance, or TOML.",
         ),
     ],
     model: Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Design model of the controller.")] = None,

@@ -14,6 +14,7 @@ from antidrive.experiments import (
     differential,
     differential_report,
     drive_losses,
+    dwell_report,
     gear_train,
     reversal_dwell,
     three_steps,
@@ -37,5 +38,5 @@ KINDS: Final = {
     "drive_losses": Kind(drive_losses.LossSettings, drive_losses.run),
     "camera_tracking": Kind(camera_tracking.CameraSettings, camera_report.run),
     "differential": Kind(differential.DifferentialSettings, differential_report.run),
-    "reversal_dwell": Kind(reversal_dwell.DwellSettings, reversal_dwell.run),
+    "reversal_dwell": Kind(reversal_dwell.DwellSettings, dwell_report.run),
 }

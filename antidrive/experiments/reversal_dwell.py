@@ -16,17 +16,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from allocation import Bounds, least_effort
-from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
+from antidrive.experiments.outcome import Array
 from antidrive.experiments.settings import need_positive, need_samples
-from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND
 from plant.errors import BadParameter
 from plant.fleet import Fleet
 from plant.rig import Rig
 
 PERIODS, FROM = 2.2, 0.3  # how many are played, and from where on dwell counts
 TICKS = 5  # of the loop in a sample
-STRATEGIES = ("one drive", "both, no preload", "both, constant preload", "both, planned by flank torque")
-COLOURS = (BEFORE, MEASURED, SECOND, AFTER)
+ONE, PLANNED = "one drive", "both, planned by flank torque"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +39,7 @@ class DwellSettings:
         band: width within which the output stands still [rad].
         stiffness, damping: of the loop [N m/rad], [N m s/rad].
         friction_feed: torque fed forward against friction, in the sense of the motion [N m].
-        constant_preload: of each pinion [N m].
+        preloads: constant ones, of each pinion [N m]; zero is none.
         min_torque: that the plan keeps on each flank, seen from the pinion [N m].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
     """
@@ -55,19 +53,29 @@ class DwellSettings:
     stiffness: float
     damping: float
     friction_feed: float
-    constant_preload: float
+    preloads: tuple[float, ...]
     min_torque: float
     rig: Mapping[str, float]
 
     def __post_init__(self) -> None:
         """Check what the rig does not check."""
         need_positive(self, "amplitude", "frequencies", "gaps", "sample_time", "band", "stiffness", "damping")
-        need_positive(self, "constant_preload", "min_torque")
+        need_positive(self, "min_torque")
+        if min(self.preloads) < 0.0:
+            raise BadParameter(f"preloads must not be negative, but are {self.preloads!r}.")
         need_samples(PERIODS / min(self.frequencies), self.sample_time / TICKS)
         need_samples(PERIODS / max(self.frequencies), self.sample_time)
         if "backlash" in self.rig:
             raise BadParameter("rig.backlash is given by gaps here.")
         self.machines(drives=(1, 2))
+
+    @property
+    def strategies(self) -> dict[str, float | None]:
+        """Names, and the constant preload of each that has one [N m]."""
+        constant = {
+            f"both, preload {preload:g} N m" if preload else "both, no preload": preload for preload in self.preloads
+        }
+        return {ONE: None, **constant, PLANNED: None}
 
     def machines(self, drives: tuple[int, ...]) -> list[Rig]:
         """A rig without a gap, and one for each gap."""
@@ -82,6 +90,7 @@ class Dwell:
         samples: (F, S, G) dwell [samples].
         error: (F, S, G) rms of load angle less reference [rad].
         least: (F, S, G) least flank torque [N m], follower side.
+        heat: (F, S, G) mean of the sum of xi_i^2 [N^2 m^2].
         time: (T,) of the slowest motion, in samples [s].
         angle: (T, S, G) load angle as read in it [rad].
         reference: (T,) [rad].
@@ -90,6 +99,7 @@ class Dwell:
     samples: Array
     error: Array
     least: Array
+    heat: Array
     time: Array
     angle: Array
     reference: Array
@@ -124,16 +134,19 @@ def dwell(reading: Array, band: float) -> int:
 
 def experiment(settings: DwellSettings, seed: int) -> Dwell:
     """Play every motion with every strategy on every machine."""
-    plays = [[_played(settings, frequency, way, seed) for way in STRATEGIES] for frequency in settings.frequencies]
+    plays = [
+        [_played(settings, frequency, way, seed) for way in settings.strategies] for frequency in settings.frequencies
+    ]
     slowest = plays[int(np.argmin(settings.frequencies))]
-    samples, error, least = (
-        np.array([[play[name] for play in row] for row in plays]) for name in ("dwell", "error", "least")
+    samples, error, least, heat = (
+        np.array([[play[name] for play in row] for row in plays]) for name in ("dwell", "error", "least", "heat")
     )
     time = np.arange(len(slowest[0]["angle"]), dtype=np.float64) * settings.sample_time
     return Dwell(
         samples=samples,
         error=error,
         least=least,
+        heat=heat,
         time=time,
         angle=np.stack([play["angle"] for play in slowest], axis=1),
         reference=settings.amplitude * (1.0 - np.cos(2.0 * np.pi * min(settings.frequencies) * time)),
@@ -142,7 +155,7 @@ def experiment(settings: DwellSettings, seed: int) -> Dwell:
 
 def _played(settings: DwellSettings, frequency: float, strategy: str, seed: int) -> dict[str, Array]:
     """One motion on all machines: PD over the motors' mean angle, with the model's torque and friction fed forward."""
-    fleet = Fleet(settings.machines((2,) if strategy == STRATEGIES[0] else (1, 2)))
+    fleet = Fleet(settings.machines((2,) if strategy == ONE else (1, 2)))
     rig, dt = fleet.rigs[0], settings.sample_time / TICKS
     split, w = _split(settings, rig, strategy), 2.0 * np.pi * frequency
     time = np.arange(round(PERIODS / frequency / dt)) * dt
@@ -152,22 +165,25 @@ def _played(settings: DwellSettings, frequency: float, strategy: str, seed: int)
     noise = np.random.default_rng(seed).standard_normal((time.size, len(fleet)))
     state, lag = fleet.rest(torques=split(0.0, 0.0)), 3
     at_rest = _motor_side(fleet, fleet.motor_angles(state))
-    angle, motors, least = [], [], np.full(len(fleet), np.inf)
+    angle, motors, least, heat = [], [], np.full(len(fleet), np.inf), np.zeros(len(fleet))
     for k in range(time.size):
         angle.append(fleet.measure(state, noise[k]))
         motors.append(_motor_side(fleet, fleet.motor_angles(state)) - at_rest)
         before = max(k - lag, 0)
         speed = (motors[k] - motors[before]) / (max(k - before, 1) * dt)
         torque = feed[k] + settings.stiffness * (wanted[k] - motors[k]) + settings.damping * (rate[k] - speed)
-        state = fleet.advance(state, split(torque, acceleration[k]), dt)
+        pinions = split(torque, acceleration[k])
+        state = fleet.advance(state, pinions, dt)
         if time[k] > FROM / frequency:
             least = np.minimum(least, fleet.least_flank_torques(state).min(axis=1))
+            heat += np.sum(pinions**2, axis=1)
     read = np.array(angle)[::TICKS]
     late = time[::TICKS] > FROM / frequency
     return {
         "dwell": np.array([dwell(column, settings.band) for column in read[late].T], dtype=np.float64),
         "error": np.sqrt(np.mean((read - wanted[::TICKS, None])[late] ** 2, axis=0)),
         "least": least,
+        "heat": heat / np.sum(time > FROM / frequency),
         "angle": read,
     }
 
@@ -179,10 +195,11 @@ def _motor_side(fleet: Fleet, motors: Array) -> Array:
 
 def _split(settings: DwellSettings, rig: Rig, strategy: str) -> Callable[[Array | float, float], Array]:
     """What hands follower torques (B,) at an acceleration to the pinions (B, m)."""
-    if strategy == STRATEGIES[0]:
+    if strategy == ONE:
         return lambda torque, _: np.asarray(torque)[..., None] / rig.torque_map
-    if strategy != STRATEGIES[3]:
-        preload = settings.constant_preload / rig.gears.pinion_teeth[0] * (strategy == STRATEGIES[2])
+    constant = settings.strategies[strategy]
+    if constant is not None:
+        preload = constant / rig.gears.pinion_teeth[0]
         return lambda torque, _: rig.gears.split(torque, preload)
     bounds = Bounds(
         gears=rig.gears,
@@ -192,87 +209,3 @@ def _split(settings: DwellSettings, rig: Rig, strategy: str) -> Callable[[Array 
         motor_friction=rig.motor_coulomb,
     )
     return lambda torque, acceleration: least_effort(bounds, torque, acceleration)
-
-
-def run(settings: DwellSettings, seed: int) -> Outcome:
-    """Dwell at reversals, told."""
-    found = experiment(settings, seed)
-    beyond = found.beyond_gapless
-    rows, numbers = [], []
-    for f, frequency in enumerate(settings.frequencies):
-        for s, strategy in enumerate(STRATEGIES):
-            told = " ".join(f"{count:.0f}" for count in found.samples[f, s])
-            rows.append((f"{strategy}, {frequency:g} Hz", "", told))
-            numbers.append(
-                {
-                    "strategy": strategy,
-                    "frequency": frequency,
-                    "gaps": [0.0, *settings.gaps],
-                    "dwell": found.samples[f, s].tolist(),
-                    "tracking_rms": found.error[f, s].tolist(),
-                    "least_flank_torque": found.least[f, s].tolist(),
-                }
-            )
-    slow = int(np.argmin(settings.frequencies))
-    planned = found.error[:, 3]
-    loose = [f for f, row in zip(settings.frequencies, found.least[:, 2, 1:], strict=True) if np.min(row) <= 0.0]
-    parted = bool(np.min(found.least[:, 3, 1:]) <= 0.0)
-    widest = f"gap {1e3 * settings.gaps[-1]:g} mrad"
-    return Outcome(
-        title=settings.title,
-        said=(
-            f"Dwell is the most samples of {1e3 * settings.sample_time:g} ms in a row that lie within "
-            f"{settings.band:g} rad. It is counted beside that of the same machine without a gap, because a reversal "
-            "and dry friction have dwell of their own.",
-            f"At {settings.frequencies[slow]:g} Hz one drive stands {found.samples[slow, 0, 0]:.0f} samples without a "
-            f"gap and {', '.join(f'{n:.0f}' for n in found.samples[slow, 0, 1:])} at gaps of "
-            f"{', '.join(f'{1e3 * g:g}' for g in settings.gaps)} mrad; in faster motions the load coasts over the gap, "
-            f"and what is left is error: {np.max(found.error[:, 0]):.2g} rad rms at most, {np.max(planned):.2g} "
-            "with both drives and a planned preload.",
-            f"With the preload planned by flank torque, dwell differs from that of the twin without a gap by "
-            f"{np.max(np.abs(beyond[:, 3])):.0f} at most, at every gap and speed; the teeth "
-            f"{'parted' if parted else 'never parted'}. A constant preload of {settings.constant_preload:g} N m lets "
-            f"them part at {', '.join(f'{f:g}' for f in loose) or 'no'} Hz.",
-            "The paper's 35 and 12 samples belong to a sample time, a motion and a gap that it does not give.",
-        ),
-        comparison=(
-            ("samples, one actuator and drive/anti-drive", "35 and 12", "without a gap, and at each gap:"),
-            *rows,
-        ),
-        found={
-            "cases": numbers,
-            "most_beyond_gapless": {strategy: float(np.max(beyond[:, s])) for s, strategy in enumerate(STRATEGIES)},
-            "planned_differs_at_most": float(np.max(np.abs(beyond[:, 3]))),
-            "planned_teeth_parted": parted,
-            "constant_preload_parts_at": loose,
-        },
-        columns={
-            "time": found.time,
-            "reference": found.reference,
-            **{
-                f"angle_{s + 1}_{g}": found.angle[:, s, g]
-                for s in range(len(STRATEGIES))
-                for g in range(found.angle.shape[2])
-            },
-        },
-        pictures=(
-            Picture(
-                caption=f"The slowest motion, {widest}: load less reference.",
-                x="time [s]",
-                y="error [rad]",
-                curves=[
-                    Curve(name=way, colour=colour, x=found.time, y=found.angle[:, s, -1] - found.reference)
-                    for s, (way, colour) in enumerate(zip(STRATEGIES, COLOURS, strict=True))
-                ],
-            ),
-            Picture(
-                caption="Dwell beyond that without a gap, at the slowest motion.",
-                x="gap [rad]",
-                y="samples",
-                curves=[
-                    Curve(name=way, colour=colour, x=np.array(settings.gaps), y=beyond[slow, s], points=True)
-                    for s, (way, colour) in enumerate(zip(STRATEGIES, COLOURS, strict=True))
-                ],
-            ),
-        ),
-    )

@@ -1,0 +1,117 @@
+"""Dwell at reversals, told: in samples, beside the paper's, over gaps, preloads and speeds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antidrive.experiments.outcome import Curve, Outcome, Picture
+from antidrive.experiments.reversal_dwell import ONE, PLANNED, DwellSettings, experiment
+from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, THIRD
+
+PAPER = (35, 12)
+"""Samples with one actuator, and with drive/anti-drive."""
+
+
+def run(settings: DwellSettings, seed: int) -> Outcome:
+    """Play all motions and tell of them."""
+    found, names = experiment(settings, seed), list(settings.strategies)
+    one, planned = names.index(ONE), names.index(PLANNED)
+    colours = dict(zip(names, (BEFORE, MEASURED, SECOND, THIRD) * len(names), strict=False)) | {PLANNED: AFTER}
+    beyond = found.beyond_gapless
+    rows, numbers = [], []
+    for f, frequency in enumerate(settings.frequencies):
+        for s, strategy in enumerate(names):
+            told = " ".join(f"{count:.0f}" for count in found.samples[f, s])
+            rows.append((f"{strategy}, {frequency:g} Hz", "", f"{told}, {np.mean(found.heat[f, s]):.3g} N² m²"))
+            numbers.append(
+                {
+                    "strategy": strategy,
+                    "frequency": frequency,
+                    "gaps": [0.0, *settings.gaps],
+                    "dwell": found.samples[f, s].tolist(),
+                    "tracking_rms": found.error[f, s].tolist(),
+                    "least_flank_torque": found.least[f, s].tolist(),
+                    "heat": found.heat[f, s].tolist(),
+                }
+            )
+    faster = len(settings.frequencies) > 1
+    slow, widest = int(np.argmin(settings.frequencies)), int(np.argmax(settings.gaps))
+    parted = bool(np.min(found.least[:, planned, 1:]) <= 0.0)
+    parts_at = {
+        name: [f for f, row in zip(settings.frequencies, found.least[:, s, 1:], strict=True) if np.min(row) <= 0.0]
+        for s, name in enumerate(names)
+        if settings.strategies[name]
+    }
+    heats = found.heat.mean(axis=(0, 2))
+    constant = "; ".join(
+        f"{settings.strategies[name]:g} N m "
+        + (f"lets them part at {', '.join(f'{f:g}' for f in at)} Hz" if at else "keeps them together")
+        + f" at {heats[names.index(name)] / heats[planned]:.2g} times the heat"
+        for name, at in parts_at.items()
+    )
+    return Outcome(
+        title=settings.title,
+        said=(
+            f"Dwell is the most samples of {1e3 * settings.sample_time:.3g} ms in a row that lie within "
+            f"{settings.band:g} rad. It is counted beside that of the same machine without a gap, because a reversal "
+            "and dry friction have dwell of their own.",
+            f"At {settings.frequencies[slow]:g} Hz one drive stands {found.samples[slow, one, 0]:.0f} samples without "
+            f"a gap and {', '.join(f'{n:.0f}' for n in found.samples[slow, one, 1:])} with one of "
+            f"{', '.join(f'{1e3 * g:g}' for g in settings.gaps)} mrad. Its error is {np.max(found.error[:, one]):.2g} "
+            f"rad rms at most, {np.max(found.error[:, planned]):.2g} with both drives and a planned preload"
+            + ("; in faster motions the load coasts over the gap, and only the error shows it." if faster else "."),
+            f"With the preload planned by flank torque, dwell differs from that of the twin without a gap by "
+            f"{np.max(np.abs(beyond[:, planned])):.0f} at most, at every gap and speed; the teeth "
+            f"{'parted' if parted else 'never parted'}." + (f" A constant preload of {constant}." if constant else ""),
+            f"The paper's {PAPER[0]} and {PAPER[1]} samples belong to a sample time, a motion and a gap that it does "
+            f"not give. Here one drive stands {found.samples[slow, one, 1 + widest]:.0f} samples and drive/anti-drive "
+            f"{found.samples[slow, planned, 1 + widest]:.0f}, and {found.samples[slow, planned, 0]:.0f} where there is "
+            "no gap at all: what is left of it is the reversal itself.",
+        ),
+        comparison=(
+            ("samples, one actuator and drive/anti-drive", f"{PAPER[0]} and {PAPER[1]}", "no gap, each gap; heat:"),
+            *rows,
+        ),
+        found={
+            "cases": numbers,
+            "most_beyond_gapless": {strategy: float(np.max(beyond[:, s])) for s, strategy in enumerate(names)},
+            "planned_differs_at_most": float(np.max(np.abs(beyond[:, planned]))),
+            "planned_teeth_parted": parted,
+            "constant_preload_parts_at": parts_at,
+            "heat_over_planned": {name: float(heats[s] / heats[planned]) for s, name in enumerate(names)},
+        },
+        columns={
+            "time": found.time,
+            "reference": found.reference,
+            **{
+                f"angle_{s + 1}_{g}": found.angle[:, s, g]
+                for s in range(len(names))
+                for g in range(found.angle.shape[2])
+            },
+        },
+        pictures=(
+            Picture(
+                caption=f"The slowest motion, gap {1e3 * settings.gaps[widest]:g} mrad: load less reference.",
+                x="time [s]",
+                y="error [rad]",
+                curves=[
+                    Curve(
+                        name=name,
+                        colour=colours[name],
+                        x=found.time,
+                        y=found.angle[:, s, 1 + widest] - found.reference,
+                    )
+                    for s, name in enumerate(names)
+                ],
+            ),
+            Picture(
+                caption="Dwell beyond that without a gap, at the slowest motion.",
+                x="gap [rad]",
+                y="samples",
+                curves=[
+                    Curve(name=name, colour=colours[name], x=np.array(settings.gaps), y=beyond[slow, s], points=True)
+                    for s, name in enumerate(names)
+                ],
+            ),
+        ),
+    )
