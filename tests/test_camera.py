@@ -145,8 +145,8 @@ def test_targets_start_at_rest_and_keep_span_and_acceleration(kind: str) -> None
 
 def test_a_stepping_target_rests_between_its_moves() -> None:
     path = target("stepping", np.arange(2400) * DT, 1, span=1.0, acceleration=1.2)
-    assert np.ptp(path[201:400]) == 0.0
-    assert np.ptp(path[400:600]) > 0.05
+    assert np.ptp(path[321:500]) == 0.0
+    assert np.ptp(path[500:700]) > 0.05
 
 
 # The report.

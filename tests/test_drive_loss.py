@@ -147,7 +147,7 @@ def test_the_moments_are_what_they_are_called() -> None:
 def test_the_later_a_loss_is_known_the_further_the_load_is_pushed() -> None:
     changes = {"runs = 3": "runs = 1", "span = 1.0": "span = 0.02", "detection = 0.02": "detection = 0.1"}
     late = experiment(settings(changes), 0)
-    assert np.all(late.peak[:, 0] > 1.5 * losses().peak[:, 0])
+    assert late.peak[1, 0] > 3.0 * losses().peak[1, 0]  # drive 1 pushes with gravity; against it friction holds
 
 
 def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

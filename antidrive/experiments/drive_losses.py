@@ -26,7 +26,7 @@ from plant.rig import Rig
 REST = 1.0
 """How long the load stands before, between and after the two moves [s]."""
 
-MOMENTS = {"at standstill": -0.2, "accelerating": 0.2113, "in mid motion": 0.5, "braking": 0.7887}
+MOMENTS = {"at standstill": None, "accelerating": 0.2113, "in mid motion": 0.5, "braking": 0.7887}
 """When a drive is lost, as a share of the first move: greatest acceleration, speed and deceleration of least jerk."""
 
 KNOWN = "backlash control with it"
@@ -122,7 +122,7 @@ class Losses:
 def experiment(settings: LossSettings, seed: int) -> Losses:
     """Lose either drive at every moment, and none."""
     time, reference = settings.reference()
-    moments = REST + settings.move * np.array(list(MOMENTS.values()))
+    moments = np.array([REST / 2 if share is None else REST + settings.move * share for share in MOMENTS.values()])
     still = [_played(settings, reference, 1, np.inf, seed + run) for run in range(settings.runs)]
     shape = (2, moments.size, settings.runs)
     names = ("rms", "intact", "peak", "intact_peak", "final")

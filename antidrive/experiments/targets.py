@@ -12,10 +12,10 @@ from antidrive.experiments.outcome import Array
 FADE_IN = 1.5
 """Time over which a target leaves its rest [s]; errors count from then on."""
 
-HOLD, MOVE = 2.0, 1.0
+HOLD, MOVE = 2.5, 1.6
 """A stepping target stays for the first time altogether and moves for the second one of it [s]."""
 
-WALK_BAND = 0.4
+WALK_BAND = 0.2
 """Corner of the filter behind which a random walk is smooth enough to be followed [Hz]."""
 
 
