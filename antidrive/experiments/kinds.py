@@ -16,6 +16,8 @@ from antidrive.experiments import (
     drive_losses,
     dwell_report,
     gear_train,
+    preload_sizing,
+    preload_sizing_report,
     reversal_dwell,
     three_steps,
 )
@@ -38,5 +40,6 @@ KINDS: Final = {
     "drive_losses": Kind(drive_losses.LossSettings, drive_losses.run),
     "camera_tracking": Kind(camera_tracking.CameraSettings, camera_report.run),
     "differential": Kind(differential.DifferentialSettings, differential_report.run),
+    "preload_sizing": Kind(preload_sizing.SizingSettings, preload_sizing_report.run),
     "reversal_dwell": Kind(reversal_dwell.DwellSettings, dwell_report.run),
 }

@@ -1,0 +1,117 @@
+"""Preload sizing, told."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
+from antidrive.experiments.preload_sizing import STRATEGIES, Sizing, SizingSettings, experiment
+from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND
+
+COLOURS = (BEFORE, SECOND, AFTER, MEASURED)
+
+
+def run(settings: SizingSettings, seed: int) -> Outcome:
+    """Least T_min of every mesh, noise and loop, beside the formulas."""
+    found = experiment(settings, seed)
+    quiet = found.noises == np.min(found.noises)
+    equal, slave = found.formula
+    rows = list(zip(found.meshes, found.noises, found.bandwidths, found.preload, found.least, strict=True))
+    return Outcome(
+        title=settings.title,
+        said=(
+            f"At a greatest acceleration of {settings.peak_acceleration:g} rad/s^2 the formulas with T_min = 0 ask for "
+            f"{equal:.1f} N m of preload where both motors share and each carries its own rotor, and for {slave:.1f} "
+            "N m with a constant slave.",
+            f"On the rig, with the least of the noise, {_range(found.preload[quiet, 0])} N m kept the teeth together "
+            f"in equal split and {_range(found.preload[quiet, 1])} N m with a constant slave, over meshes of "
+            f"{_list(settings.stiffnesses)} N m/rad and loops of {_list(settings.bandwidths)} Hz: T_min must be "
+            f"{_range(found.least[quiet, 0])} and {_range(found.least[quiet, 1])} N m.",
+            "In equal split every motor makes up for its own friction at once. The constant slave does not: where "
+            "acceleration is greatest its friction changes its sense, and elastic teeth ring with that step.",
+            f"With noise of {max(settings.noises):g} rad at the motors, seen from the load, which the loops make into "
+            f"{_range(found.noise_torque[found.noises == np.max(found.noises)])} N m rms of torque, T_min must be "
+            f"{_range(found.least[found.noises == np.max(found.noises), 0])} and "
+            f"{_range(found.least[found.noises == np.max(found.noises), 1])} N m; the rotors' inertia keeps most of it "
+            f"from the teeth. T_min is found to {settings.resolution:g} N m; contact counts from the second period on.",
+        ),
+        comparison=(
+            ("least preload [N m] by the formulas: equal split, constant slave", "", f"{equal:.2f}, {slave:.2f}"),
+            *(
+                (
+                    f"{mesh:g} N m/rad, noise {noise:g} rad, loop {bandwidth:g} Hz",
+                    "",
+                    f"{preload[0]:.2f} ({least[0]:+.2f}), {preload[1]:.2f} ({least[1]:+.2f})",
+                )
+                for mesh, noise, bandwidth, preload, least in rows
+            ),
+        ),
+        found={
+            "strategies": list(STRATEGIES),
+            "formula": found.formula.tolist(),
+            "cases": [
+                {
+                    "stiffness": mesh,
+                    "noise": noise,
+                    "bandwidth": bandwidth,
+                    "least_preload": _finite(preload),
+                    "least_min_torque": _finite(least),
+                    "noise_torque": torque,
+                }
+                for (mesh, noise, bandwidth, preload, least), torque in zip(rows, found.noise_torque, strict=True)
+            ],
+            "resolution": settings.resolution,
+        },
+        columns={
+            "time": found.time,
+            **{
+                f"least_flank_torque_{name.replace(' ', '_')}_{how}": found.flanks[:, s, h]
+                for s, name in enumerate(STRATEGIES)
+                for h, how in enumerate(("formula", "found"))
+            },
+        },
+        pictures=(_traces(found), *(_least(found, strategy) for strategy in range(len(STRATEGIES)))),
+    )
+
+
+def _traces(found: Sizing) -> Picture:
+    return Picture(
+        caption="Torque of the flank that is pressed less; where it is zero the teeth are apart.",
+        x="time [s]",
+        y="flank torque [N m]",
+        curves=[
+            Curve(name=f"{name}, {how}", colour=COLOURS[2 * s + h], x=found.time, y=found.flanks[:, s, h])
+            for s, name in enumerate(STRATEGIES)
+            for h, how in enumerate(("by the formula", "as found"))
+        ],
+    )
+
+
+def _least(found: Sizing, strategy: int) -> Picture:
+    curves = []
+    for k, mesh in enumerate(np.unique(found.meshes)):
+        for noise, name in ((np.min(found.noises), "least noise"), (np.max(found.noises), "most noise")):
+            use = (found.meshes == mesh) & (found.noises == noise)
+            curves.append(
+                Curve(
+                    name=f"{mesh:g} N m/rad, {name}",
+                    colour=COLOURS[k % len(COLOURS)],
+                    x=found.bandwidths[use],
+                    y=found.least[use, strategy],
+                    points=bool(noise == np.max(found.noises)),
+                )
+            )
+    return Picture(caption=f"Least T_min, {STRATEGIES[strategy]}.", x="loop [Hz]", y="T_min [N m]", curves=curves)
+
+
+def _finite(values: Array) -> list[float | None]:
+    """Numbers as JSON has them: none where no preload kept the teeth together."""
+    return [float(value) if np.isfinite(value) else None for value in values]
+
+
+def _range(values: Array) -> str:
+    return f"{np.min(values):.2f} to {np.max(values):.2f}"
+
+
+def _list(values: tuple[float, ...]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
