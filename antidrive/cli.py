@@ -1,5 +1,4 @@
-"""The command line: `antidrive demo | identify | diagnose | predict | simulate | effects | allocate | capability |
-export`.
+"""The command line; `antidrive --help` lists its commands.
 
 Heavy packages are imported inside the commands, so that `--help` answers at once.
 """
@@ -14,11 +13,10 @@ from typing import Annotated, Any
 
 import typer
 
-app = typer.Typer(
-    add_completion=False,
-    no_args_is_help=False,
-    help="From the log of a geared servo to what its model gets wrong, by name, and to the controller.",
-)
+from antidrive import completion
+from antidrive.examples import told
+
+app = typer.Typer(help="From the log of a geared servo to what its model gets wrong, by name, and to the controller.")
 UsageError: Any = typer.BadParameter.__bases__[0]  # every mistake in the words of a command line
 
 Logs = Annotated[
@@ -31,7 +29,10 @@ Unit = Annotated[
     typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column: angle=deg, of counts angle=turn/131072."),
 ]
 Scale = Annotated[list[str] | None, typer.Option("--scale", metavar="COLUMN=FACTOR", help="Factor on a column.")]
-Dataset = Annotated[str | None, typer.Option(help="Known data set: emps, kscale, bam, ur10e, hsm150.")]
+Dataset = Annotated[
+    str | None,
+    typer.Option(help=f"Known data set: {', '.join(completion.DATASETS)}.", autocompletion=completion.datasets),
+]
 Data = Annotated[Path | None, typer.Option(metavar="FOLDER", help="Folder of the data set.")]
 Joint = Annotated[int | None, typer.Option(help="Joint, of a data set that has several.")]
 Base = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model to start from, instead of eqs. (4)+(6).")]
@@ -43,7 +44,7 @@ MaxTorque = Annotated[float, typer.Option(help="Greatest torque of each pinion [
 OUT = Path("antidrive-out")
 
 
-@app.command()
+@app.command(epilog=told("demo"))
 def demo(context: typer.Context, out: Out = OUT, seed: Seed = 0, quiet: Quiet = False, json: Json = False) -> None:
     """The whole chain on a synthetic log: identify, diagnose, extend, design, close the loop, report."""
     from antidrive import commands
@@ -51,7 +52,7 @@ def demo(context: typer.Context, out: Out = OUT, seed: Seed = 0, quiet: Quiet = 
     commands.demo(out=out, seed=seed, voice=commands.Voice(quiet=quiet, json=json, words=context.obj))
 
 
-@app.command()
+@app.command(epilog=told("identify"))
 def identify(
     context: typer.Context,
     logs: Logs = None,
@@ -75,7 +76,7 @@ def identify(
     commands.identify(options, base=base, out=out, seed=seed, voice=voice)
 
 
-@app.command()
+@app.command(epilog=told("diagnose"))
 def diagnose(
     context: typer.Context,
     logs: Logs = None,
@@ -102,7 +103,7 @@ def diagnose(
     commands.diagnose(options, base=base, out=out, seed=seed, voice=voice)
 
 
-@app.command()
+@app.command(epilog=told("predict"))
 def predict(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model to simulate.")],
     logs: Logs = None,
@@ -127,13 +128,14 @@ def predict(
     commands.predict(model, options, window=window, out=out, voice=commands.Voice(quiet=quiet, json=json))
 
 
-@app.command()
+@app.command(epilog=told("simulate"))
 def simulate(
     context: typer.Context,
     scenario: Annotated[
         str,
         typer.Argument(
             metavar="SCENARIO",
+            autocompletion=completion.scenarios,
             help="section3, section4, figure5, figure6, figure7, figure7-samples, dwell, camera, fail-safe, tracking, "
             "drive-loss, disturbance, or TOML.",
         ),
@@ -151,10 +153,13 @@ def simulate(
     commands.simulate(scenario, model=model, out=out, seed=seed, voice=voice)
 
 
-@app.command()
+@app.command(epilog=told("effects"))
 def effects(
     context: typer.Context,
-    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Only this effect, in words.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME]", help="Only this effect, in words.", autocompletion=completion.effects),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for gallery.html; antidrive-out, or none with a NAME.")
     ] = None,
@@ -168,7 +173,7 @@ def effects(
     commands.effects(name, out=out if name is not None else out or OUT, voice=voice)
 
 
-@app.command(context_settings={"ignore_unknown_options": True})
+@app.command(context_settings={"ignore_unknown_options": True}, epilog=told("allocate"))
 def allocate(
     torques: Annotated[list[float], typer.Argument(metavar="TORQUE...", help="Follower torques [N m].")],
     min_torque: MinTorque = 0.02,
@@ -183,7 +188,7 @@ def allocate(
     commands.allocate(torques, min_torque=min_torque, max_torque=max_torque, voice=voice)
 
 
-@app.command()
+@app.command(epilog=told("capability"))
 def capability(
     context: typer.Context,
     inertia: Annotated[float, typer.Option(help="Of load and rotors, seen from the load [kg m^2].")] = 2.0,
@@ -209,7 +214,7 @@ def capability(
     )
 
 
-@app.command()
+@app.command(epilog=told("export"))
 def export(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model that the controller works with.")],
     pinion_teeth: Annotated[tuple[int, int], typer.Option(help="Teeth of the two pinions; by default the paper's.")] = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -194,12 +195,14 @@ def allocate(torques: list[float], *, min_torque: float, max_torque: float, voic
     ]
     columns = ("torque", "pinion 1", "pinion 2", "margin", "heat", "status")
     rows = [
-        (f"{torque:.4g}", *(f"{t:+.5f}" for t in s.torques), f"{s.margin:.5f}", f"{s.heat:.6f}", s.status)
+        (f"{torque:.4g}", *(f"{t:+.5f}" for t in s.torques), f"{s.margin:.5f}", f"{s.heat:.6f}", s.status.split(":")[0])
         for torque, s in splits
     ]
+    short = [f"{torque:.4g} N m is {s.status}." for torque, s in splits if ":" in s.status]
     units = ("N m", "N m", "N m", "N m", "N² m²", "")
     widths = [max(len(row[place]) for row in (columns, units, *rows)) for place in range(len(columns))]
     lines = ["  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in (columns, units, *rows)]
+    lines += [textwrap.fill(line, 80, subsequent_indent="  ") for line in short]
     voice.result("\n".join(lines), {"unit": "N m", "splits": content})
 
 
@@ -257,8 +260,8 @@ def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:
         raise BadParameter(f"{name!r} is no effect; the catalogue has {', '.join(catalogue)}.")
     told = [gallery.table() if name is None else gallery.sheet(catalogue[name])]
     if out is not None:
-        with whole_folder(out) as draft, voice.progress("drawing every effect"):
-            page = gallery.gallery_page(Provenance.now(voice.words))
+        with whole_folder(out) as draft, voice.progress("drawing every effect") as progress:
+            page = gallery.gallery_page(Provenance.now(voice.words), progress=progress)
             (draft / "gallery.html").write_text(page, encoding="utf-8")
         told.append(_written(out, "gallery.html"))
     shown = catalogue.values() if name is None else (catalogue[name],)

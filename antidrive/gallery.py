@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,9 +23,17 @@ from plant.effects import Effect, Parameter, Stage, catalogue
 _FLOWS = {"torque": "N m", "angle": "rad", "velocity": "rad/s", "time": "s"}
 
 
-def gallery_page(provenance: Provenance, effects: Mapping[str, type[Effect]] = catalogue) -> str:
-    """The page of effects by name: the catalogue, or also somebody's own."""
-    shown = [_entry(kind, effects) for kind in effects.values()]
+def gallery_page(
+    provenance: Provenance,
+    effects: Mapping[str, type[Effect]] = catalogue,
+    progress: Callable[[str], None] | None = None,
+) -> str:
+    """The page of effects by name: the catalogue, or also somebody's own; `progress` is told of each."""
+    shown = []
+    for number, kind in enumerate(effects.values()):
+        if progress is not None:
+            progress(f"drawing {kind.title}, {number} of {len(effects)} are done")
+        shown.append(_entry(kind, effects))
     stages = [(stage.value, [entry for entry in shown if entry["stage"] == stage.value]) for stage in Stage]
     title = f"{len(shown)} effects that a servo's model may lack"
     return page("gallery", provenance, title, stages=[(stage, entries) for stage, entries in stages if entries])
@@ -59,7 +68,9 @@ def table(effects: Mapping[str, type[Effect]] = catalogue) -> str:
     """Name, stage and mark of each effect, one a line."""
     rows = [(kind.name, kind.stage.value, kind.trace) for kind in effects.values()]
     wide = [max(len(row[place]) for row in rows) for place in (0, 1)]
-    return "\n".join(f"{name:<{wide[0]}}  {stage:<{wide[1]}}  {trace}" for name, stage, trace in rows)
+    left = sum(wide) + 4
+    lines = [f"{name:<{wide[0]}}  {stage:<{wide[1]}}  {trace}" for name, stage, trace in rows]
+    return "\n".join(textwrap.fill(line, 80, subsequent_indent=" " * left) for line in lines)
 
 
 def sheet(kind: type[Effect]) -> str:

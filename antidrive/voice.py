@@ -29,17 +29,37 @@ class Voice:
         """Print a result, in words or as JSON."""
         if self.json:
             print(to_json(content))
+        elif not self.quiet and sys.stdout.isatty():
+            _shown(text)
         elif not self.quiet:
             print(text)
 
     @contextmanager
     def progress(self, begin: str) -> Iterator[Callable[[str], None] | None]:
-        """A function that shows a line of progress while the block runs; None where nobody watches."""
+        """A function that shows a line of progress, and the time left, as long as the block runs; None if unwatched."""
         if self.quiet or not sys.stderr.isatty():
             yield None
             return
         from rich.console import Console
-        from rich.markup import escape
 
-        with Console(stderr=True).status(escape(begin)) as status:
-            yield lambda line: status.update(escape(line))
+        from antidrive.time_left import Watch
+
+        watch = Watch(begin)
+        with Console(stderr=True).status(watch):
+            yield watch.tell
+
+
+def _shown(text: str) -> None:
+    """Lines on a terminal: the first stands out, warnings have a colour, and what is long goes on below its beginning.
+
+    Colour is left out where NO_COLOR asks for that.
+    """
+    from rich.console import Console
+    from rich.padding import Padding
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    for number, line in enumerate(text.splitlines()):
+        words = line.lstrip()
+        style = "bold" if number == 0 else "yellow" if words.startswith("warning:") else ""
+        console.print(Padding(Text(words, style=style), (0, 0, 0, len(line) - len(words))))

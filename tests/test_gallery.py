@@ -242,7 +242,7 @@ def test_the_command_lists_tells_and_draws(monkeypatch, tmp_path) -> None:
 
 def test_without_a_name_the_gallery_is_written(monkeypatch, tmp_path) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("antidrive.gallery.gallery_page", lambda provenance: f"page of {provenance.command}")
+    monkeypatch.setattr("antidrive.gallery.gallery_page", lambda provenance, progress: f"page of {provenance.command}")
     spoken = antidrive("effects")
     assert spoken.code == 0
     assert spoken.out == f"{table()}\nWritten to antidrive-out: gallery.html\n"

@@ -1,0 +1,37 @@
+"""Examples of each command, as its help shows them; the tests parse them all."""
+
+from __future__ import annotations
+
+EXAMPLES: dict[str, tuple[str, ...]] = {
+    "demo": ("antidrive demo", "antidrive demo --seed 3 --out demo-3"),
+    "identify": (
+        "antidrive identify log.csv",
+        "antidrive identify log.csv --map angle=qm --unit angle=deg --scale torque=35.15",
+        "antidrive identify scope.mf4 --json > fit.json",
+    ),
+    "diagnose": (
+        "antidrive diagnose monday.csv tuesday.csv --holdout friday.csv",
+        "antidrive diagnose log.parquet --base model.json --out friction",
+        "antidrive diagnose --dataset emps --data FOLDER",
+    ),
+    "predict": (
+        "antidrive predict model.json log.csv --out prediction.csv",
+        "antidrive predict model.json log.csv --window 2",
+    ),
+    "simulate": (
+        "antidrive simulate tracking --model model.json",
+        "antidrive simulate my-loop.toml --seed 1 --out run-1",
+    ),
+    "effects": ("antidrive effects", "antidrive effects cogging"),
+    "allocate": ("antidrive allocate 0.5 -- -1.2", "antidrive allocate 2 --min-torque 0.05 --json"),
+    "capability": ("antidrive capability --inertia 2 --rotor-inertia 0.002",),
+    "export": (
+        "antidrive export model.json --out target --single",
+        "antidrive export model.json --pinion-teeth 18 18 --follower-teeth 144",
+    ),
+}
+
+
+def told(command: str) -> str:
+    """What stands below the options in a command's help."""
+    return "\n\n".join(("Examples:", *(f"  {line}" for line in EXAMPLES[command])))

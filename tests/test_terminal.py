@@ -1,0 +1,182 @@
+"""What the command line is on a terminal: help with examples, 80 columns, colour, completion, and the time left."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import pty
+import shlex
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import typer
+from front_door import antidrive
+
+from antidrive import time_left
+from antidrive.cli import app
+from antidrive.examples import EXAMPLES
+from antidrive.time_left import Watch
+from antidrive.voice import Voice
+
+COMMANDS = typer.main.get_command(app).commands
+PROGRAM = [sys.executable, "-c", "import sys; from antidrive.cli import main; sys.exit(main())"]
+ROOT = Path(__file__).parents[1]
+HOME = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]), "COLUMNS": "80"}
+
+
+def on_a_terminal(*words: str, **variables: str) -> str:
+    """What a command writes when stdout is a terminal."""
+    screen, end = pty.openpty()
+    done = subprocess.Popen([*PROGRAM, *words], stdout=end, stderr=end, env={**HOME, "TERM": "xterm", **variables})
+    os.close(end)
+    written = b""
+    while True:
+        try:
+            written += os.read(screen, 65536)
+        except OSError:  # closed at the other end
+            break
+    os.close(screen)
+    assert done.wait() == 0
+    return written.decode()
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_has_examples_that_parse(name):
+    spoken = antidrive(name, "--help")
+    for line in EXAMPLES[name]:
+        assert line in " ".join(spoken.out.split())
+        program, command, *words = shlex.split(line.split(" > ")[0])
+        assert (program, command) == ("antidrive", name)
+        COMMANDS[name].make_context(name, words)
+
+
+@pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in COMMANDS)], ids=" ".join)
+def test_help_fits_80_columns(words, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr("typer.rich_utils.MAX_WIDTH", 80)
+    assert max(map(len, antidrive(*words).out.splitlines())) <= 80
+
+
+def test_tables_fit_80_columns(monkeypatch, tmp_path):
+    monkeypatch.setattr("antidrive.gallery.gallery_page", lambda *_, **__: "")
+    for spoken in (antidrive("effects", "--out", tmp_path / "out"), antidrive("allocate", "-0.12345", "9", "1e3")):
+        assert spoken.code == 0, spoken.err
+        table = [line for line in spoken.out.splitlines() if not line.startswith("Written")]
+        assert max(map(len, table)) <= 80
+    assert "out of reach" in spoken.out
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_speaks_json(name):
+    assert any("--json" in option.opts for option in COMMANDS[name].params)
+
+
+def test_json_is_all_that_is_on_stdout():
+    assert json.loads(antidrive("effects", "cogging", "--json").out)["effects"][0]["name"] == "cogging"
+
+
+def test_colour_is_for_terminals_and_not_for_those_who_do_without():
+    assert "\x1b[1m" in on_a_terminal("allocate", "0.5")
+    assert "\x1b[3" in on_a_terminal("allocate", "--help")
+    assert "\x1b[3" not in on_a_terminal("allocate", "--help", NO_COLOR="1")
+    piped = subprocess.run([*PROGRAM, "allocate", "0.5"], env=HOME, capture_output=True, text=True)
+    assert piped.stdout.startswith("torque")
+    assert "\x1b" not in piped.stdout + piped.stderr
+
+
+def test_a_warning_stands_out_on_a_terminal_and_goes_on_below_itself(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stdout", screen)
+    monkeypatch.setenv("COLUMNS", "40")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    Voice().result(f"Verdict\n  warning: {'word ' * 12}", {})
+    first, *warning = screen.getvalue().splitlines()
+    assert first.strip() == "\x1b[1mVerdict\x1b[0m"
+    assert len(warning) > 1
+    assert all(line.startswith("  \x1b[33m") for line in warning)
+
+
+@pytest.mark.parametrize(
+    ("begun", "offered"),
+    [
+        ("dia", ["diagnose"]),
+        ("simulate sect", ["section3", "section4"]),
+        ("effects cogg", ["cogging"]),
+        ("identify --dataset u", ["ur10e"]),
+        ("allocate --min", ["--min-torque"]),
+    ],
+)
+def test_bash_completes(begun, offered, tmp_path):
+    shim = tmp_path / "antidrive"
+    shim.write_text(f'#!/bin/sh\nexec {shlex.join(PROGRAM)} "$@"\n')
+    shim.chmod(0o755)
+    words = ["antidrive", *begun.split()]
+    script = (
+        'eval "$(antidrive --show-completion bash)"; complete -p antidrive > /dev/null || exit 1; '
+        f"COMP_WORDS=({shlex.join(words)}); COMP_CWORD={len(words) - 1}; _antidrive_completion antidrive; "
+        'printf "%s\\n" "${COMPREPLY[@]}"'
+    )
+    path = f"{tmp_path}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(["bash", "-c", script], env={**HOME, "PATH": path}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == offered
+
+
+# The time left.
+
+
+def test_the_time_left_follows_from_the_share_that_is_done():
+    now = [0.0]
+    watch = Watch("diagnosing", clock=lambda: now[0])
+    assert str(watch) == "diagnosing"
+    now[0] = 6.0
+    watch.tell("round 2: asking 23 effects")
+    assert str(watch) == "round 2: asking 23 effects (6 s, about 4 s left)"
+    now[0] = 8.0
+    assert str(watch).endswith("(8 s, about 2 s left)")
+    now[0] = 50.0
+    watch.tell("round 4: asking 21 effects")
+    assert str(watch).endswith("(50 s)")
+    now[0] = 86.0
+    watch.tell("looking for what has no name")
+    assert str(watch).endswith("(86 s, about 14 s left)")
+
+
+def test_parts_that_are_counted_tell_the_time_left():
+    now = [10.0]
+    watch = Watch("drawing every effect", clock=lambda: now[0])
+    watch.tell("drawing drag, 0 of 25 are done")
+    now[0] = 20.0
+    watch.tell("drawing drag, 5 of 25 are done")
+    assert str(watch).endswith("(10 s, about 40 s left)")
+
+
+def test_progress_is_shown_where_somebody_watches(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setattr(time_left, "_WORTH_TELLING", 0.0)
+    monkeypatch.setenv("TERM", "xterm")
+    with Voice().progress("diagnosing [log]") as tell:
+        time.sleep(0.2)
+        tell("round 1: asking 24 effects")
+        time.sleep(0.2)
+    assert "diagnosing [log]" in screen.getvalue()
+    assert "about 1 s left" in screen.getvalue()
+    with Voice(quiet=True).progress("diagnosing") as tell:
+        assert tell is None
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with Voice().progress("diagnosing") as tell:
+        assert tell is None
