@@ -137,7 +137,7 @@ def simulate(
             metavar="SCENARIO",
             autocompletion=completion.scenarios,
             help="section3, section4, figure5, figure6, figure7, figure7-samples, dwell, camera, fail-safe, tracking, "
-            "drive-loss, disturbance, or TOML.",
+            "drive-loss, disturbance, differential, preload-sizing, or TOML.",
         ),
     ],
     model: Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Design model of the controller.")] = None,

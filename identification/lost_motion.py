@@ -86,8 +86,9 @@ def lost_motion(log: Log, gears: GearTrain) -> LostMotion:
 
     The log has `torque_1`, `torque_2`, `angle`, `angle_1` and `angle_2`; its longest run is used. Each flank should be
     visited several times, with the preload slowly up and down again, and stay under some preload until it reverses.
-    Resolutions and noise are taken from the readings. The gap does not depend on the torques' scale; the rest does.
-    Where the load's encoder has less noise than a third of a count, the load must creep over a few counts meanwhile.
+    Resolutions and noise are taken from the readings; a motor's, seen from the load, must be small beside the gap. The
+    gap does not depend on the torques' scale; the rest does. Where the load's encoder has less noise than a third of a
+    count the load must creep over a few counts meanwhile, slower than the sweep winds the teeth up.
 
     Raises:
         MalformedLog: a channel is missing.
@@ -116,7 +117,7 @@ def _need_both_flanks(samples: FlankSamples) -> None:
                 way = "grows" if loading else "falls"
                 raise Unidentifiable(
                     f"only {found} samples in which the torque on flank {flank:+.0f} of each drive surely {way}: sweep "
-                    "the preload slowly up and down in both senses."
+                    "the preload up and down in both senses, and let the load creep more slowly than that."
                 )
     if np.ptp(samples.reading) == 0.0:
         raise Unidentifiable("the load's reading never changes: let the load creep over a few counts meanwhile.")
