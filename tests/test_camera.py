@@ -24,7 +24,7 @@ from plant.gears import GearTrain
 from plant.rig import Rig
 
 DT = 0.005
-QUICK = {"targets = 5": "targets = 3", "duration = 12.0": "duration = 5.0"}
+QUICK = {"targets = 8": "targets = 3", "duration = 12.0": "duration = 5.0"}
 
 
 def text(changes: dict[str, str]) -> str:
@@ -76,7 +76,7 @@ def test_only_enough_preload_keeps_the_teeth_together() -> None:
 
 
 def test_without_a_gap_and_friction_of_gears_two_drives_have_nothing_over_each_other() -> None:
-    quick = {"duration = 12.0": "duration = 4.0", "targets = 5": "targets = 2"}
+    quick = {"duration = 12.0": "duration = 4.0", "targets = 8": "targets = 2"}
     still = settings({**quick, "mesh_friction = 0.03": "backlash = 0.0"})
     tight = experiment(still, 0).rms[1:]
     assert np.max(tight.mean(axis=(1, 2))) < 1.03 * np.min(tight.mean(axis=(1, 2)))
@@ -177,7 +177,7 @@ def test_the_report_says_so_when_least_effort_errs_more() -> None:
 
 def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "quick.toml").write_text(
-        text({**QUICK, "duration = 12.0": "duration = 2.0", "targets = 5": "targets = 2"})
+        text({**QUICK, "duration = 12.0": "duration = 2.0", "targets = 8": "targets = 2"})
     )
     assert main(["simulate", str(tmp_path / "quick.toml"), "--out", str(tmp_path / "out"), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
@@ -190,7 +190,7 @@ def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("targets = 5", "targets = 1", "at least two"),
+        ("targets = 8", "targets = 1", "at least two"),
         ("span = 1.0", "span = 0.0", "span"),
         ("[rig]", "[rig]\nencoder_noise = 1e-5", "picture_noise"),
         ("duration = 12.0", "duration = 1.5", "duration"),
