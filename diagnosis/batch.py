@@ -40,7 +40,7 @@ def diagnose_all(
         called off when nobody asks for more.
 
     Raises:
-        What `diagnose` raises, in its log's turn.
+        AntidriveError: as `diagnose` raises it, in its log's turn.
     """
     listed = list(logs)
     work = partial(diagnose, base=base, fixed=tuple(fixed), candidates=candidates, exclude=tuple(exclude))
