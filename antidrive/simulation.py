@@ -63,6 +63,8 @@ class Trial:
         }
         if self.single is not None:
             columns |= {"single_drive_angle": self.single.angle, "single_drive_torque": self.single.torques[:, 0]}
+        if self.intact is not None:
+            columns |= {"angle_without_loss": self.intact.angle}
         return pd.DataFrame(columns)
 
     def summary(self) -> dict[str, Any]:
@@ -172,6 +174,8 @@ class Trial:
         r = self.result
         angles = [("reference", MEASURED, r.reference), ("angle", AFTER, r.angle)]
         errors = [("angle", AFTER, r.angle - r.reference)]
+        if self.intact is not None:
+            errors.append(("angle, nothing lost", MEASURED, self.intact.angle - self.intact.reference))
         if self.single is not None:
             angles.append(("angle, one drive", BEFORE, self.single.angle))
             errors.append(("angle, one drive", BEFORE, self.single.angle - self.single.reference))

@@ -14,7 +14,7 @@ import pytest
 from allocation import Bounds, least_effort
 from antidrive.cli import main
 from antidrive.experiments.camera_report import Mean, told, verdict
-from antidrive.experiments.camera_tracking import CameraSettings, Tracked, experiment
+from antidrive.experiments.camera_tracking import CameraSettings, Tracked, _foreseen, experiment
 from antidrive.experiments.preload_laws import LAWS, ONE, PLANNED, SHAPED, SIZED, WARM, PreloadLaws, joule
 from antidrive.experiments.settings import read_settings
 from antidrive.experiments.targets import FADE_IN, TARGETS, target
@@ -73,6 +73,23 @@ def test_one_drive_errs_far_more() -> None:
 def test_only_enough_preload_keeps_the_teeth_together() -> None:
     least = dict(zip(LAWS, quick().least.min(axis=(1, 2)), strict=True))
     assert {law for law in LAWS if least[law] > 0.0} == {SIZED, PLANNED}
+
+
+def test_where_the_target_must_be_guessed_no_preload_helps() -> None:
+    guessed = experiment(
+        settings({"duration = 12.0": "duration = 4.0", "targets = 8": "targets = 2", "= 0.15": "= 0.0"}), 0
+    )
+    each = np.sqrt(np.mean(guessed.rms**2, axis=(1, 2)))
+    assert np.min(each) > 5.0 * rms(ONE) > 5.0 * rms(PLANNED)
+    assert np.max(each) < 1.1 * np.min(each)
+
+
+def test_a_path_is_known_for_a_while_and_then_taken_for_straight() -> None:
+    path = np.array([[0.0, 0.0, 1.0, 4.0, 9.0, 16.0], [0.0, 1.0, 0.0, -1.0, -1.0, -1.0]])
+    np.testing.assert_array_equal(_foreseen(path, 1, 4, 4), path[:, 1:5])
+    np.testing.assert_array_equal(_foreseen(path, 1, 4, 2), [[0, 1, 4, 7], [1, 0, -1, -2]])
+    np.testing.assert_array_equal(_foreseen(path, 2, 3, 0), [[1, 2, 3], [0, -1, -2]])
+    np.testing.assert_array_equal(_foreseen(path, 0, 3, 0), np.zeros((2, 3)))
 
 
 def test_without_a_gap_and_friction_of_gears_two_drives_have_nothing_over_each_other() -> None:
@@ -192,6 +209,7 @@ def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     [
         ("targets = 8", "targets = 1", "at least two"),
         ("span = 1.0", "span = 0.0", "span"),
+        ("foresight = 0.15", "foresight = -0.1", "foresight"),
         ("[rig]", "[rig]\nencoder_noise = 1e-5", "picture_noise"),
         ("duration = 12.0", "duration = 1.5", "duration"),
         ("payload_mass = 1.0", "payload_mass = -1e6", "inertia"),

@@ -100,6 +100,9 @@ def test_the_summary_tells_by_how_much_the_error_grew() -> None:
     assert summary["error_growth"] == pytest.approx(np.sqrt(np.mean(after**2) / np.mean(without**2)))
     assert summary["largest_error_after_loss"] == np.max(np.abs(after))
     assert summary["backlash_control"] == "lost"
+    np.testing.assert_array_equal(trial.table()["angle_without_loss"], whole.angle)
+    drawn = {curve.name for curve in trial.figure().data}
+    assert "angle, nothing lost" in drawn
     assert any(f"{summary['error_growth']:.2g} times" in line and "is lost" in line for line in trial.sentences())
 
 

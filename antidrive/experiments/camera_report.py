@@ -67,7 +67,8 @@ def told(settings: CameraSettings, found: Tracked) -> Outcome:
         said=(
             f"A camera of {settings.payload_mass:g} kg follows {settings.targets} targets of each kind over "
             f"{settings.span:g} rad for {settings.duration:g} s. It sees where it looks to "
-            f"{MICRO * settings.picture_noise:.0f} µrad; the motors' encoders see finer, but through the teeth.",
+            f"{MICRO * settings.picture_noise:.0f} µrad; the motors' encoders see finer, but through the teeth, and "
+            f"one drive does better without its own. The target's next {settings.foresight:g} s are known.",
             f"Least effort by flank torque errs by {MICRO * overall[PLANNED]:.0f} µrad rms over all targets, constant "
             f"preload by {MICRO * overall[SIZED]:.0f}, one drive by {MICRO * overall[ONE]:.0f}. At the heat of least "
             f"effort a constant preload errs by {MICRO * overall[WARM]:.0f}, one that falls with the load by "

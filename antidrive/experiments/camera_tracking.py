@@ -38,6 +38,7 @@ class CameraSettings:
         span: over which the targets move [rad].
         acceleration: greatest one of the targets [rad/s^2].
         targets: how many of each kind are followed.
+        foresight: how far ahead the path of a target is known [s]; further on it is taken to go straight.
         duration, sample_time: [s].
         payload_mass, payload_arm: of the camera [kg], and how far from the axis, level with it at angle zero [m].
         pixel: width of one in the camera's picture [rad].
@@ -50,6 +51,7 @@ class CameraSettings:
     span: float
     acceleration: float
     targets: int
+    foresight: float
     duration: float
     sample_time: float
     payload_mass: float
@@ -66,6 +68,8 @@ class CameraSettings:
         need_samples(self.duration - FADE_IN, self.sample_time)
         if self.targets < 2:
             raise BadParameter(f"targets = {self.targets}: an interval needs at least two of each kind.")
+        if self.foresight < 0.0:
+            raise BadParameter(f"foresight must not be negative, but is {self.foresight:g} s.")
         for name in ("encoder_counts", "encoder_noise"):
             if name in self.rig:
                 raise BadParameter(f"rig.{name} is given by pixel and picture_noise here.")
@@ -203,7 +207,7 @@ def _followed(
     noise = np.stack([np.random.default_rng((seed + number, 1)).standard_normal(count) for _, (_, number) in cases], 1)
     ahead = wanted.shape[1] - count
     pressed = settings.min_torque * np.array([1.0, -1.0])[-len(drives) :] * (len(drives) == 2)
-    state, length = fleet.rest(torques=pressed), len(paths)
+    state, length, known = fleet.rest(torques=pressed), len(paths), round(settings.foresight / settings.sample_time)
     angle = np.empty((len(cases), count))
     pinions = np.empty((len(cases), count, len(drives)))
     least = np.full(len(cases), np.inf)
@@ -211,10 +215,10 @@ def _followed(
     for k in range(count):
         angle[:, k] = state.rows[:, 0]
         seen, motors = fleet.measure(state, noise[k]), fleet.motor_angles(state)
-        planned = np.empty((len(cases), 2))
+        planned, foreseen = np.empty((len(cases), 2)), _foreseen(wanted, k, ahead, known)
         for i, controller in enumerate(controllers):
             at_motors = None if controller.motor_resolution is None else motors[i]
-            planned[i] = controller.step(float(seen[i]), wanted[i, k : k + ahead], at_motors).torques
+            planned[i] = controller.step(float(seen[i]), foreseen[i], at_motors).torques
         torque = rig.gears.follower_torque(planned)
         for w, law in enumerate(ways):
             own = slice(w * length, (w + 1) * length)
@@ -231,3 +235,12 @@ def _followed(
         "least": least,
         "error": error,
     }
+
+
+def _foreseen(paths: Array, now: int, ahead: int, known: int) -> Array:
+    """(B, ahead) the paths from sample `now` on: as they are for `known` samples, then straight."""
+    window = paths[:, now : now + ahead].copy()
+    if known < ahead:
+        rate = window[:, known] - paths[:, max(now + known - 1, 0)]
+        window[:, known:] = window[:, known, None] + rate[:, None] * np.arange(ahead - known)
+    return window
