@@ -115,7 +115,9 @@ class Fmu:
             listed = xml.SubElement(structure, kind)
             for place, variable in enumerate(self.variables, start=1):
                 if variable.causality == "output":
-                    xml.SubElement(listed, "Unknown", index=str(place))
+                    unknown = xml.SubElement(listed, "Unknown", index=str(place))
+                    if kind == "Outputs":  # a sample takes its time, so no input passes to an output at once
+                        unknown.set("dependencies", "")
         xml.indent(root)
         text: str = xml.tostring(root, encoding="unicode")
         return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()

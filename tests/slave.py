@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import fmpy
@@ -32,11 +31,16 @@ class Slave:
             instanceName="tested",
         )
         self.slave.instantiate()
+        self.dt = fmu.sample_time
+        self.begin(0.0, **parameters)
+
+    def begin(self, now: float, **parameters: float) -> None:
+        """Start at a time [s] with these parameters."""
         self.set(**parameters)
-        self.slave.setupExperiment(startTime=0.0)
+        self.slave.setupExperiment(startTime=now)
         self.slave.enterInitializationMode()
         self.slave.exitInitializationMode()
-        self.samples, self.dt, self.folder = 0, fmu.sample_time, folder
+        self.samples, self.start = 0, now
 
     def set(self, **values: float) -> None:
         """Give inputs or parameters their values; "input_delay.time" is input_delay__time."""
@@ -55,7 +59,7 @@ class Slave:
     def sample(self, **inputs: float) -> None:
         """A step of one sample, with these inputs."""
         self.set(**inputs)
-        self.step(self.samples * self.dt, self.dt)
+        self.step(self.start + self.samples * self.dt, self.dt)
         self.samples += 1
 
     def step(self, now: float, length: float) -> None:
@@ -66,4 +70,3 @@ class Slave:
         """Let go of the library."""
         self.slave.terminate()
         self.slave.freeInstance()
-        shutil.rmtree(self.folder / "unpacked", ignore_errors=True)

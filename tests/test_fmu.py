@@ -17,7 +17,7 @@ from target import MODELS, PAPER, UNEQUAL, recorded
 
 from mpc import Controller, controller_fmu
 from mpc.trouble import sentence
-from plant import BadParameter, ServoModel, sample_step, servo_fmu, simulate
+from plant import BadParameter, Fmu, ServoModel, sample_step, servo_fmu, simulate
 from plant.discrete import sample_reading
 from plant.effects import Backlash, CoulombFriction, DeadZone, FrictionDrift, InputDelay, SensorLag
 from plant.machine_code import compiler
@@ -94,6 +94,26 @@ def test_a_tool_may_step_finer_and_coarser_than_a_sample(tmp_path: Path) -> None
             assert coarser.get("angle", "velocity") == slave.get("angle", "velocity")
     for each in (slave, finer, coarser):
         each.close()
+
+
+@pytest.mark.parametrize("fmu", [servo_fmu(LATE, sample_time=DT), controller_fmu(Controller(LATE, PAPER))])
+def test_instances_are_apart_and_begin_anew_wherever_the_clock_stands(fmu: Fmu, tmp_path: Path) -> None:
+    one, other = Slave(fmu, tmp_path / "one"), Slave(fmu, tmp_path / "other")
+    inputs = [variable.name for variable in fmu.variables if variable.causality == "input"]
+    outputs = [variable.name for variable in fmu.variables if variable.causality == "output"]
+    first = []
+    for value in commands(40):
+        other.sample(**dict.fromkeys(inputs, -value))
+        one.sample(**dict.fromkeys(inputs, value))
+        first.append(one.get(*outputs))
+    one.slave.reset()
+    one.begin(7.3)
+    for value, expected in zip(commands(40), first, strict=True):
+        one.sample(**dict.fromkeys(inputs, value))
+        assert one.get(*outputs) == expected
+    assert other.get(*outputs) != first[-1]
+    one.close()
+    other.close()
 
 
 @pytest.mark.parametrize("name", ["late", "lag"])
