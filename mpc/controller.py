@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from allocation import Bounds
 from mpc.compiled import CompiledStep
+from mpc.corridor import SoftLimits, corridor, enter, moved, prices
 from mpc.drive import DriveInverse
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
 from mpc.governor import Governor, followable, governed
 from mpc.layout import laid_out
 from mpc.prediction import Predictor
 from mpc.preview import preview
-from mpc.riccati import backward, forward, slope
+from mpc.riccati import ALL_ROWS, TORQUE_ALONE, backward, forward, slope
 from mpc.split import machine, reach, split
 from mpc.step import InterpretedStep
 from mpc.trouble import sentence
@@ -32,8 +33,8 @@ Array = NDArray[np.float64]
 FRICTION_WIDTH = 0.005
 """Velocity over which the prediction smooths dry friction [rad/s], so that it has a derivative at rest."""
 
-_ROUNDS = 25
-"""Bound on the sweeps of each method of the quadratic programme; two are usual."""
+_ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
+"""Bound on the sweeps of each method of the quadratic programme; two are usual, 20 where other intervals are active."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,6 +68,7 @@ class Controller:
         minimise    sum_k (x[k] - r[k])^2 + s sum_k ((tau[k] - tau[k-1])/Ts)^2 + (z[N] - r[N])' P (z[N] - r[N])
         subject to  the servo model with its effects and an estimated disturbance
                     xi1[k] >= min_torque,  xi2[k] <= -min_torque,  |xi_i[k]| <= max_torque,  flank torques >= min_torque
+                    |tau[k] - tau[k-1]| <= torque_rate Ts,  and, at a price, angle_limits and speed_limit
 
     The preload lambda moves nothing (equation 3), so tracking depends on the follower torque tau alone, and the least
     effort at a given tau is the allocator's closed form. Torque and preload are therefore optimised one inside the
@@ -81,7 +83,9 @@ class Controller:
     The controller remembers: its estimate, its last solution, the torques under way. One object serves one machine.
 
     A reference that the torques cannot follow is approached in least time instead (`Governor`), because a horizon this
-    short cannot see how long it takes to brake.
+    short cannot see how long it takes to brake; before a limit of the angle it brakes in time. Within the horizon these
+    limits are soft, with a penalty that is exact (`mpc.corridor.prices`): they hold wherever the torques can make them
+    hold, and never cost the bounds of the torques.
 
     Two things that a model may have learnt from its log do not hold here: the log's clock (`ServoModel.without_clock`),
     and a tooth gap, for the preload never lets it open.
@@ -100,10 +104,12 @@ class Controller:
         disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)].
         motor_resolution: step of the encoders at the motor shafts [rad]; None if there are none.
         motor_noise: standard deviation of what else they err by, teeth included, at the load [rad].
-        torque_rate: greatest change of the follower torque behind the drive [N m/s]. The plan stays within what can
-            be reached from now on at this rate; between two later samples it may change faster.
+        torque_rate: greatest change of the follower torque behind the drive [N m/s].
         preload_rate: greatest change of the preload, as torque on pinion 1 [N m/s]. Both rates yield to the bounds: the
             preload falls slowly, and rises as soon as contact needs it.
+        angle_limits: lowest and highest angle of the load [rad], kept to within the noise of the sensor; a load that is
+            beyond returns smoothly.
+        speed_limit: greatest speed of the load [rad/s], likewise.
         sqp_iterations: programmes a sample at most; with more than one the model is linearised anew along each solution
             until the torques change no more.
 
@@ -129,6 +135,8 @@ class Controller:
     motor_noise: float = 2e-5
     torque_rate: float = float("inf")
     preload_rate: float = float("inf")
+    angle_limits: tuple[float, float] = (-float("inf"), float("inf"))
+    speed_limit: float = float("inf")
     sqp_iterations: int = 1
     bounds: Bounds = field(init=False, repr=False)
     governor: Governor = field(init=False, repr=False)
@@ -171,21 +179,26 @@ class Controller:
             disturbance_rate=self.disturbance_rate,
             motors=None if self.motor_resolution is None else self._motor_encoders(self.motor_resolution),
         )
-        self.governor = Governor(sample_time=self.sample_time)
+        limits = SoftLimits(angle=self.angle_limits, speed=self.speed_limit)
+        noise = float(np.sqrt(self.estimator.levels[0]))
+        self._soft = limits.numbers(2 * np.pi * self.bandwidth, self.sample_time, noise)
+        self.governor = Governor(sample_time=self.sample_time, soft=self._soft if limits.any else None)
+        self._rows = ALL_ROWS if limits.any or self.torque_rate < np.inf else TORQUE_ALONE
         self._rate_weight = rate_weight(self.model, self.bandwidth, self.sample_time)
         self._terminal_weight = terminal_weight(self.model, self._rate_weight, self.sample_time)
         self._sizes = {
             "horizon": self.horizon,
             "late": self._whole_delay,
             "passes": self.sqp_iterations,
-            "rounds": _ROUNDS,
+            "rounds": _ROUNDS[self._rows],
         }
         preload_step = self.preload_rate * self.sample_time / self.gears.pinion_teeth[0]
         self._arrays = self._all_arrays(machine(self.bounds, drive, preload_step))
         n = len(behind.states)
         filters = (predictor.stage, *self.estimator.functions)
-        stages = (preview(), followable(), governed(), reach(), backward(n), forward(n), slope(n), split())
-        self._machine_code = CompiledStep((*filters, *stages), self._sizes, self._arrays)
+        aims = (preview(), followable(), governed(limits.any), enter(), corridor(), reach())
+        sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows), split())
+        self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
 
     def _all_arrays(self, machine: Array) -> dict[str, Array]:
@@ -201,9 +214,12 @@ class Controller:
             "levels": self.estimator.levels,
             "machine": machine,
             "tuning": np.array([self._rate_weight, P[0, 0], P[0, 1], P[1, 1], *own]),
+            "prices": prices(self._rate_weight, greatest, self.model.inertia, self.sample_time),
+            "moved": moved(self.model.inertia, self.sample_time),
+            "soft": self._soft,
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
-        return constant | remembered | laid_out(n, self.horizon, self._whole_delay)
+        return constant | remembered | laid_out(n, self.horizon, self._whole_delay, self._rows)
 
     def _motor_encoders(self, resolution: float) -> MotorEncoders:
         first, second = self.gears.motor_ratios.tolist()

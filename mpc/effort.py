@@ -58,10 +58,11 @@ CORTEX_M7 = {"single": Effort(4, 18, 150), "double": Effort(9, 35, 500)}
 """Cycles of each kind of operation on a Cortex-M7 with the unit for both precisions, loads and stores included."""
 
 # The loops' own operations, by reading solve.c and step.c: of each stage of the horizon, once a pass or once a round.
-_LINEARISE, _RESIDUAL, _CENTRAL, _AHEAD = Effort(36, 1), Effort(8, 1), Effort(60, 14), Effort(16, 1)
+_LINEARISE, _RESIDUAL, _CENTRAL, _AHEAD = Effort(40, 1), Effort(8, 1), Effort(9), Effort(16, 1)
+_FENCE, _FORCES, _END = Effort(8), Effort(54, 9), Effort(46, 13)  # of other intervals, and of each end of an interval
 
 
-_FRAMES = 3072  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
+_FRAMES = 4096  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
 
 
 def of(function: Any) -> Effort:
@@ -72,28 +73,45 @@ def of(function: Any) -> Effort:
     return Effort(simple, divisions, len(kinds) - moves - divisions - simple)
 
 
-def calls(sizes: Mapping[str, int], *, worst: bool) -> dict[str, int]:
+def calls(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bool) -> dict[str, int]:
     """How often each stage runs in one step: at most, or usually, when two sweeps find the bounds that are active."""
     N, passes = sizes["horizon"], sizes["passes"]
-    sweeps, certificates = _sweeps(sizes, worst), 2 if worst else 1
+    sweeps, certificates = _sweeps(functions, sizes, worst), 2 if worst else 1
     once = {"estimate": 1, "begin": int(worst), "preview": 1, "followable": 1, "govern": N + 1, "split": N}
-    each = {"stage": sizes["late"] + N, "reach": N, "backward": N * sweeps, "forward": N * sweeps}
+    courses = sweeps + 2 * worst  # the interior point method follows its first and its last torques
+    each = {"stage": sizes["late"] + N, "reach": N, "backward": N * sweeps, "forward": N * courses}
+    if rows(functions) > 1:
+        each |= {"enter": 1, "corridor": N}
     return once | {name: passes * count for name, count in (each | {"slope": N * certificates}).items()}
 
 
 def of_step(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bool) -> Effort:
     """One step, at most or usually."""
-    N, passes, rounds = sizes["horizon"], sizes["passes"], sizes["rounds"] if worst else 0
-    total = _AHEAD * N + (_LINEARISE + _RESIDUAL * 2 + _CENTRAL * rounds) * (N * passes)
-    for name, count in calls(sizes, worst=worst).items():
+    N, passes, rounds = sizes["horizon"], sizes["passes"], sizes["rounds"] + 1 if worst else 0
+    linearise, residual, fenced = _LINEARISE, _RESIDUAL, rows(functions) > 1
+    if fenced:
+        linearise, residual = linearise + _FENCE, residual + _FORCES
+    inside = (_CENTRAL + _END * (2 * rows(functions))) * rounds
+    total = _AHEAD * N + (linearise + residual * 2 + inside) * (N * passes)
+    for name, count in calls(functions, sizes, worst=worst).items():
         total += of(functions[name]) * count
     return total
 
 
-def _sweeps(sizes: Mapping[str, int], worst: bool) -> int:
+def rows(functions: Mapping[str, Any]) -> int:
+    """How many numbers of a stage have an interval."""
+    return int(functions["backward"].size1_in(6)) // 2
+
+
+def again(functions: Mapping[str, Any], sizes: Mapping[str, int]) -> int:
+    """Rounds of the active set behind the interior point method, final where there are more intervals."""
+    return sizes["rounds"] if rows(functions) == 1 else 0
+
+
+def _sweeps(functions: Mapping[str, Any], sizes: Mapping[str, int], worst: bool) -> int:
     """The active set, the interior point with its start, the active set again, and the plan if all of that failed."""
     rounds = sizes["rounds"]
-    return rounds + (1 + rounds) + rounds + 1 if worst else 2
+    return rounds + (1 + rounds) + again(functions, sizes) + 1 if worst else 2
 
 
 def stack(functions: Mapping[str, Any], number: int) -> int:

@@ -23,7 +23,7 @@ from mpc.trouble import Trouble, sentence
 Array = NDArray[np.float64]
 
 FILES = ("antidrive_controller.h", "antidrive_controller.c", "driver.c", "CMakeLists.txt", "README.txt")
-_CONSTANT = ("model", "levels", "machine", "tuning")
+_CONSTANT = ("model", "levels", "machine", "tuning", "prices", "moved", "soft")
 _SHOWN = ("outcome", "torques", "angles")
 _CLOCK = 200e6  # of the Cortex-M7 that the estimate is for [Hz]
 
@@ -104,6 +104,7 @@ def export(controller: Controller, *, single: bool = False) -> TargetCode:
         "real": "float" if single else "double",
         **{name: _number(getattr(controller, name), single) for name in ("sample_time", "min_torque", "max_torque")},
         **sizes,
+        "again": effort.again(stages, sizes),
         "motors": int(controller.motor_resolution is not None),
         "statuses": _statuses(),
         "torques": remembered["torques"],
@@ -126,7 +127,8 @@ def _code(code: str, precision: str) -> str:
     begin, end = code.index("static real casadi_"), code.index("struct controller {")
     code = code[begin:end] + code[code.index("};\n", end) + 4 :]
     for old, new in (
-        ("struct controller *", "struct antidrive_controller *"),
+        ("const struct controller *", "const struct antidrive_controller *"),
+        ("(struct controller *", "(struct antidrive_controller *"),
         ("\nreal solve(", "\nstatic real solve("),
         ("\nint control_step(", "\nstatic int control_step("),
         ("double angle", "real angle"),

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mpc.corridor import SOFT
 from mpc.kernel import Kernel, unrolled
 from mpc.split import MACHINE, reach
 from mpc.weights import TUNING
@@ -18,6 +19,10 @@ Array = NDArray[np.float64]
 
 _USED = 0.85
 """Share of the reachable acceleration that the governed reference may ask for; the rest is left to feedback."""
+
+_SURE = 0.75
+"""Share of that acceleration, and of its mean in both senses, with which it brakes before a limit: friction helps to
+brake, but ends with the motion."""
 
 
 def time_optimal_acceleration(error: Any, rate: Any, limits: tuple[Any, Any], step: Any) -> Any:
@@ -41,24 +46,40 @@ def time_optimal_acceleration(error: Any, rate: Any, limits: tuple[Any, Any], st
     return ca.fmax(ca.fmin(-a / step**2, forward), -backward)
 
 
+def _fastest(room: Any, acceleration: Any, dt: Any) -> Any:
+    """Greatest speed from which it can still be stopped within some room, in discrete time [rad/s]."""
+    braked = acceleration * (ca.sqrt(ca.fmax(dt**2 / 4, 2 * room / acceleration)) - dt / 2)
+    return ca.fmax(braked, ca.fmin(room / dt, acceleration * dt))
+
+
 @cache
-def governed() -> Any:
+def governed(limited: bool = False) -> Any:
     """One sample of the governed reference, as a `casadi.Function`.
 
     (angle and rate (2,), wanted angle now and at the two samples to come (3,), greatest acceleration backward and
-    forward (2,), sample time) -> angle and rate (2,) at the next sample.
+    forward (2,), soft limits (see `SoftLimits.numbers`), sample time) -> angle and rate (2,) at the next sample. If it
+    is limited it brakes before a limit, whatever is wanted.
     """
     path, wanted, limits, dt = ca.SX.sym("path", 2), ca.SX.sym("wanted", 3), ca.SX.sym("limits", 2), ca.SX.sym("dt")
+    soft, asked = ca.SX.sym("soft", SOFT), wanted
+    if limited:
+        asked = ca.fmin(ca.fmax(wanted, soft[0]), soft[1])
     angle, rate = ca.vertsplit(path)
     backward, forward = ca.vertsplit(limits)
-    speed = (wanted[1] - wanted[0]) / dt
-    turn = ((wanted[2] - wanted[1]) / dt - speed) / dt
+    speed = (asked[1] - asked[0]) / dt
+    turn = ((asked[2] - asked[1]) / dt - speed) / dt
     own = ca.fmin(ca.fmax(turn, -backward), forward)
     least = 0.2 * ca.fmin(forward, backward)
     room = (ca.fmax(backward + own, least), ca.fmax(forward - own, least))
-    pull = time_optimal_acceleration(angle - wanted[0], rate - speed, room, dt)
-    after = ca.vertcat(angle + dt * rate, rate + dt * ca.fmin(ca.fmax(own + pull, -backward), forward))
-    return ca.Function("govern", [path, wanted, limits, dt], [after], {"cse": True})
+    pull = time_optimal_acceleration(angle - asked[0], rate - speed, room, dt)
+    next_angle, next_rate = angle + dt * rate, rate + dt * ca.fmin(ca.fmax(own + pull, -backward), forward)
+    if limited:
+        least, greatest = (_SURE * ca.fmin(brake, (backward + forward) / 2) for brake in (forward, backward))
+        up = ca.fmin(_fastest(soft[1] - next_angle, greatest, dt), soft[2])
+        down = ca.fmin(_fastest(next_angle - soft[0], least, dt), soft[2])
+        next_rate = ca.fmin(next_rate, ca.fmax(up, rate - dt * backward))
+        next_rate = ca.fmax(next_rate, -ca.fmax(down, -rate - dt * forward))
+    return ca.Function("govern", [path, wanted, limits, soft, dt], [ca.vertcat(next_angle, next_rate)], {"cse": True})
 
 
 @cache
@@ -89,10 +110,12 @@ class Governor:
 
     Attributes:
         sample_time: [s].
+        soft: limits of angle and speed as numbers, None if there are none.
         path: all that is remembered: whether there is a governed reference, its angle [rad] and rate [rad/s].
     """
 
     sample_time: float
+    soft: Array | None = None
     path: Array = field(default_factory=lambda: np.zeros(3), init=False)
 
     def restart(self, angle: float, rate: float) -> None:
@@ -116,9 +139,9 @@ class Governor:
         if not self.path[0]:
             self.restart(float(wanted[0]), 0.0)
         if wanted.size not in self._along:
-            self._along[wanted.size] = _along(wanted.size, self.sample_time)
+            self._along[wanted.size] = _along(wanted.size, self.sample_time, self.soft)
         govern = self._along[wanted.size]
-        start, windows, greatest, _ = govern.inputs
+        start, windows, greatest, *_ = govern.inputs
         start[:] = self.path[1:]
         last = wanted[-1] - wanted[-2]  # at this speed the reference goes on
         longer = np.append(wanted, [wanted[-1] + last, wanted[-1] + 2.0 * last])
@@ -136,7 +159,10 @@ class Governor:
         return {}
 
 
-def _along(samples: int, sample_time: float) -> Kernel:
-    kernel = Kernel(unrolled(governed().mapaccum(samples), samples, governed()))
-    kernel.inputs[3][:] = sample_time
+def _along(samples: int, sample_time: float, soft: Array | None) -> Kernel:
+    one = governed(soft is not None)
+    kernel = Kernel(unrolled(one.mapaccum(samples), samples, one))
+    if soft is not None:
+        kernel.inputs[3][:] = np.tile(soft, samples)
+    kernel.inputs[4][:] = sample_time
     return kernel

@@ -1,51 +1,105 @@
-"""The interior point method behind the active set: a guess of the active bounds from inside, which cannot cycle."""
+"""The interior point method behind the active set: it cannot cycle, and knows all intervals of a programme."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from mpc.programme import Programme
 
+Array = NDArray[np.float64]
 
-def guess_from_inside(programme: Programme) -> None:
-    """Set the bounds that hold at the solution of a programme, to within the last digits.
+_BEGIN, _DONE = 1e3, 1e-15
+"""Products at which the method begins and ends, in units of the greatest force times the greatest torque."""
 
-    The primal-dual method with a barrier (Wright, "Primal-dual interior-point methods", 1997): with the torques x
-    counted from the middle between their bounds, half widths h and multipliers l and u,
 
-        l (h + x) = u (h - x) = target,    derivative of the cost = l - u
+@np.errstate(all="ignore")  # an infinite price marks an interval that cannot be left
+def solve_from_inside(programme: Programme) -> None:
+    """Solve a programme to within the last digits, and say from it which torques are at a bound.
 
-    is solved by Newton's method for a target that shrinks, each step one Riccati sweep, stopped short of the bounds.
+    The primal-dual method with a barrier (Wright, "Primal-dual interior-point methods", 1997). The end b of an
+    interval, with a sign + or -, holds a number q of a stage back by a force. Where the interval may be left at a
+    price, by an excess, the force stays below the price:
+
+        slack = sign (b - q) + excess,    slack force = target,    excess (price - force) = target,
+        derivative of the cost = - sum sign force
+
+    Newton's method for a target that shrinks; a step is one Riccati sweep, and stops short of the ends. The sweep goes
+    around the last point and not around zero: near the solution the barrier is so steep that the difference of two
+    large numbers would be noise.
     """
-    low, high = programme.bounds[:, 1], programme.bounds[:, 2]
-    programme.bounds[:, 0] = 0.0
-    programme.sweep()
-    middle = (low + high) / 2
-    half = np.maximum((high - low) / 2, 1e-7 * programme.unit[0])
-    curvature = programme.law[:, -1].copy()
-    most = float(np.max(curvature * np.maximum(np.abs(programme.e - middle), half)))
-    x, lower, upper, centring = np.zeros(low.size), np.full(low.size, most), np.full(low.size, most), 0.1
-    for _ in range(programme.rounds):
-        left, right = half + x, half - x
-        mean = float(lower @ left + upper @ right) / (2 * low.size)
-        if not mean > 1e-12 * most * programme.unit[0]:
+    p, unit = programme, float(programme.unit[0])
+    low, high = p.bounds[:, 1], p.bounds[:, 2]
+    kept = p.data.copy(), p.end.copy()
+    p.bounds[:, 0] = 0.0
+    p.sweep()
+    middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-7 * unit)
+    curvature = p.law[:, -1].copy()
+    most = float(np.max(curvature * np.maximum(np.abs(p.e - middle), half)))
+    p.fence[:, 0] = np.stack((middle - half, middle + half), axis=-1)
+    p.follow(middle)
+    x = middle.copy()
+    _begin_here(p, 1.0)
+
+    ends = p.fence.ravel()
+    at = np.flatnonzero(np.abs(ends) < np.inf)
+    row, sign = at // 2, np.where(at % 2, 1.0, -1.0)
+    stages = p.e.size
+    price, scale = np.tile(p.prices, stages)[row], unit * np.tile(p.moved, stages)[row]
+    priced = price < np.inf
+    gap = sign * (ends[at] - p.numbers()[row])
+    slack, force, excess, spare = _centred(gap, price, scale, _BEGIN * most * unit)
+    centring, count = 0.1, at.size + int(np.sum(priced))
+    for _ in range(p.rounds):
+        products = slack * force + np.where(priced, excess * spare, 0.0)
+        mean = float(np.cumsum(np.append(0.0, products))[-1]) / max(count, 1)
+        if not mean > _DONE * most * unit:
             break
         target = centring * mean
-        d = lower / left + upper / right
-        programme.data[:, 2] = d
-        programme.data[:, 3] = -d * (middle + x) - target / left + target / right
-        programme.sweep()
-        change = programme.e - middle - x
-        down = target / left - lower - lower / left * change
-        up = target / right - upper + upper / right * change
-        room = np.concatenate((left, right, lower, upper))
-        taken = np.concatenate((-change, change, -down, -up))
-        length = min(1.0, 0.995 * float(np.min(room / np.maximum(taken, 1e-300))))
-        x, lower, upper = x + length * change, lower + length * down, upper + length * up
+        stiff = 1.0 / (slack / force + excess / spare)
+        pull = stiff * (target / force - target / spare - gap)
+        p.barrier[:, 0::2] = _sums(p, row, stiff)
+        p.barrier[:, 1::2] = _sums(p, row, sign * (force + pull))
+        p.sweep()
+        nearer = sign * p.numbers()[row]
+        harder = pull + stiff * nearer
+        wider = target / force - slack - slack / force * harder
+        farther = target / spare - excess + excess / spare * harder
+        room, taken = np.concatenate((slack, force, excess, spare)), -np.concatenate((wider, harder, farther, -harder))
+        length = min(1.0, 0.995 * float(np.min(room[taken > 0.0] / taken[taken > 0.0], initial=np.inf)))
+        slack, force, excess = slack + length * wider, force + length * harder, excess + length * farther
+        gap, spare, x = gap - length * nearer, spare - length * harder, x + length * p.e
         centring = max(0.01, (1.0 - length) ** 2)
-    push = (lower - upper) / curvature
-    programme.bounds[:, 0] = np.where(x - push < -half, -1.0, np.where(x - push > half, 1.0, 0.0))
-    programme.data[:, 2:] = 0.0
+        _begin_here(p, length)
+    p.barrier[:] = 0.0
+    p.data[:], p.end[:] = kept
+    p.follow(x)
+    p.forces[:] = _sums(p, row, sign * force)
+    push, inside = p.forces[:, 0] / curvature, x - middle
+    p.bounds[:, 0] = np.where(inside + push < -half, -1.0, np.where(inside + push > half, 1.0, 0.0))
+
+
+def _begin_here(programme: Programme, length: float) -> None:
+    """Count from now on from where that part of the last sweep ends."""
+    p = programme
+    p.data[:, 0] += length * p.s[:-1, 0]
+    p.data[:, 1] += length * (p.e - p.s[:-1, -1])
+    p.end += length * p.s[-1, :2]
+
+
+def _centred(gap: Array, price: Array, scale: Array, start: float) -> tuple[Array, Array, Array, Array]:
+    """Slack, force, excess and spare force with both products equal to start; with a price the gap is right too."""
+    hard = start / np.maximum(gap, scale)
+    worth = np.where(price < np.inf, gap * price, 0.0)
+    total = worth + 2 * start + np.sqrt(worth * worth + 4 * start * start)
+    force = np.where(price < np.inf, 2 * start * (price / total), hard)
+    spare = np.where(price < np.inf, price - force, np.inf)
+    return start / force, force, np.where(price < np.inf, start / spare, 0.0), spare
+
+
+def _sums(programme: Programme, row: NDArray[np.int64], values: Array) -> Array:
+    """(N, rows) sums over both ends of each interval, zero where there is none."""
+    return np.bincount(row, values, programme.forces.size).astype(np.float64).reshape(programme.forces.shape)

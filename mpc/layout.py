@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def laid_out(states: int, horizon: int, late: int) -> dict[str, Array]:
-    """Zeros for n states, N samples looked ahead and a delay of so many whole samples.
+def laid_out(states: int, horizon: int, late: int, rows: int) -> dict[str, Array]:
+    """Zeros for n states, N samples looked ahead, a delay of so many whole samples, and so many intervals a stage.
 
     The constants of a model are not among them, nor what estimator and governor remember: their owners have them.
     """
@@ -37,7 +37,10 @@ def laid_out(states: int, horizon: int, late: int) -> dict[str, Array]:
         "B": samples * n * 2,
         "range": 2 * N,
         "unit": 1,
-        "data": 4 * N,
+        "data": 2 * N,
+        "barrier": 2 * rows * N,  # what the interior point method adds to the cost
+        "fence": 2 * rows * N,  # ends of the intervals of each stage
+        "forces": rows * N,  # with which they push back
         "end": 2,
         "law": (2 * n + 5) * N,
         "s": (N + 1) * (n + 1),
@@ -45,5 +48,7 @@ def laid_out(states: int, horizon: int, late: int) -> dict[str, Array]:
         "held": N,
         "acceleration": N,
     }
-    inside = dict.fromkeys(("middle", "half", "curvature", "inside", "lower", "upper"), N) | {"change": 3 * N}
-    return {name: np.zeros(size) for name, size in (remembered | handed | work | inside).items()}
+    ends = ("slack", "force", "excess", "spare", "gap", "stiff", "pull", "nearer", "wider", "harder", "farther")
+    inside = dict.fromkeys(ends, 2 * rows * N) | dict.fromkeys(("inside", "middle", "half", "curvature"), N)
+    every = remembered | handed | work | inside | {"kept": 2 * N + 2}
+    return {name: np.zeros(size) for name, size in every.items()}

@@ -6,8 +6,11 @@ Around a course of the model the torques of the horizon change by e[k], the stat
                 + 1/2 (end + z[N]_angle,velocity)' P (end + z[N]_angle,velocity)
     subject to  z[k+1] = A[k] z[k] + B[k] [e[k], e[k-1]],    low[k] <= e[k] <= high[k]
 
+and, if a controller has such limits, with intervals for three more numbers of a stage: the change e[k] - e[k-1], and
+angle and velocity of z[k+1]. The last two may leave theirs at a price (`mpc.programme`).
+
 The state of a stage is s = (z[k], e[k-1]). The cost to go from it is the parabola 1/2 s'Vs + v's. A torque is free, or
-held at a bound; the `interior_point` method adds 1/2 d e^2 + g e to a stage.
+held at a bound; for every number q of a stage that has an interval the `interior_point` method adds 1/2 d q^2 + g q.
 """
 
 from __future__ import annotations
@@ -16,6 +19,9 @@ from functools import cache
 from typing import Any
 
 import casadi as ca
+
+TORQUE_ALONE, ALL_ROWS = 1, 4
+"""How many numbers of a stage have an interval: the torque, or also its change, the next angle and velocity."""
 
 
 def triangle(m: int) -> Any:
@@ -30,33 +36,39 @@ def _dynamics(n: int) -> tuple[Any, Any, Any, Any]:
 
 
 @cache
-def backward(n: int) -> Any:
+def backward(n: int, rows: int = TORQUE_ALONE) -> Any:
     """The cost to go one stage earlier, and the law that attains it, as a `casadi.Function`.
 
-    (V, v, A, B, [miss, rate, d, g], [held, low, high], w) -> V, v, law; held is 0 for a free torque, -1 for one at its
-    lower, 1 for one at its upper bound. The law (2n + 5,) is K, k of e = Ks + k, then the derivative of the cost by e,
-    Q_ee e + Q_es s + q_e, as Q_es, q_e, Q_ee.
+    (V, v, A, B, [miss, rate], [held, low, high], [d, g of each row], w) -> V, v, law; held is 0 for a free torque, -1
+    for one at its lower, 1 for one at its upper bound. The law (2n + 5,) is K, k of e = Ks + k, then the derivative of
+    the cost by e, Q_ee e + Q_es s + q_e, as Q_es, q_e, Q_ee.
     """
     m = n + 1
     triangular, v = ca.SX.sym("V", triangle(m)), ca.SX.sym("v", m)
     A, B, F, G = _dynamics(n)
-    data, bounds, w = ca.SX.sym("data", 4), ca.SX.sym("bounds", 3), ca.SX.sym("w")
-    miss, rate, d, g = ca.vertsplit(data)
+    data, bounds, w = ca.SX.sym("data", 2), ca.SX.sym("bounds", 3), ca.SX.sym("w")
+    barrier = ca.SX.sym("barrier", 2 * rows)
+    miss, rate = ca.vertsplit(data)
     held, low, high = ca.vertsplit(bounds)
-    V = ca.triu2symm(triangular)
+    d, g = barrier[0], barrier[1]
+    V, behind, weight, change = ca.triu2symm(triangular), v, w, w * rate
+    if rows == ALL_ROWS:
+        weight, change = w + barrier[2], w * rate + barrier[3]
+        V = V + ca.diag(ca.vertcat(barrier[4], barrier[6], ca.SX(m - 2, 1)))
+        behind = v + ca.vertcat(barrier[5], barrier[7], ca.SX(m - 2, 1))
     last = ca.vertcat(ca.SX(n, 1), 1)
     VG = ca.mtimes(V, G)
-    Q_ee = ca.dot(G, VG) + w + d
-    Q_es = ca.mtimes(VG.T, F) - w * last.T
-    q_e = ca.dot(G, v) + w * rate + g
-    Q_ss = ca.mtimes(ca.mtimes(F.T, V), F) + ca.diag(ca.vertcat(1, ca.SX(n - 1, 1), w))
-    q_s = ca.mtimes(F.T, v) + ca.vertcat(miss, ca.SX(n - 1, 1), -w * rate)
+    Q_ee = ca.dot(G, VG) + weight + d
+    Q_es = ca.mtimes(VG.T, F) - weight * last.T
+    q_e = ca.dot(G, behind) + change + g
+    Q_ss = ca.mtimes(ca.mtimes(F.T, V), F) + ca.diag(ca.vertcat(1, ca.SX(n - 1, 1), weight))
+    q_s = ca.mtimes(F.T, behind) + ca.vertcat(miss, ca.SX(n - 1, 1), -change)
     gain = ca.if_else(held == 0, 1 / Q_ee, 0)
     K = -gain * Q_es
     k = ca.if_else(held == 0, -gain * q_e, ca.if_else(held < 0, low, high))
     earlier = [ca.densify(Q_ss + ca.mtimes(Q_es.T, K))[triangle(m)], q_s + Q_es.T * k]
     law = ca.vertcat(K.T, k, Q_es.T, q_e, Q_ee)
-    inputs = [triangular, v, A, B, data, bounds, w]
+    inputs = [triangular, v, A, B, data, bounds, barrier, w]
     return ca.Function("backward", inputs, [*map(_filled, earlier), ca.densify(law)], {"cse": True})
 
 
@@ -80,20 +92,23 @@ def forward(n: int) -> Any:
 
 
 @cache
-def slope(n: int) -> Any:
+def slope(n: int, rows: int = TORQUE_ALONE) -> Any:
     """The derivative of the cost by e, from the costate, as a `casadi.Function`.
 
-    (costate (n + 1,) behind the stage, s, e, A, B, [miss, rate, d, g], w) -> costate before it, derivative. It knows
-    nothing of how e was found, and so it certifies it.
+    (costate (n + 1,) behind the stage, s, e, A, B, [miss, rate], force of each row, w) -> costate before it and
+    derivative. A force is the multiplier of an interval, positive at its upper end; that of the torque itself is left
+    out. It knows nothing of how e was found, and so it certifies it.
     """
     m = n + 1
     costate, s, e = ca.SX.sym("costate", m), ca.SX.sym("s", m), ca.SX.sym("e")
     A, B, F, G = _dynamics(n)
-    data, w = ca.SX.sym("data", 4), ca.SX.sym("w")
-    change = w * (data[1] + e - s[n])
-    before = ca.mtimes(F.T, costate) + ca.vertcat(data[0] + s[0], ca.SX(n - 1, 1), -change)
-    outputs = [_filled(before), ca.dot(G, costate) + change]
-    return ca.Function("slope", [costate, s, e, A, B, data, w], outputs, {"cse": True})
+    data, forces, w = ca.SX.sym("data", 2), ca.SX.sym("forces", rows), ca.SX.sym("w")
+    behind, change = costate, w * (data[1] + e - s[n])
+    if rows == ALL_ROWS:
+        behind, change = costate + ca.vertcat(forces[2], forces[3], ca.SX(m - 2, 1)), change + forces[1]
+    before = ca.mtimes(F.T, behind) + ca.vertcat(data[0] + s[0], ca.SX(n - 1, 1), -change)
+    outputs = [_filled(before), ca.dot(G, behind) + change]
+    return ca.Function("slope", [costate, s, e, A, B, data, forces, w], outputs, {"cse": True})
 
 
 def _filled(expression: Any) -> Any:

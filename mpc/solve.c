@@ -3,28 +3,21 @@
    The functions backward, forward and slope above are one stage each, written by CasADi from the same expressions that
    the Python form uses (mpc/programme.py); here stand the loops around them. No memory is taken, every loop is bounded. */
 
-enum { N = STATES, M = STATES + 1, TRIANGLE = M * (M + 1) / 2, LAW = 2 * M + 3 };
+enum { N = STATES, M = STATES + 1, TRIANGLE = M * (M + 1) / 2, LAW = 2 * M + 3, ROWS = BARRIER / 2 };
 
 #define CERTIFIED 1e-6 /* largest residual of an accepted solution, in units of the greatest torque */
+#define BEGIN 1e3      /* products at which the interior point method begins and ends, */
+#define DONE 1e-15     /* in units of the greatest force times the greatest torque */
 
 static real larger(real a, real b) { return a > b ? a : b; }
 static real smaller(real a, real b) { return a < b ? a : b; }
 static real clipped(real x, real low, real high) { return x < low ? low : x > high ? high : x; }
 
-/* Backward for the law, forward for the torques; how many bounds have changed. */
-static int sweep(struct controller *c)
+/* Forward by the law; how many bounds have changed. */
+static int course(struct controller *c)
 {
   int k, changes = 0, shift = N * c->late;
-  real V[2][TRIANGLE] = {{0}}, v[2][M] = {{0}}, now;
-  const real *P = c->tuning + 1;
-  V[0][0] = P[0], V[0][1] = P[1], V[0][2] = P[2];
-  v[0][0] = P[0] * c->end[0] + P[1] * c->end[1];
-  v[0][1] = P[1] * c->end[0] + P[2] * c->end[1];
-  for (k = c->horizon - 1; k >= 0; --k) {
-    int from = (c->horizon - 1 - k) & 1;
-    backward(V[from], v[from], c->A + N * (shift + N * k), c->B + 2 * (shift + N * k), c->data + 4 * k,
-             c->bounds + 3 * k, c->tuning, V[!from], v[!from], c->law + LAW * k);
-  }
+  real now;
   for (k = 0; k < M; ++k) c->s[k] = 0;
   for (k = 0; k < c->horizon; ++k) {
     real *bounds = c->bounds + 3 * k;
@@ -36,22 +29,65 @@ static int sweep(struct controller *c)
   return changes;
 }
 
+/* Backward for the law, forward for the torques; how many bounds have changed. */
+static int sweep(struct controller *c)
+{
+  int k, shift = N * c->late;
+  real V[2][TRIANGLE] = {{0}}, v[2][M] = {{0}};
+  const real *P = c->tuning + 1;
+  V[0][0] = P[0], V[0][1] = P[1], V[0][2] = P[2];
+  v[0][0] = P[0] * c->end[0] + P[1] * c->end[1];
+  v[0][1] = P[1] * c->end[0] + P[2] * c->end[1];
+  for (k = c->horizon - 1; k >= 0; --k) {
+    int from = (c->horizon - 1 - k) & 1;
+    backward(V[from], v[from], c->A + N * (shift + N * k), c->B + 2 * (shift + N * k), c->data + 2 * k,
+             c->bounds + 3 * k, c->barrier + BARRIER * k, c->tuning, V[!from], v[!from], c->law + LAW * k);
+  }
+  return course(c);
+}
+
+/* Where torques lead. */
+static void follow(struct controller *c, const real *torques)
+{
+  int k, i;
+  for (k = 0; k < c->horizon; ++k) {
+    for (i = 0; i < M; ++i) c->law[LAW * k + i] = 0;
+    c->law[LAW * k + M] = torques[k];
+  }
+  course(c);
+}
+
+/* What has an interval: a torque, its change, the next angle and velocity. */
+static real number(const struct controller *c, int k, int row)
+{
+  const real *s = c->s + M * k;
+  return row == 0 ? c->e[k] : row == 1 ? c->e[k] - s[N] : s[M + row - 2];
+}
+
 /* How far from optimal, in units of the greatest torque; NaN or infinite if there is no saying. */
 static real residual(struct controller *c)
 {
-  int k, shift = N * c->late;
+  int k, i, shift = N * c->late;
   real costate[2][M] = {{0}}, slope_e, worst = 0, miss;
   const real *P = c->tuning + 1, *s = c->s + M * c->horizon;
   costate[0][0] = P[0] * (c->end[0] + s[0]) + P[1] * (c->end[1] + s[1]);
   costate[0][1] = P[1] * (c->end[0] + s[0]) + P[2] * (c->end[1] + s[1]);
   for (k = c->horizon - 1; k >= 0; --k) {
     int from = (c->horizon - 1 - k) & 1;
-    const real *bounds = c->bounds + 3 * k;
+    const real *bounds = c->bounds + 3 * k, *forces = c->forces + ROWS * k, *fence = c->fence + BARRIER * k;
+    real curvature = ROWS > 1 ? c->tuning[0] : c->law[LAW * k + LAW - 1];
     if (!(bounds[1] <= bounds[2])) return INFINITY;
     slope(costate[from], c->s + M * k, c->e + k, c->A + N * (shift + N * k), c->B + 2 * (shift + N * k),
-          c->data + 4 * k, c->tuning, costate[!from], &slope_e);
-    miss = fabs(c->e[k] - clipped(c->e[k] - slope_e / c->law[LAW * k + LAW - 1], bounds[1], bounds[2]));
+          c->data + 2 * k, forces, c->tuning, costate[!from], &slope_e);
+    miss = fabs(c->e[k] - clipped(c->e[k] - slope_e / curvature, bounds[1], bounds[2]));
     if (!(miss <= worst)) worst = miss;
+    for (i = 1; i < ROWS; ++i) { /* the other intervals, see `Programme.residual` */
+      real scale = c->moved[i], stiff = c->tuning[0] / (scale * scale), q = number(c, k, i);
+      real up = clipped(forces[i] + stiff * (q - fence[2 * i + 1]), 0, c->prices[i]);
+      real down = clipped(forces[i] + stiff * (q - fence[2 * i]), -c->prices[i], 0);
+      miss = fabs(up + down - forces[i]) / stiff / scale;
+      if (!(miss <= worst)) worst = miss;
+    }
   }
   return worst / c->unit[0];
 }
@@ -60,63 +96,136 @@ static real residual(struct controller *c)
 static void active_set(struct controller *c)
 {
   int round, k, changes = 1;
+  for (k = 0; k < ROWS * c->horizon; ++k) c->forces[k] = 0;
   for (round = 0; round < c->rounds && changes; ++round) {
     changes = sweep(c);
     for (k = 0; k < c->horizon; ++k) c->bounds[3 * k] = c->held[k];
   }
 }
 
-/* The primal-dual interior point method (see mpc/interior_point.py): a guess of the active bounds from inside. Torques
-   are counted from the middle between their bounds. */
+/* Count from now on from where that part of the last sweep ends. */
+static void begin_here(struct controller *c, real length)
+{
+  int k;
+  const real *s = c->s;
+  for (k = 0; k < c->horizon; ++k, s += M) {
+    c->data[2 * k] += length * s[0];
+    c->data[2 * k + 1] += length * (c->e[k] - s[N]);
+  }
+  c->end[0] += length * s[0];
+  c->end[1] += length * s[1];
+}
+
+/* Slack, force, excess and spare force of each end of an interval, both products equal to start. */
+static void centred(struct controller *c, real start)
+{
+  int j;
+  for (j = 0; j < BARRIER * c->horizon; ++j) {
+    int k = j / BARRIER, row = j % BARRIER / 2;
+    real gap = (j % 2 ? 1 : -1) * (c->fence[j] - number(c, k, row)), price = c->prices[row], worth = gap * price;
+    if (price < INFINITY) {
+      c->force[j] = 2 * start * (price / (worth + 2 * start + sqrt(worth * worth + 4 * start * start)));
+      c->spare[j] = price - c->force[j];
+      c->excess[j] = start / c->spare[j];
+    } else {
+      c->force[j] = start / larger(gap, c->unit[0] * c->moved[row]);
+      c->spare[j] = INFINITY;
+      c->excess[j] = 0;
+    }
+    c->gap[j] = gap;
+    c->slack[j] = start / c->force[j];
+  }
+}
+
+/* One step of the interior point method towards products of that size; what part of it could be gone. */
+static real step_inside(struct controller *c, real target)
+{
+  int j, i;
+  real length = INFINITY;
+  for (j = 0; j < BARRIER * c->horizon; j += 2) {
+    real d[2] = {0, 0}, g[2] = {0, 0};
+    for (i = 0; i < 2; ++i) {
+      real force = c->force[j + i], spare = c->spare[j + i], stiff;
+      if (!(fabs(c->fence[j + i]) < INFINITY)) continue; /* what has no end there pushes nothing */
+      stiff = 1 / (c->slack[j + i] / force + c->excess[j + i] / spare);
+      c->pull[j + i] = stiff * (target / force - target / spare - c->gap[j + i]);
+      c->stiff[j + i] = d[i] = stiff;
+      g[i] = (i ? 1 : -1) * (force + c->pull[j + i]);
+    }
+    c->barrier[j] = d[0] + d[1];
+    c->barrier[j + 1] = g[0] + g[1];
+  }
+  sweep(c);
+  for (j = 0; j < BARRIER * c->horizon; ++j) {
+    real force = c->force[j], spare = c->spare[j], slack = c->slack[j], excess = c->excess[j], harder, wider, farther;
+    if (!(fabs(c->fence[j]) < INFINITY)) continue;
+    c->nearer[j] = (j % 2 ? 1 : -1) * number(c, j / BARRIER, j % BARRIER / 2);
+    c->harder[j] = harder = c->pull[j] + c->stiff[j] * c->nearer[j];
+    c->wider[j] = wider = target / force - slack - slack / force * harder;
+    c->farther[j] = farther = target / spare - excess + excess / spare * harder;
+    if (wider < 0) length = smaller(length, slack / -wider);
+    if (harder < 0) length = smaller(length, force / -harder);
+    if (farther < 0) length = smaller(length, excess / -farther);
+    if (harder > 0) length = smaller(length, spare / harder);
+  }
+  return smaller(1, 0.995 * length);
+}
+
+/* The primal-dual interior point method (see mpc/interior_point.py): the solution, and which torques are at a bound. */
 static void interior_point(struct controller *c)
 {
-  int k, round, count = c->horizon;
-  real most = 0, mu, target, centring = 0.1, length;
-  real *x = c->inside, *half = c->half, *middle = c->middle, *lower = c->lower, *upper = c->upper;
+  int k, j, round, count = c->horizon, ends;
+  real most = 0, mean, centring = 0.1, length, *x = c->inside, *half = c->half, *kept = c->kept;
+  memcpy(kept, c->data, 2 * count * sizeof(real));
+  memcpy(kept + 2 * count, c->end, 2 * sizeof(real));
   for (k = 0; k < count; ++k) c->bounds[3 * k] = 0;
   sweep(c);
   for (k = 0; k < count; ++k) {
     const real *bounds = c->bounds + 3 * k;
-    x[k] = 0;
-    middle[k] = (bounds[1] + bounds[2]) / 2;
+    x[k] = c->middle[k] = (bounds[1] + bounds[2]) / 2;
     half[k] = larger((bounds[2] - bounds[1]) / 2, 1e-7 * c->unit[0]);
+    c->fence[BARRIER * k] = x[k] - half[k];
+    c->fence[BARRIER * k + 1] = x[k] + half[k];
     c->curvature[k] = c->law[LAW * k + LAW - 1];
-    most = larger(most, c->curvature[k] * larger(fabs(c->e[k] - middle[k]), half[k]));
+    most = larger(most, c->curvature[k] * larger(fabs(c->e[k] - x[k]), half[k]));
   }
-  for (k = 0; k < count; ++k) lower[k] = upper[k] = most;
+  follow(c, x);
+  begin_here(c, 1);
+  centred(c, BEGIN * most * c->unit[0]);
   for (round = 0; round < c->rounds; ++round) {
-    for (mu = 0, k = 0; k < count; ++k) mu += lower[k] * (half[k] + x[k]) + upper[k] * (half[k] - x[k]);
-    mu /= 2 * count;
-    if (!(mu > 1e-12 * most * c->unit[0])) break;
-    target = centring * mu;
-    for (k = 0; k < count; ++k) {
-      real left = half[k] + x[k], right = half[k] - x[k], d = lower[k] / left + upper[k] / right;
-      c->data[4 * k + 2] = d;
-      c->data[4 * k + 3] = -d * (middle[k] + x[k]) - target / left + target / right;
+    for (mean = 0, ends = 0, j = 0; j < BARRIER * count; ++j) {
+      real product = c->slack[j] * c->force[j];
+      if (!(fabs(c->fence[j]) < INFINITY)) continue;
+      ++ends;
+      if (c->spare[j] < INFINITY) ++ends, product += c->excess[j] * c->spare[j];
+      mean += product;
     }
-    sweep(c);
-    length = 1;
-    for (k = 0; k < count; ++k) {
-      real left = half[k] + x[k], right = half[k] - x[k], change = c->e[k] - middle[k] - x[k];
-      real down = target / left - lower[k] - lower[k] / left * change;
-      real up = target / right - upper[k] + upper[k] / right * change;
-      c->change[3 * k] = change, c->change[3 * k + 1] = down, c->change[3 * k + 2] = up;
-      if (-change * length > 0.995 * left) length = 0.995 * left / -change;
-      if (change * length > 0.995 * right) length = 0.995 * right / change;
-      if (-down * length > 0.995 * lower[k]) length = 0.995 * lower[k] / -down;
-      if (-up * length > 0.995 * upper[k]) length = 0.995 * upper[k] / -up;
+    mean /= ends;
+    if (!(mean > DONE * most * c->unit[0])) break;
+    length = step_inside(c, centring * mean);
+    for (j = 0; j < BARRIER * count; ++j) {
+      if (!(fabs(c->fence[j]) < INFINITY)) continue;
+      c->slack[j] += length * c->wider[j];
+      c->force[j] += length * c->harder[j];
+      c->excess[j] += length * c->farther[j];
+      c->gap[j] -= length * c->nearer[j];
+      c->spare[j] -= length * c->harder[j];
     }
-    for (k = 0; k < count; ++k) {
-      x[k] += length * c->change[3 * k];
-      lower[k] += length * c->change[3 * k + 1];
-      upper[k] += length * c->change[3 * k + 2];
-    }
+    for (k = 0; k < count; ++k) x[k] += length * c->e[k];
     centring = larger(0.01, (1 - length) * (1 - length));
+    begin_here(c, length);
+  }
+  memcpy(c->data, kept, 2 * count * sizeof(real));
+  memcpy(c->end, kept + 2 * count, 2 * sizeof(real));
+  follow(c, x);
+  for (j = 0; j < BARRIER * count; j += 2) {
+    real down = fabs(c->fence[j]) < INFINITY ? c->force[j] : 0, up = fabs(c->fence[j + 1]) < INFINITY ? c->force[j + 1] : 0;
+    c->forces[j / 2] = up - down;
+    c->barrier[j] = c->barrier[j + 1] = 0;
   }
   for (k = 0; k < count; ++k) {
-    real push = (lower[k] - upper[k]) / c->curvature[k];
-    c->bounds[3 * k] = x[k] - push < -half[k] ? -1 : x[k] - push > half[k] ? 1 : 0;
-    c->data[4 * k + 2] = c->data[4 * k + 3] = 0;
+    real push = c->forces[ROWS * k] / c->curvature[k], inside = x[k] - c->middle[k];
+    c->bounds[3 * k] = inside + push < -half[k] ? -1 : inside + push > half[k] ? 1 : 0;
   }
 }
 
@@ -128,7 +237,7 @@ real solve(struct controller *c)
   worst = residual(c);
   if (worst <= CERTIFIED) return worst;
   interior_point(c);
-  active_set(c);
+  if (ROWS == 1) active_set(c); /* the other intervals it does not know */
   worst = residual(c);
   return worst <= CERTIFIED ? worst : INFINITY;
 }

@@ -3,7 +3,8 @@
    The functions estimate, begin, govern, ... above are one stage each, written by CasADi from the same expressions that
    the Python form uses (mpc/step.py); here stand the loops around them. No memory is taken, every loop is bounded. */
 
-enum { LOST = 1, BRIDGED = 2, JUMPED = 4, STAYED = 8, DIVERGED = 16, AIMLESS = 32, UNCERTIFIED = 64, PARTING = 128 };
+enum { LOST = 1, BRIDGED = 2, JUMPED = 4, STAYED = 8, DIVERGED = 16, AIMLESS = 32, UNCERTIFIED = 64, PARTING = 128,
+       BEYOND = 256 };
 
 #define CONVERGED 1e-9 /* change of the torques at which a full solution ends, in the same unit */
 
@@ -45,7 +46,7 @@ static void aim(struct controller *c)
     three[1] = k < last ? wanted[k + 1] : wanted[last] + speed;
     three[2] = k < last - 1 ? wanted[k + 2] : wanted[last] + (k < last ? 1 : 2) * speed;
     ahead[k] = now[0];
-    govern(now, three, limits, c->model + PARAMETERS - 2, next);
+    govern(now, three, limits, c->soft, c->model + PARAMETERS - 2, next);
     memcpy(now, next, sizeof now);
     if (k == 0) memcpy(c->path + 1, next, sizeof next);
   }
@@ -54,12 +55,27 @@ static void aim(struct controller *c)
   for (k = 1; k <= c->late + 1; ++k) ahead[last + k] = ahead[last] + speed * k + bend * k * (k + 1) / 2;
 }
 
+/* The intervals of the numbers beside the torque, less what the guess makes of them. */
+static void confine(struct controller *c)
+{
+  int k, i;
+  real memory[2][8], ends[4];
+  const real *ahead = c->ahead + c->late, *dt = c->model + PARAMETERS - 2;
+  enter(c->states + N * c->late, ahead, c->soft, dt, memory[0]);
+  for (k = 0; k < c->horizon; ++k) {
+    const real *state = c->states + N * (c->late + k + 1);
+    real *fence = c->fence + BARRIER * k;
+    corridor(memory[k & 1], ahead + k, c->soft, dt, memory[!(k & 1)], ends);
+    for (i = 0; i < 4; ++i) fence[4 + i] = ends[i] - state[i / 2];
+  }
+}
+
 /* The programme around the course of the model under the guess. */
 static void linearise(struct controller *c)
 {
   int k, late = c->late, total = late + c->horizon;
   real both[2], pace, acceleration, disturbance = c->belief[2], dt = c->model[PARAMETERS - 2];
-  real low = c->past[late + 1], high = low, step = c->tuning[8], least, most;
+  real low = c->past[late + 1], high = low, step = c->tuning[8], least, most, before_low, before_high, most_step;
   const real *ahead = c->ahead + late, *state;
   memcpy(c->states, c->belief + 3, N * sizeof(real));
   for (k = 0; k < total; ++k) {
@@ -69,21 +85,27 @@ static void linearise(struct controller *c)
   }
   c->unit[0] = 0;
   for (k = 0; k < c->horizon; ++k) {
-    real *data = c->data + 4 * k, *bounds = c->bounds + 3 * k, *range = c->range + 2 * k;
+    real *data = c->data + 2 * k, *bounds = c->bounds + 3 * k, *range = c->range + 2 * k;
     state = c->states + N * (late + k);
     pace = state[1];
     acceleration = (state[N + 1] - state[1]) / dt;
     reach(&pace, &acceleration, c->machine, range);
     least = range[0], most = range[1]; /* what of it can be reached in steps of bounded size */
+    before_low = low, before_high = high;
     low = range[0] = smaller(larger(low - step, least), most);
     high = range[1] = larger(smaller(high + step, most), least);
+    most_step = larger(step, larger(low - before_high, before_low - high));
     c->unit[0] = larger(c->unit[0], larger(fabs(range[0]), fabs(range[1])));
     bounds[1] = range[0] - c->guess[k];
     bounds[2] = range[1] - c->guess[k];
     data[0] = k ? state[0] - ahead[k] : 0;
     data[1] = c->guess[k] - (k ? c->guess[k - 1] : c->past[late + 1]);
-    data[2] = data[3] = 0;
+    if (ROWS > 1) {
+      c->fence[BARRIER * k + 2] = -most_step - data[1];
+      c->fence[BARRIER * k + 3] = most_step - data[1];
+    }
   }
+  if (ROWS > 1) confine(c);
   state = c->states + N * total;
   c->end[0] = state[0] - ahead[c->horizon];
   c->end[1] = state[1] - (ahead[c->horizon + 1] - ahead[c->horizon - 1]) / (2 * dt);
@@ -135,10 +157,17 @@ static void hold(struct controller *c)
   c->angles[k] = NAN;
 }
 
+/* Whether a limit of angle or speed is predicted to be broken at a sample. */
+static int broken(const struct controller *c, int k)
+{
+  real angle = c->angles[k], speed = c->states[N * (c->late + k) + 1] + c->s[M * k + 1];
+  return angle < c->soft[0] - c->soft[5] || angle > c->soft[1] + c->soft[5] || fabs(speed) > c->soft[2] + c->soft[6];
+}
+
 /* The torques of the horizon for what was planned. */
 static int plan_ahead(struct controller *c)
 {
-  int k, trouble = 0, shift = c->late;
+  int k, trouble = 0, beyond = 0, shift = c->late;
   real dt = c->model[PARAMETERS - 2], given, margin, sum = 0, preload = c->preload[0], next;
   for (k = 0; k < c->horizon; ++k) c->guess[k] = c->plan[0] ? c->plan[k + 2 - (k == c->horizon - 1)] : c->past[shift + 1];
   for (k = 0; k < c->horizon; ++k)
@@ -149,6 +178,7 @@ static int plan_ahead(struct controller *c)
     const real *state = c->states + N * (shift + k), *s = c->s + M * k;
     c->angles[k] = state[0] + s[0];
     if (k < c->horizon) c->acceleration[k] = (state[N + 1] + s[M + 1] - (state[1] + s[1])) / dt;
+    if (ROWS > 1 && k && broken(c, k)) beyond = BEYOND;
     if (k < c->horizon) sum += fabs(c->acceleration[k]) + fabs(c->plan[k + 1]);
   }
   if (!isfinite(sum)) {
@@ -165,7 +195,7 @@ static int plan_ahead(struct controller *c)
     if (k == 0) c->past[shift + 2] = given, c->preload[0] = preload;
   }
   if (c->outcome[0] < -1e-9 * c->machine[1]) trouble |= PARTING;
-  return trouble;
+  return trouble | beyond;
 }
 
 int control_step(struct controller *c, double angle, int previewed)

@@ -10,11 +10,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from mpc.corridor import corridor, enter
 from mpc.estimator import Estimator
 from mpc.governor import Governor, followable
 from mpc.kernel import Kernel, unrolled
 from mpc.preview import preview, prolonged
 from mpc.programme import CERTIFIED, Programme
+from mpc.riccati import TORQUE_ALONE
 from mpc.split import reach, split
 from mpc.trouble import Trouble
 
@@ -51,6 +53,10 @@ class InterpretedStep:
         outputs = {0: arrays["states"][n:], 1: arrays["A"], 2: arrays["B"]}
         self._along = Kernel(along, {0: arrays["states"][:n], 2: np.tile(arrays["model"], late + N)}, outputs)
         self._reach = Kernel(unrolled(reach().map(N), N, reach()), {2: np.tile(machine, N)}, {0: arrays["range"]})
+        self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 2: arrays["soft"]})
+        self._enter.inputs[3][0] = self._dt
+        confined = {0: self._enter.outputs[0], 2: np.tile(arrays["soft"], N), 3: np.full(N, self._dt)}
+        self._corridor = Kernel(unrolled(corridor().mapaccum(N), N, corridor()), confined)
         inputs = {0: arrays["preload"], 1: arrays["plan"][1:], 3: arrays["acceleration"], 4: np.tile(machine, N)}
         self._split = Kernel(unrolled(split().mapaccum(N), N, split()), inputs, {1: arrays["torques"]})
 
@@ -122,7 +128,12 @@ class InterpretedStep:
         a["preload"][0] = preload[0]
         a["outcome"][0] = margin.min()
         a["past"][late + 2] = given[0]
-        return trouble | (Trouble.PARTING if a["outcome"][0] < -1e-9 * a["machine"][1] else Trouble.NONE)
+        if a["outcome"][0] < -1e-9 * a["machine"][1]:
+            trouble |= Trouble.PARTING
+        low, high, speed, *_, far, fast = a["soft"].tolist()
+        late_angles, late_speeds = a["angles"][1:], speeds[1:]
+        beyond = (late_angles < low - far) | (late_angles > high + far) | (np.abs(late_speeds) > speed + fast)
+        return trouble | (Trouble.BEYOND if self.programme.rows > TORQUE_ALONE and beyond.any() else Trouble.NONE)
 
     def _optimise(self) -> float:
         """Linearise, solve, and go on with the torques found; the residual."""
@@ -157,13 +168,22 @@ class InterpretedStep:
         self._reach.inputs[0][:] = pace[:-1]
         self._reach.inputs[1][:] = (pace[1:] - pace[:-1]) / self._dt
         self._reach()
+        steps = np.full(N, np.inf)
         if a["tuning"][8] < np.inf:
-            self._range[:] = within_rate(self._range, past[late + 1], a["tuning"][8])
+            self._range[:], steps = within_rate(self._range, past[late + 1], a["tuning"][8])
         a["unit"][0] = np.abs(a["range"]).max()
         programme.bounds[:, 1:] = self._range - guess[:, None]
         programme.data[1:, 0] = states[1:-1, 0] - ahead[1:N]
         programme.data[0, 1] = guess[0] - past[late + 1]
         programme.data[1:, 1] = guess[1:] - guess[:-1]
+        if programme.rows > TORQUE_ALONE:
+            programme.fence[:, 1] = np.stack((-steps, steps), axis=-1) - programme.data[:, 1:]
+            self._enter.inputs[1][:] = ahead[:2]
+            self._enter()
+            for place in range(3):
+                self._corridor.inputs[1][place::3] = ahead[place : place + N]
+            _, ends = self._corridor()
+            programme.fence[:, 2:] = ends.reshape(N, 2, 2) - states[1:, :2, None]
         programme.end[0] = states[-1, 0] - ahead[N]
         programme.end[1] = pace[-1] - (ahead[N + 1] - ahead[N - 1]) / (2 * self._dt)
 
@@ -178,12 +198,14 @@ class InterpretedStep:
         a["past"][self._late + 2] = given[0]
 
 
-def within_rate(ranges: Array, last: float, step: float) -> Array:
-    """What of the ranges (N, 2) can be reached from a last torque in steps of bounded size [N m].
+def within_rate(ranges: Array, last: float, step: float) -> tuple[Array, Array]:
+    """What of the ranges (N, 2) can be reached from a last torque in steps of bounded size, and these sizes (N,) [N m].
 
     Where the range is out of reach the step yields, and the torque goes to the nearest end.
     """
-    reached, (low, high) = np.empty_like(ranges), (last, last)
+    reached, steps, (low, high) = np.empty_like(ranges), np.empty(len(ranges)), (last, last)
     for k, (least, most) in enumerate(ranges.tolist()):
+        before = low, high
         reached[k] = low, high = min(max(low - step, least), most), max(min(high + step, most), least)
-    return reached
+        steps[k] = max(step, low - before[1], before[0] - high)
+    return reached, steps

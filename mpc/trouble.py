@@ -18,6 +18,7 @@ class Trouble(IntFlag):
     AIMLESS = 32
     UNCERTIFIED = 64
     PARTING = 128
+    BEYOND = 256
 
 
 _SENTENCES = {
@@ -29,6 +30,7 @@ _SENTENCES = {
     Trouble.AIMLESS: "the reference is not a number, the angle is held",
     Trouble.UNCERTIFIED: "no solution of the quadratic programme was certified, the last plan is followed",
     Trouble.PARTING: "max_torque cannot hold the teeth together at the predicted acceleration",
+    Trouble.BEYOND: "a limit of angle or speed cannot be kept",
 }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc import Controller
+from mpc.corridor import moved, prices
 from plant import GearTrain, ServoModel
 from plant.effects import ActuatorLag, Compliance
 
@@ -97,16 +98,44 @@ def servo_stages(rng: np.random.Generator, N: int, hardness: float) -> Stages:
     )
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fences:
+    """Intervals of the change of torque, the next angle and the next speed, and the prices of leaving them."""
+
+    ends: Array  # (N, 3, 2)
+    prices: Array  # (3,)
+    moved: Array  # (3,)
+
+    def rows(self, stages: Stages) -> Array:
+        """(N, 3, N) of the torques, what each of the numbers is."""
+        N, S = stages.miss.size, responses(stages.A, stages.B)
+        return np.stack((np.eye(N) - np.eye(N, k=-1), S[:, 0, :], S[:, 1, :]), axis=1)
+
+
+def fenced_stages(rng: np.random.Generator, N: int, hardness: float) -> tuple[Stages, Fences]:
+    """A rigid servo that is pulled towards and over its limits, and sometimes begins beyond them."""
+    stages, dt, J = servo_stages(rng, N, hardness), 0.005, 2.0
+    ends = np.empty((N, 3, 2))
+    rate = np.max(np.abs(stages.rate)) + 10 ** rng.uniform(-1.5, 0.5) if rng.random() < 0.5 else np.inf  # none is a way
+    ends[:, 0] = [-rate, rate] - stages.rate[:, None]
+    way, speed = np.ptp(stages.miss) + 1e-4, np.max(np.abs(np.diff(stages.miss))) / dt + 1e-3
+    high = way * 10 ** rng.uniform(-1.5, 0.5) * (-1 if rng.random() < 0.2 else 1)
+    ends[:, 1] = [high - 3 * way, high] if rng.random() < 0.7 else [-np.inf, np.inf]
+    ends[:, 2] = speed * 10 ** rng.uniform(-1, 0.3) * np.array([-1.0, 1.0]) if rng.random() < 0.7 else [-np.inf, np.inf]
+    return stages, Fences(ends=ends, prices=prices(stages.w, 2.0, J, dt)[1:], moved=moved(J, dt)[1:])
+
+
 class Solver:
     """Both forms of the solver, on the arrays of a controller of n states that looks N samples ahead."""
 
-    def __init__(self, n: int, N: int) -> None:
+    def __init__(self, n: int, N: int, *, fenced: bool = False) -> None:
         more = {
             2: (),
             3: (ActuatorLag(time_constant=0.02),),
             4: (Compliance(frequency=20.0, damping=0.1, motor_share=0.3),),
         }
-        self._controller = Controller(ServoModel(effects=more[n]), GearTrain.paper(), horizon=N)
+        limit = 1.0 if fenced else np.inf
+        self._controller = Controller(ServoModel(effects=more[n]), GearTrain.paper(), horizon=N, speed_limit=limit)
         self.programme = self._controller._interpreted.programme
         self.arrays = self._controller._arrays
 
@@ -114,14 +143,19 @@ class Solver:
         """Let both forms stop after so many sweeps."""
         self._controller._machine_code.layout.rounds = self.programme.rounds = rounds
 
-    def solve(self, stages: Stages, guess: Array | None = None, compiled: bool = False) -> tuple[Array, float]:
+    def solve(
+        self, stages: Stages, guess: Array | None = None, compiled: bool = False, fences: Fences | None = None
+    ) -> tuple[Array, float]:
         """(N,) solution and its residual, from a guess (N,) of the bounds that hold."""
-        self.load(stages, guess)
+        self.load(stages, guess, fences)
         residual = self.machine_code() if compiled else self.programme.solve()
         return self.arrays["e"].copy(), residual
 
-    def load(self, stages: Stages, guess: Array | None = None) -> None:
+    def load(self, stages: Stages, guess: Array | None = None, fences: Fences | None = None) -> None:
         """Put a programme into the arrays."""
+        if fences is not None:
+            self.programme.fence[:, 1:], self.programme.prices[1:] = fences.ends, fences.prices
+            self.programme.moved[1:] = fences.moved
         a, data, bounds = self.arrays, self.programme.data, self.programme.bounds
         a["A"][:] = stages.A.transpose(0, 2, 1).ravel()
         a["B"][:] = stages.B.transpose(0, 2, 1).ravel()

@@ -22,9 +22,9 @@ needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc here"
 pytestmark = needs_gcc
 OPTIONS = {  # of the controller, and whether the reference is known ahead
     "rigid": ({}, False),
-    "late": ({"max_torque": 0.2, "rotor_inertia": 1e-5, "horizon": 12}, True),
+    "late": ({"max_torque": 0.2, "rotor_inertia": 1e-5, "horizon": 12, "angle_limits": (-0.1, 0.05)}, True),
     "lag": ({"sqp_iterations": 3, "torque_rate": 20.0, "preload_rate": 0.5, "motor_resolution": 1e-3}, True),
-    "compliance": ({"sample_time": 0.004, "horizon": 20}, False),
+    "compliance": ({"sample_time": 0.004, "horizon": 20, "speed_limit": 0.2}, False),
 }
 
 
@@ -127,7 +127,7 @@ def test_the_worst_case_is_counted(name: str, tmp_path: Path) -> None:
     subprocess.run(["gcov", "--json-format", note.name], cwd=tmp_path, capture_output=True, check=True)
     told = json.loads(gzip.decompress(next(tmp_path.glob("*antidrive_controller*.json.gz")).read_bytes()))
     counts = {entry["name"]: entry["execution_count"] for file in told["files"] for entry in file["functions"]}
-    expected = effort.calls(used._sizes, worst=True)
+    expected = effort.calls(used._machine_code.stages, used._sizes, worst=True)
     assert {stage: counts[stage] for stage in expected} == expected
 
 

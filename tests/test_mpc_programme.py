@@ -13,7 +13,7 @@ from programmes import Solver, Stages, random_stages, servo_stages
 from scipy.optimize import lsq_linear
 
 import mpc.programme
-from mpc.interior_point import guess_from_inside
+from mpc.interior_point import solve_from_inside
 from plant import machine_code
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ def test_the_second_method_takes_over(compiled: bool, monkeypatch: pytest.Monkey
     for seed in range(100):
         stages = servo_stages(np.random.default_rng(seed), 50, 0.5)
         with monkeypatch.context() as alone:
-            alone.setattr(mpc.programme, "guess_from_inside", lambda programme: None)
+            alone.setattr(mpc.programme, "solve_from_inside", lambda programme: None)
             if both.solve(stages)[1] > 1e-6:
                 cycling.append(stages)
     assert cycling
@@ -82,7 +82,7 @@ def test_the_guess_from_inside_is_nearly_right(seed: int) -> None:
     both = solver(2, 30)
     both.solve(stages)
     solution = both.programme.bounds[:, 0].copy()
-    guess_from_inside(both.programme)
+    solve_from_inside(both.programme)
     assert np.sum(both.programme.bounds[:, 0] != solution) <= 1
 
 

@@ -1,0 +1,301 @@
+"""Torque rates and soft limits over the horizon: in the programme, in the loop, and when they cannot be kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from programmes import Fences, Solver, Stages, fenced_stages
+
+from mpc import Control, Controller, closed_loop
+from mpc.step import within_rate
+from plant import GearTrain, Rig, ServoModel, machine_code, sample_step
+from plant.effects import ActuatorLag, CoulombFriction, Effect, InputDelay
+from plant.errors import BadParameter
+
+Array = NDArray[np.float64]
+PAPER = GearTrain.paper()
+RIGID = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
+FORMS = [False] if machine_code.compiler() is None else [False, True]  # compiled
+SIGMA = float(np.sqrt((2 * np.pi / 2**17) ** 2 / 12 + 2e-5**2))  # of the sensor, by default [rad]
+
+solver = cache(Solver)
+seeds = st.integers(0, 2**32 - 1)
+
+
+# The programme.
+
+
+def excess(stages: Stages, fences: Fences, e: Array) -> Array:
+    """(N, 3) by how much each number is beyond its interval."""
+    q = fences.rows(stages) @ e
+    return np.maximum(np.maximum(fences.ends[..., 0] - q, q - fences.ends[..., 1]), 0.0)
+
+
+def cost(stages: Stages, fences: Fences, e: Array) -> float:
+    R, target = stages.rows
+    return float(0.5 * np.sum((R @ e - target) ** 2) + np.sum(excess(stages, fences, e)[:, 1:] * fences.prices[1:]))
+
+
+def by_others(stages: Stages, fences: Fences, *, hard: bool) -> tuple[Array, Array] | None:
+    """Torques, and multipliers (N, 3), by qpOASES; soft limits with a slack each. None if there is no solution."""
+    N = stages.miss.size
+    R, target = stages.rows
+    rows, soft = fences.rows(stages), 0 if hard else 2 * N
+    unit = np.tile(fences.moved[1:], N)  # slacks in units of torque
+    H, g = np.zeros((N + soft, N + soft)), np.zeros(N + soft)
+    H[:N, :N], g[:N] = R.T @ R, -R.T @ target
+    lower, upper = np.append(stages.low, np.zeros(soft)), np.append(stages.high, np.full(soft, np.inf))
+    A = np.zeros((3 * N + soft, N + soft))
+    A[:N, :N], A[N : 3 * N, :N] = rows[:, 0], rows[:, 1:].reshape(-1, N) / unit[:, None]
+    ends = np.concatenate((fences.ends[:, 0], fences.ends[:, 1:].reshape(-1, 2) / unit[:, None]))
+    if soft:
+        g[N:] = np.tile(fences.prices[1:], N) * unit
+        A[3 * N :] = A[N : 3 * N]
+        A[N : 3 * N, N:], A[3 * N :, N:] = -np.eye(soft), np.eye(soft)
+        free = np.full(soft, np.inf)
+        ends = np.vstack((ends, np.column_stack((ends[N:, 0], free))))
+        ends[N : 3 * N, 0] = -np.inf
+    scale = 1.0 / np.max(np.diag(H))
+    shapes = {"h": ca.DM(H).sparsity(), "a": ca.DM(A).sparsity()}
+    other = ca.conic("other", "qpoases", shapes, {"printLevel": "none", "error_on_fail": False})
+    answer = other(h=scale * H, g=scale * g, a=A, lba=ends[:, 0], uba=ends[:, 1], lbx=lower, ubx=upper)
+    if not other.stats()["success"]:
+        return None
+    forces = np.asarray(answer["lam_a"])[: 3 * N, 0] / scale
+    forces[N:] /= unit
+    return np.asarray(answer["x"])[:N, 0], np.column_stack((forces[:N], forces[N:].reshape(N, 2)))
+
+
+@pytest.mark.parametrize("compiled", FORMS)
+def test_it_agrees_with_another_solver_where_limits_are_soft(compiled: bool) -> None:
+    active = left = 0
+    for seed in range(60):
+        stages, fences = fenced_stages(np.random.default_rng(seed), 20, 0.5)
+        ours, residual = solver(2, 20, fenced=True).solve(stages, None, compiled, fences)
+        theirs = by_others(stages, fences, hard=False)
+        assert residual <= 1e-6
+        assert theirs is not None
+        assert np.all((ours >= stages.low - 1e-9) & (ours <= stages.high + 1e-9))
+        assert np.max(excess(stages, fences, ours)[:, 0]) < 1e-9  # the rate never gives way
+        best = cost(stages, fences, theirs[0])
+        assert cost(stages, fences, ours) <= best + 1e-7 * abs(best) + 1e-12
+        active += bool(np.any(np.abs(solver(2, 20, fenced=True).programme.forces[:, 1:]) > 0))
+        left += bool(np.any(excess(stages, fences, ours)[:, 1:] > 1e-6))
+    assert active > 25
+    assert left > 5
+
+
+def test_the_price_is_exact_where_it_exceeds_the_multipliers() -> None:
+    exact = 0
+    for seed in range(80):
+        stages, fences = fenced_stages(np.random.default_rng(seed), 20, 0.0)
+        hard = by_others(stages, fences, hard=True)
+        if hard is None or np.any(np.abs(hard[1][:, 1:]) > fences.prices[1:]):
+            continue
+        ours, _ = solver(2, 20, fenced=True).solve(stages, fences=fences)
+        assert np.max(excess(stages, fences, ours) / fences.moved) < 1e-9
+        best = cost(stages, fences, hard[0])
+        assert cost(stages, fences, ours) == pytest.approx(best, rel=1e-7, abs=1e-12)
+        exact += bool(np.any(hard[1][:, 1:] != 0.0))
+    assert exact > 10
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds, st.floats(-1, 2))
+def test_both_forms_find_the_same(seed: int, hardness: float) -> None:
+    stages, fences = fenced_stages(np.random.default_rng(seed), 30, hardness)
+    answers = [solver(2, 30, fenced=True).solve(stages, None, compiled, fences) for compiled in FORMS]
+    assert np.array_equal(answers[0][0], answers[-1][0])
+    assert answers[0][1] <= 1e-6
+
+
+def test_a_force_that_is_wrong_is_not_certified() -> None:
+    both = solver(2, 20, fenced=True)
+    tried = (fenced_stages(np.random.default_rng(seed), 20, 0.5) for seed in range(100))
+    stages, fences = next(found for found in tried if active(both, *found))
+    assert both.solve(stages, fences=fences)[1] < 1e-6
+    place = np.unravel_index(np.argmax(np.abs(both.programme.forces[:, 1:] / fences.prices)), fences.ends.shape[:2])
+    both.programme.forces[:, 1:][place] *= 0.9
+    assert both.programme.residual() > 1e-3
+
+
+def active(both: Solver, stages: Stages, fences: Fences) -> bool:
+    both.solve(stages, fences=fences)
+    return bool(np.max(np.abs(both.programme.forces[:, 2:])) > 1e-3)
+
+
+range_ = st.tuples(st.floats(-2, 2), st.floats(0, 1))  # least torque, width
+
+
+@given(st.lists(range_, min_size=1, max_size=30), st.floats(-3, 3), st.floats(0.01, 3))
+def test_steps_of_that_size_lead_through_ranges(ranges: list[tuple[float, float]], last: float, step: float) -> None:
+    reach = np.array([[low, low + width] for low, width in ranges])
+    tube, steps = within_rate(reach, last, step)
+    assert np.all((tube >= reach[:, :1] - 1e-12) & (tube <= reach[:, 1:] + 1e-12))
+    torque = [tube[-1, 0]]  # backwards from any end of the tube there is a way
+    for k in range(len(reach) - 1, 0, -1):
+        torque.append(float(np.clip(torque[-1], tube[k - 1, 0], tube[k - 1, 1])))
+        assert abs(torque[-1] - torque[-2]) <= steps[k] + 1e-12
+    assert abs(torque[-1] - last) <= steps[0] + 1e-12
+    assert np.all(steps >= step)
+    inside = (reach[:, 0] <= last) & (reach[:, 1] >= last)
+    assert np.all(steps[inside.cumprod().astype(bool)] == step)  # it yields only where a range is out of reach
+
+
+# The loop.
+
+
+def of_form(compiled: bool, model: ServoModel = RIGID, **options: object) -> Controller:
+    controller = Controller(model, PAPER, **options)  # type: ignore[arg-type]
+    if not compiled:
+        controller._step = controller._interpreted
+    return controller
+
+
+def follow(
+    controller: Controller,
+    reference: Callable[[Array], Array],
+    count: int = 400,
+    start: tuple[float, float] = (0.0, 0.0),
+) -> tuple[Array, list[Control]]:
+    """States (count, 2) and controls on a servo that moves exactly as its rigid model, its angle read without error."""
+    step, state, last = sample_step(RIGID, substeps=4), np.array(start), 0.0
+    states, controls = [], []
+    for k in range(count):
+        control = controller.step(
+            float(state[0]), reference(0.005 * np.arange(k, k + controller.horizon + 1, dtype=np.float64))
+        )
+        states.append(state)
+        controls.append(control)
+        torque = float(PAPER.follower_torque(control.torques))
+        inputs = np.array([torque, last, 0.0, np.inf, 0.0, 0.005, 0.0])
+        state, last = np.asarray(step(state, inputs, RIGID.values))[:, 0], torque
+    return np.array(states), controls
+
+
+def jump(time: Array) -> Array:
+    return np.full(time.size, 0.5)
+
+
+def test_the_whole_plan_keeps_the_torque_rate() -> None:
+    last, used = 0.0, 0
+    for control in follow(Controller(RIGID, PAPER, torque_rate=20.0), jump)[1]:
+        planned = PAPER.follower_torque(control.predicted_torques)
+        steps = np.abs(np.diff(np.append(last, planned)))
+        assert np.max(steps) < 0.1 + 1e-6
+        used += int(np.sum(steps[1:] > 0.0999))
+        last = planned[0]
+        assert control.status == "optimal"
+    assert used > 100  # also between later samples
+
+
+def test_the_plan_lets_the_preload_fall_no_faster_than_it_may() -> None:
+    steepest = 0.0
+    for control in follow(Controller(RIGID, PAPER, preload_rate=0.2), jump, 150)[1]:
+        preload = (control.predicted_torques[:, 0] - control.predicted_torques[:, 1]) / 2
+        steepest = max(steepest, float(np.max(-np.diff(preload))))
+    assert steepest == pytest.approx(0.2 * 0.005, rel=1e-6)
+
+
+@pytest.mark.parametrize("compiled", FORMS)
+@pytest.mark.parametrize("reference", [jump, lambda time: 0.6 * time], ids=["jump", "ramp"])
+def test_a_reference_beyond_the_limit_stops_at_the_limit(reference: Callable[[Array], Array], compiled: bool) -> None:
+    controller = of_form(compiled, angle_limits=(-1.0, 0.3))
+    states, controls = follow(controller, reference)
+    assert np.max(states[:, 0]) < 0.3 + SIGMA
+    assert states[-1, 0] == pytest.approx(0.3, abs=1e-7)
+    assert {control.status for control in controls} == {"optimal"}
+    assert max(float(np.max(control.predicted_angle)) for control in controls) < 0.3 + SIGMA
+    assert np.max(follow(Controller(RIGID, PAPER), reference)[0][:, 0]) > 0.45
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_a_big_step_keeps_the_speed_limit(sense: float) -> None:
+    states, controls = follow(Controller(RIGID, PAPER, speed_limit=0.3), lambda time: sense * jump(time), 600)
+    assert np.max(np.abs(states[:, 1])) < 0.3 + 1e-6
+    assert np.sum(np.abs(states[:, 1]) > 0.2999) > 100  # and uses it
+    assert states[-1, 0] == pytest.approx(sense * 0.5, abs=1e-3)
+    assert {control.status for control in controls} == {"optimal"}
+    assert np.max(np.abs(follow(Controller(RIGID, PAPER), jump)[0][:, 1])) > 0.5
+
+
+def test_from_beyond_the_limit_it_returns_smoothly_and_says_so() -> None:
+    controller = Controller(RIGID, PAPER, angle_limits=(-1.0, 0.3))
+    states, controls = follow(controller, lambda time: np.full(time.size, 0.2), start=(0.5, 0.0))
+    back = int(np.argmax(states[:, 0] < 0.3))
+    assert 0 < back < 200
+    assert np.all(np.diff(states[3:back, 0]) < 0)  # it turns at once and never again
+    assert states[-1, 0] == pytest.approx(0.2, abs=1e-3)
+    assert np.min(states[:, 0]) > 0.18
+    assert controls[0].status == "degraded: a limit of angle or speed cannot be kept"
+    assert controls[-1].status == "optimal"
+    assert all(control.residual <= 1e-6 for control in controls)
+
+
+def test_from_beyond_the_speed_limit_it_slows_down() -> None:
+    states, controls = follow(Controller(RIGID, PAPER, speed_limit=0.3), jump, 600, start=(0.0, 0.8))
+    slow = int(np.argmax(states[:, 1] < 0.301))
+    assert np.all(np.diff(states[5:slow, 1]) < 0)
+    assert slow < 150
+    assert np.max(states[slow:, 1]) < 0.302
+    assert "limit" in controls[10].status
+    assert controls[-1].status == "optimal"
+
+
+def test_limits_never_cost_the_bounds_of_the_torques() -> None:
+    tight = Controller(RIGID, PAPER, angle_limits=(-0.01, 0.01), speed_limit=0.05, torque_rate=50.0, rotor_inertia=1e-5)
+    states, controls = follow(tight, jump, 300, start=(0.4, 1.5))
+    for control in controls:
+        assert np.all((control.predicted_torques * [1, -1] >= 0.02) & (control.predicted_torques * [1, -1] <= 0.3))
+    assert np.max(states[:, 0]) > 0.5  # hopeless at first
+    assert min(control.margin for control in controls) > -1e-9
+    assert abs(states[-1, 1]) < 0.5 < np.max(states[:, 1])
+
+
+@pytest.mark.parametrize(
+    "effect", [InputDelay(time=0.012), ActuatorLag(time_constant=0.02), CoulombFriction(torque=0.2)], ids=str
+)
+@pytest.mark.parametrize(
+    "limits", [{"angle_limits": (-0.02, 0.02)}, {"speed_limit": 0.1}, {"torque_rate": 2.0}], ids=str
+)
+def test_both_forms_go_the_same_way(effect: Effect, limits: dict[str, object]) -> None:
+    pair = [of_form(compiled, RIGID.with_effect(effect), horizon=12, sqp_iterations=2, **limits) for compiled in FORMS]
+    angle, rng, active = 0.0, np.random.default_rng(0), 0
+    for k in range(120):
+        reference = 0.15 * np.sin(0.1 * (k + np.arange(13))) if k % 3 else 0.15
+        one, other = (controller.step(angle, reference) for controller in (pair[0], pair[-1]))
+        assert np.array_equal(one.predicted_torques, other.predicted_torques), k
+        assert (one.status, one.residual) == (other.status, other.residual)
+        active += bool(np.any(pair[0]._arrays["forces"]))
+        angle = one.predicted_angle[1] + 1e-4 * rng.normal()
+    assert active > 0
+
+
+def test_on_the_rig_the_limit_holds_and_the_teeth_stay_together() -> None:
+    controller = Controller(RIGID, PAPER, angle_limits=(-0.2, 0.2), min_torque=0.03)
+    loop = closed_loop(controller, Rig.paper_like(), lambda t: 0.3 * np.sin(2 * np.pi * 0.3 * t), 3.5, seed=0)
+    assert np.max(np.abs(loop.angle)) < 0.2 + 5 * SIGMA
+    assert np.ptp(loop.angle) > 0.395
+    assert loop.least_flank_torque > 0.0
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"angle_limits": (0.3, 0.3)},
+        {"angle_limits": (0.3, float("nan"))},
+        {"angle_limits": (0.1, 0.2, 0.3)},
+        {"speed_limit": 0.0},
+        {"speed_limit": float("nan")},
+    ],
+)
+def test_refuses_limits_that_cannot_be(bad: dict[str, object]) -> None:
+    with pytest.raises(BadParameter, match="limit"):
+        Controller(RIGID, PAPER, **bad)  # type: ignore[arg-type]
