@@ -30,7 +30,8 @@ CALM = np.zeros(COUNT)
 
 
 def controller(**more: float) -> Controller:
-    return Controller(rigid_model(RIG), RIG.gears, **more)
+    tuned = {"bandwidth": 4.0, "torque_noise": 0.05, "disturbance_rate": 1.0}
+    return Controller(rigid_model(RIG), RIG.gears, **tuned, **more)
 
 
 def text(changes: dict[str, str]) -> str:

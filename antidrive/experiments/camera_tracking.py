@@ -44,6 +44,7 @@ class CameraSettings:
         pixel: width of one in the camera's picture [rad].
         picture_noise: standard deviation of where it sees the target [rad].
         min_torque, max_torque: of each pinion [N m].
+        bandwidth, torque_noise, disturbance_rate: of the controller [Hz], [N m], [N m/sqrt(s)].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine without payload.
     """
 
@@ -60,6 +61,9 @@ class CameraSettings:
     picture_noise: float
     min_torque: float
     max_torque: float
+    bandwidth: float
+    torque_noise: float
+    disturbance_rate: float
     rig: Mapping[str, float]
 
     def __post_init__(self) -> None:
@@ -180,6 +184,9 @@ def _controller(settings: CameraSettings, rig: Rig, model: ServoModel) -> Contro
         min_torque=settings.min_torque,
         max_torque=settings.max_torque,
         rotor_inertia=rig.rotor_inertia,
+        bandwidth=settings.bandwidth,
+        torque_noise=settings.torque_noise,
+        disturbance_rate=settings.disturbance_rate,
         encoder_resolution=settings.pixel,
         encoder_noise=settings.picture_noise,
         motor_resolution=2.0 * np.pi / rig.motor_encoder_counts if len(rig.drives) == 2 else None,

@@ -45,6 +45,7 @@ class LossSettings:
         detection: how long after a loss it is known [s].
         runs: how many seeds of the encoders' noise.
         min_torque, max_torque: of each pinion [N m].
+        bandwidth, torque_noise, disturbance_rate: of the controller [Hz], [N m], [N m/sqrt(s)].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
     """
 
@@ -56,6 +57,9 @@ class LossSettings:
     runs: int
     min_torque: float
     max_torque: float
+    bandwidth: float
+    torque_noise: float
+    disturbance_rate: float
     rig: Mapping[str, float]
 
     def __post_init__(self) -> None:
@@ -168,6 +172,9 @@ def _played(settings: LossSettings, reference: Array, drive: int, time: float, s
         min_torque=settings.min_torque,
         max_torque=settings.max_torque,
         rotor_inertia=rig.rotor_inertia,
+        bandwidth=settings.bandwidth,
+        torque_noise=settings.torque_noise,
+        disturbance_rate=settings.disturbance_rate,
         encoder_resolution=2.0 * np.pi / rig.encoder_counts,
         encoder_noise=rig.encoder_noise,
         motor_resolution=2.0 * np.pi / rig.motor_encoder_counts,
