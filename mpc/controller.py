@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass, field
-from functools import cached_property
+from dataclasses import KW_ONLY, dataclass, field, fields
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -80,7 +81,8 @@ class Controller:
     of the rigid servo (`mpc.weights`); the torque at the end of the horizon is left free, because what the reference
     needs later is not known.
 
-    The controller remembers: its estimate, its last solution, the torques under way. One object serves one machine.
+    The controller remembers: its estimate, its last solution, the torques under way. One object serves one machine. It
+    can be pickled, and goes on where it was.
 
     A reference that the torques cannot follow is approached in least time instead (`Governor`), because a horizon this
     short cannot see how long it takes to brake; before a limit of the angle it brakes in time. Within the horizon these
@@ -96,7 +98,8 @@ class Controller:
         sample_time: Ts [s].
         horizon: N, samples looked ahead.
         min_torque, max_torque: bounds on each pinion torque [N m].
-        rotor_inertia: of each motor at its shaft [kg m^2]; zero leaves the flank torque equal to the pinion torque.
+        rotor_inertia: of each motor at its shaft [kg m^2]; zero leaves rotors out.
+        motor_friction: dry friction of each motor at its shaft [N m], counted against the flank in either sense.
         bandwidth: w/(2 pi) [Hz].
         encoder_resolution: step of the load's encoder [rad].
         encoder_noise: standard deviation of its noise [rad].
@@ -126,6 +129,7 @@ class Controller:
     min_torque: float = 0.02
     max_torque: float = 0.3
     rotor_inertia: float = 0.0
+    motor_friction: float = 0.0
     bandwidth: float = 4.0
     encoder_resolution: float = 2 * np.pi / 2**17
     encoder_noise: float = 2e-5
@@ -167,6 +171,7 @@ class Controller:
             min_torque=self.min_torque,
             max_torque=self.max_torque,
             rotor_inertia=self.rotor_inertia,
+            motor_friction=self.motor_friction,
         )
         self._whole_delay, switch = whole_samples(float(self.model.delay()), self.sample_time)
         drive, behind = DriveInverse.of(self.model)
@@ -200,6 +205,16 @@ class Controller:
         sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows), split())
         self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How it was made, and what it remembers; the machine code is found again."""
+        made = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+        return partial(type(self), **made), (), {name: array.copy() for name, array in self._arrays.items()}
+
+    def __setstate__(self, remembered: dict[str, Array]) -> None:
+        """Go on from there."""
+        for name, array in remembered.items():
+            self._arrays[name][:] = array
 
     def _all_arrays(self, machine: Array) -> dict[str, Array]:
         """Everything that a step reads and writes, by name."""

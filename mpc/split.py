@@ -19,17 +19,17 @@ from mpc.drive import DriveInverse, clip
 Array = NDArray[np.float64]
 
 
-MACHINE = 11
+MACHINE = 12
 """Numbers of a machine."""
 
 
 def machine(bounds: Bounds, drive: DriveInverse, preload_step: float = np.inf) -> Array:
-    """(11,) numbers of gears, bounds and drive that the functions below ask for.
+    """(12,) numbers of gears, bounds and drive that the functions below ask for.
 
     The last one is by how much lambda may change from sample to sample [N m per tooth].
     """
     inertia = bounds.rotor_inertia * bounds.gears.pre_reduction**2
-    own = [bounds.min_torque, bounds.max_torque, *(inertia * bounds.gears.mesh_ratios)]
+    own = [bounds.min_torque, bounds.max_torque, *(inertia * bounds.gears.mesh_ratios), float(bounds.friction[0])]
     teeth = [bounds.gears.follower_teeth, *bounds.gears.pinion_teeth]
     return np.array([*own, *teeth, drive.half_width, drive.back_emf, drive.limit, preload_step], dtype=np.float64)
 
@@ -38,10 +38,12 @@ class _Pair:
     """The two drives in symbols; torques are magnitudes in the sense that each must keep, as in `Bounds`."""
 
     def __init__(self, numbers: Any, acceleration: Any) -> None:
-        self.least, self.most, rotor_1, rotor_2, follower, teeth_1, teeth_2, *drive, self.step = ca.vertsplit(numbers)
+        self.least, self.most, rotor_1, rotor_2, rubbed, *others = ca.vertsplit(numbers)
+        follower, teeth_1, teeth_2, *drive, self.step = others
         self.ratios, self.teeth = (follower / teeth_1, follower / teeth_2), (teeth_1, teeth_2)
-        self.rotors = (-rotor_1 * acceleration, rotor_2 * acceleration)  # torque that each takes
-        self.low = [ca.fmin(self.least + ca.fmax(taken, 0), self.most) for taken in self.rotors]
+        # what friction, whose sense is not sure near rest, and the rotor take of each
+        self.taken = (rubbed - rotor_1 * acceleration, rubbed + rotor_2 * acceleration)
+        self.low = [ca.fmin(self.least + ca.fmax(taken, 0), self.most) for taken in self.taken]
         self.drive = DriveInverse(half_width=drive[0], back_emf=drive[1], limit=drive[2])
 
     @property
@@ -89,7 +91,7 @@ def split() -> Any:
     pair = _Pair(numbers, acceleration)
     preload, (first, second) = pair.magnitudes(pair.drive.command(wanted, velocity), before)
     follower = pair.ratios[1] * second - pair.ratios[0] * first
-    flanks = [xi - ca.fmax(taken, 0) for xi, taken in zip((first, second), pair.rotors, strict=True)]
+    flanks = [xi - ca.fmax(taken, 0) for xi, taken in zip((first, second), pair.taken, strict=True)]
     outputs = [
         preload,
         ca.vertcat(first, -second),

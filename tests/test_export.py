@@ -22,7 +22,10 @@ needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc here"
 pytestmark = needs_gcc
 OPTIONS = {  # of the controller, and whether the reference is known ahead
     "rigid": ({}, False),
-    "late": ({"max_torque": 0.2, "rotor_inertia": 1e-5, "horizon": 12, "angle_limits": (-0.1, 0.05)}, True),
+    "late": (
+        {"max_torque": 0.2, "rotor_inertia": 1e-5, "motor_friction": 1e-3, "horizon": 12, "angle_limits": (-0.1, 0.05)},
+        True,
+    ),
     "lag": ({"sqp_iterations": 3, "torque_rate": 20.0, "preload_rate": 0.5, "motor_resolution": 1e-3}, True),
     "compliance": ({"sample_time": 0.004, "horizon": 20, "speed_limit": 0.2}, False),
 }

@@ -123,9 +123,9 @@ def test_a_second_controller_finds_the_machine_code_of_the_first(
 
 
 @pytest.mark.parametrize("gears", [PAPER, UNEQUAL], ids=["paper", "unequal"])
-@pytest.mark.parametrize("rotor", [0.0, 1e-5])
-def test_the_split_is_the_allocators(gears: GearTrain, rotor: float) -> None:
-    bounds = Bounds(gears=gears, min_torque=0.02, max_torque=0.3, rotor_inertia=rotor)
+@pytest.mark.parametrize(("rotor", "friction"), [(0.0, 0.0), (1e-5, 0.0), (0.0, 3e-3), (1e-5, 3e-3)])
+def test_the_split_is_the_allocators(gears: GearTrain, rotor: float, friction: float) -> None:
+    bounds = Bounds(gears=gears, min_torque=0.02, max_torque=0.3, rotor_inertia=rotor, motor_friction=friction)
     drive = DriveInverse(half_width=0.2, back_emf=0.3, limit=1.8)
     numbers, rng = machine(bounds, drive), np.random.default_rng(0)
     for _ in range(200):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from swung_load import BY_FLANK, BY_MOTOR, LEAST, LIMITS, MESH, MODEL, MOST, RIG, ROTOR, swing
+from swung_load import BY_FLANK, BY_MOTOR, GEARS, LEAST, LIMITS, MESH, MODEL, MOST, RIG, ROTOR, swing
 
 from allocation import capability_map
 from mpc import ClosedLoopResult, Controller, closed_loop
@@ -35,6 +37,28 @@ def test_least_flank_torque_keeps_contact_all_the_same(share: float) -> None:
     result = run(BY_FLANK(), share * PARTING)
     assert result.least_flank_torque > 0.85 * LEAST * MESH
     assert result.tracking_rms == pytest.approx(run(BY_MOTOR(), share * PARTING).tracking_rms, rel=0.05)
+
+
+@pytest.mark.parametrize("acceleration", [3.0, 8.0])
+def test_least_flank_torque_covers_the_motors_friction(acceleration: float) -> None:
+    # dry friction that takes more of a motor's torque than the least: 0.25 of 0.2 N m at the pinion
+    friction = 1.25 * LEAST / GEARS.pre_reduction
+    rig = replace(RIG, motor_coulomb=friction)
+    unknown, known = (
+        closed_loop(BY_FLANK(motor_friction=told), rig, swing(acceleration, 2.0), 2.0, seed=0)
+        for told in (0.0, friction)
+    )
+    assert np.mean(np.min(unknown.flank_torques, axis=1) <= 0.0) > 0.1
+    assert known.least_flank_torque > 0.3 * LEAST * MESH
+
+
+def test_the_flank_row_is_newtons_law_for_a_rotor_that_rubs() -> None:
+    friction, still = 0.01, np.full(31, -np.pi / 2)
+    pair = [BY_FLANK(motor_friction=f) for f in (0.0, friction)]
+    controls = [controller.step(-np.pi / 2, still) for controller in pair]
+    taken = friction * GEARS.pre_reduction  # at rest nothing else takes of it
+    assert controls[1].torques == pytest.approx([LEAST + taken, -LEAST - taken], abs=1e-9)
+    assert [control.margin for control in controls] == pytest.approx([0.0, 0.0], abs=1e-9)
 
 
 def edge_of_the_map() -> float:
