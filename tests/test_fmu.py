@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
 import zipfile
 from importlib.util import find_spec
 from pathlib import Path
@@ -195,6 +197,49 @@ def test_the_file_is_the_same_each_time_and_brings_its_source(tmp_path: Path) ->
     with zipfile.ZipFile(tmp_path / "one.fmu") as made:
         assert other.guid not in made.read("modelDescription.xml").decode()
         assert "sample_step" in made.read("sources/antidrive_plant.c").decode()
+
+
+WILD = """
+#include <stdio.h>
+int main(void)
+{
+  const double wild[] = {0, NAN, INFINITY, -INFINITY, 1e300, -1e-300, 7, -0.3};
+  struct slave *slave = fmi2Instantiate("wild", CO_SIMULATION, GUID, "", NULL, 0, 0);
+  double now = 0, value;
+  unsigned which;
+  fmi2SetupExperiment(slave, 0, 0, 0, 0, 0);
+  fmi2EnterInitializationMode(slave);
+  fmi2ExitInitializationMode(slave);
+  for (int k = 0; k < 4000; ++k) {
+    for (which = 0; which < VARIABLES; ++which) {
+      value = wild[(k / 7 + 3 * which + k * k) % 8];
+      if (k % (11 + which) == 0) fmi2SetReal(slave, &which, 1, &value);
+    }
+    value = SAMPLE_TIME * (1 + k % 9) / 3;
+    if (fmi2DoStep(slave, now, value, 1)) return 1;
+    now += value;
+    for (which = 0; which < VARIABLES; ++which) fmi2GetReal(slave, &which, 1, &value);
+  }
+  which = VARIABLES;
+  if (fmi2GetReal(slave, &which, 1, &value) != ERROR || fmi2DoStep(slave, now, NAN, 1) != ERROR) return 1;
+  fmi2FreeInstance(slave);
+  puts("whole");
+  return 0;
+}
+"""
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc here")
+@pytest.mark.parametrize("fmu", [servo_fmu(LATE, sample_time=DT), controller_fmu(Controller(LATE, PAPER))])
+def test_nothing_is_undefined_whatever_is_set(fmu: Fmu, tmp_path: Path) -> None:
+    (tmp_path / "wild.c").write_text(fmu.source + WILD)
+    unused = ["-Wno-unused-parameter", "-Wno-unused-function"]  # CasADi writes some
+    strict = ["-std=c99", "-Wall", "-Wextra", "-Werror", *unused]
+    checked = ["-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "wild.c", "-o", "wild", "-lm"]
+    done = subprocess.run(["gcc", *strict, *checked], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    done = subprocess.run([tmp_path / "wild"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "whole\n"), done.stderr
 
 
 def test_without_a_compiler_there_is_no_fmu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
