@@ -129,12 +129,14 @@ def test_the_limits_are_those_of_the_readme(site: Path) -> None:
 
 
 def test_the_figures_of_the_explanations_were_measured() -> None:
-    """Numbers of three figures or with a decimal point, outside code: they stand in the README or in a result."""
+    """Shares, and numbers of three figures or with a decimal point: they stand in the README or in a result."""
     results = "".join(path.read_text() for path in sorted((ROOT / "benchmarks" / "results").glob("*.txt")))
     known = (ROOT / "README.md").read_text(encoding="utf-8") + results
-    checked = 0
+    known, checked = " ".join(known.split()), 0
     for path in PAGES:
         prose = CODE.sub("", path.read_text(encoding="utf-8"))
+        for share in re.findall(r"\d+ (?:of|\+-) \d+", prose):
+            assert re.search(rf"(?<![\d.]){re.escape(share)}(?!\d)", known), (path.name, share)
         for number in re.findall(r"(?<![\w.,])\d[\d,]*(?:\.\d+)?(?![\w.]*\d)", prose):
             if len(number.replace(",", "")) > 2 or "." in number:
                 assert re.search(rf"(?<![\d.]){re.escape(number)}(?![\d])", known), (path.name, number)
