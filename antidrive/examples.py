@@ -27,7 +27,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "capability": ("antidrive capability --inertia 2 --rotor-inertia 0.002",),
     "export": (
         "antidrive export model.json --out target --single",
-        "antidrive export model.json --pinion-teeth 18 18 --follower-teeth 144",
+        "antidrive export model.json --fmu --pinion-teeth 18 18 --follower-teeth 144",
     ),
 }
 
