@@ -135,13 +135,13 @@ def predict(model: Path, options: LogOptions, *, window: float | None, out: Path
         table = pd.DataFrame(
             {
                 "run": np.repeat([run.number for run in log.runs], [len(run) for run in log.runs]),
-                "time": np.concatenate([run.time for run in log.runs]),
+                "time": np.concatenate([run.zero + run.time for run in log.runs]),
                 column: np.concatenate(simulated),
             }
         )
         if not np.isfinite(table[column]).all():
             raise BadParameter(f"{model}: simulated over this log, the model runs away to infinity; use another model.")
-        table.to_csv(draft, index=False, float_format="%.10g")
+        table.to_csv(draft, index=False, float_format="%.15g")
     errors = [
         {"run": run.number, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.output)[run.valid] ** 2)))}
         for run, y in zip(log.runs, simulated, strict=True)

@@ -35,8 +35,9 @@ def split(log: Log) -> tuple[Log, Log, str]:
     run = log.runs[0]
     cut = int(len(run) * (1.0 - _SHARE))
     first, last = run.slice(0, cut), run.slice(cut, len(run))
-    last = replace(last, label=f"{run.label} from {run.time[cut]:.4g} s")
-    sentence = f"Held out: the last {100 * _SHARE:.0f} % of the only run, from {run.time[cut]:.4g} s on."
+    begins = f"from {round(run.zero + run.time[cut], 3):.10g} s"
+    last = replace(last, label=f"{run.label} {begins}")
+    sentence = f"Held out: the last {100 * _SHARE:.0f} % of the only run, {begins} on."
     return replace(log, runs=(first,)), replace(log, runs=(last,)), sentence
 
 

@@ -5,7 +5,8 @@ autoregression of its own explains the log clearly better than an observer does.
 and every fit of it finds its own (generalised least squares; Cochrane and Orcutt 1949).
 
 A good model shows it in a free simulation, a poor one behind an observer that keeps it near the log and is yet too slow
-to follow the noise. Noise that outlasts the observer's corrections cannot be told from motion and is left to it.
+to follow the noise. Noise that outlasts the observer's corrections cannot be told from motion and is left to it, and so
+is a colour behind an observer that hardly helps: a poor model can leave as much.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from identification.noise import autoregression
 from identification.problem import Problem
 
 _CLEARLY = 10.0  # rise of the log-likelihood from which a colour is believed
+_WORTH = 0.05  # the same for each sample behind an observer: the innovations get smaller by a twentieth
 _SLOWER = 3.0  # from one observer to the next
 _SLOWEST = 0.01  # of the best observer's bandwidth: slower ones leave the model to itself
 
@@ -37,6 +39,7 @@ def _coloured(fit: Fit) -> Iterator[Fit]:
     bandwidth = fit.bandwidth / _SLOWER
     while fit.bandwidth * _SLOWEST < bandwidth:
         coloured = problem.recoloured(replace(fit, bandwidth=bandwidth))
-        if fit.log.sample_time < coloured.noise_memory < 1.0 / bandwidth:
+        worth = coloured.log_likelihood - fit.log_likelihood > _WORTH * fit.samples
+        if worth and fit.log.sample_time < coloured.noise_memory < 1.0 / bandwidth:
             yield coloured
         bandwidth /= _SLOWER

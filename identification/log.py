@@ -179,7 +179,7 @@ class Log:
                 "record a log in which the drive moves the load."
             )
         return cls(
-            runs=tuple(map(Run.from_recording, usable)),
+            runs=tuple(Run.from_recording(recording, _zero(usable)) for recording in usable),
             axis=axis,
             warnings=_told(finding for finding in findings if not finding.repaired),
             repairs=_told(finding for finding in findings if finding.repaired),
@@ -253,6 +253,16 @@ def _table(columns: dict[str, Any], label: str) -> Table:
         digest.update(name.encode())
         digest.update(repr(values.tolist()).encode() if values.dtype.kind == "O" else values.tobytes())
     return Table(name=label, columns=columns, sha256=digest.hexdigest())
+
+
+def _zero(recordings: Sequence[Recording]) -> float:
+    """When the log began on a clock that had been running for long before it, else zero [s].
+
+    Counted from such a clock's zero, drift is as good as constant and the phase of a wave means nothing.
+    """
+    first = min(float(recording.time[0]) for recording in recordings)
+    last = max(float(recording.time[-1]) for recording in recordings)
+    return first if abs(first) > last - first else 0.0
 
 
 def _told(findings: Iterable[Finding]) -> tuple[str, ...]:

@@ -23,13 +23,14 @@ class Run:
 
     label: where it comes from, "log.csv run 3".
     number: value of the run column, 0 if there is none.
-    time: (T,) strictly increasing [s].
+    time: (T,) strictly increasing [s], from `zero` on the recording's clock on.
     command: (T,) follower torque [N m] or force [N].
     output: (T,) load angle [rad] or position [m]; masked samples hold interpolated values.
     valid: (T,) False where the output is masked out of the fit.
     servo_gain: (T,) torque per output error [N m/rad] or [N/m].
     command_limit: largest magnitude of the drive's torque [N m] or force [N].
     velocity, reference, goal: (T,) of the load, when logged.
+    zero: what the recording's clock shows at time zero [s]; it may have been running since 1970.
     drive_angles, torques: (T, 2) motor shaft angles [rad] and pinion torques [N m], when logged.
 
     Raises `MalformedLog` when shapes differ, a number is not finite, or time does not increase.
@@ -48,6 +49,7 @@ class Run:
     goal: Array | None = None
     drive_angles: Array | None = None
     torques: Array | None = None
+    zero: float = 0.0
 
     def __post_init__(self) -> None:
         """Bring the channels to float arrays and refuse what does not fit together."""
@@ -95,13 +97,13 @@ class Run:
         return replace(self, **cut)
 
     @classmethod
-    def from_recording(cls, recording: Recording) -> Run:
-        """A checked recording as a run."""
+    def from_recording(cls, recording: Recording, zero: float = 0.0) -> Run:
+        """A checked recording as a run whose time counts from `zero` on the recording's clock."""
         others = recording.others
         return cls(
             label=recording.label,
             number=recording.number,
-            time=recording.time,
+            time=recording.time - zero,
             command=recording.command,
             output=recording.output,
             valid=recording.valid,
@@ -112,6 +114,7 @@ class Run:
             goal=others.get("goal"),
             drive_angles=_pair(others, "angle_1", "angle_2"),
             torques=_pair(others, "torque_1", "torque_2"),
+            zero=zero,
         )
 
 

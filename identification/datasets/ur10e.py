@@ -15,10 +15,12 @@ import numpy as np
 from identification.datasets.dataset import Dataset, arrays_of, recording, source
 from identification.errors import MalformedLog
 from identification.log import Log
+from identification.run import Run
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
-_SHARE = 0.5  # of the run that is fitted
+_SHARE = 0.5  # of the sweep that is fitted
+_BRAKING = 0.2  # [s]
 # What takes a joint's reading to the angle of the swinging part above the horizon, the other joints being where they
 # rest in these sweeps: eq. (4) has gravity alpha cos x. The first joint's axis is vertical, its zero does not matter.
 _ABOVE_HORIZON = {2: np.pi, 3: 0.5 * np.pi}
@@ -46,6 +48,7 @@ def read(files: list[Path], *, joint: int | None = None) -> Dataset:
     )
     log = Log.from_recordings([run], axis="rotary", sources=[source(file)], command_unit="A")
     whole = max(log.runs, key=len)
+    whole = whole.slice(0, _end_of_sweep(whole))
     cut = int(len(whole) * _SHARE)
     last = replace(whole.slice(cut, len(whole)), label=f"{whole.label}, second half")
     notes = (
@@ -58,3 +61,10 @@ def read(files: list[Path], *, joint: int | None = None) -> Dataset:
         base=ServoModel(inertia=1.0, gravity=0.0, viscous_friction=1.0),
         notes=notes,
     )
+
+
+def _end_of_sweep(run: Run) -> int:
+    """The sample shortly before the robot brakes from full speed and rests, which is no part of the sweep."""
+    speed = np.abs(np.gradient(run.output, run.time))
+    braked = run.time[np.flatnonzero(speed > 0.5 * np.quantile(speed, 0.99))[-1]]
+    return int(np.searchsorted(run.time, braked - _BRAKING))

@@ -1,0 +1,51 @@
+"""A wave that returns with a repeated motion is no disturbance in time."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from machine import Machine, record
+
+from diagnosis import diagnose
+from identification.log import Log
+from plant.effects.returns import returning
+
+TIME = np.arange(0.0, 40.0, 0.01)
+STRIBECK = {"coulomb": 0.4, "excess": 0.4, "velocity": 0.3}
+
+
+def swing(rate: float) -> SimpleNamespace:
+    return SimpleNamespace(angle=np.sin(rate * TIME), velocity=rate * np.cos(rate * TIME), time=TIME)
+
+
+@pytest.mark.parametrize(
+    ("multiple", "low", "high"), [(1, 0.95, 1.0), (3, 0.9, 1.0), (2.5, -0.2, 0.2), (0.77, -0.2, 0.2)]
+)
+def test_harmonics_of_the_motion_return_and_other_waves_do_not(multiple, low, high):
+    rate = 2.0 * np.pi * 0.25
+    assert low <= returning(swing(rate), np.exp(1j * multiple * rate * TIME)) <= high
+
+
+def test_states_that_are_visited_once_say_nothing():
+    once = SimpleNamespace(angle=TIME**2, velocity=2.0 * TIME, time=TIME)
+    assert returning(once, np.exp(1j * TIME)) == 0.0
+
+
+def swung(disturbance: dict[str, float] | None, **hidden: dict[str, float]) -> Log:
+    """The machine swung by a sine of 0.2 Hz, over and over."""
+    machine = Machine().hiding(**hidden, **({"periodic_disturbance": disturbance} if disturbance else {}))
+    time = np.arange(0.0, 30.0, 0.005)
+    return record(machine, 4.0 * np.sin(2.0 * np.pi * 0.2 * time), seed=1, noise=2e-4).log()
+
+
+def test_friction_in_a_repeated_motion_is_not_called_a_wave():
+    asked = ["periodic_disturbance", "friction_drift"]
+    found = diagnose(swung(None, stribeck_friction=STRIBECK), candidates=asked)
+    assert found.verdict == "unknown"
+    assert "velocity" in found.unexplained.depends_on
+
+
+def test_a_wave_beside_the_motion_is_named():
+    wave = {"amplitude": 0.1, "frequency": 0.93, "phase": 0.3}
+    (cause,) = diagnose(swung(wave)).causes
+    assert cause.effect == "periodic_disturbance"
