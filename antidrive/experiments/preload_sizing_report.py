@@ -33,8 +33,8 @@ def run(settings: SizingSettings, seed: int) -> Outcome:
             f"{_range(found.noise_torque[found.noises == np.max(found.noises)])} N m rms of torque, T_min must be "
             f"{_range(found.least[found.noises == np.max(found.noises), 0])} and "
             f"{_range(found.least[found.noises == np.max(found.noises), 1])} N m; the rotors' inertia keeps most of it "
-            f"from the teeth. T_min is found to {settings.resolution:g} N m for one draw of the noise, and contact counts "
-            "from the second period on.",
+            f"from the teeth. T_min is found to {settings.resolution:g} N m for one draw of the noise, and contact "
+            "counts from the second period on.",
         ),
         comparison=(
             ("least preload [N m] by the formulas: equal split, constant slave", "", f"{equal:.2f}, {slave:.2f}"),
