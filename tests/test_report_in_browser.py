@@ -9,8 +9,9 @@ from browser import Reader, chromium
 from sample_pages import sample_diagnosis, sample_fit
 
 from antidrive.gallery import gallery_page
+from antidrive.plans import read_plan
 from antidrive.provenance import Provenance
-from antidrive.report import diagnosis_page, fit_page
+from antidrive.report import diagnosis_page, experiment_page, fit_page
 from identification import free_simulation
 from plant.effects import Cogging, CoulombFriction
 
@@ -52,6 +53,7 @@ def pages(tmp_path_factory):
     written = {
         "diagnosis": diagnosis_page(sample_diagnosis(fitted), how),
         "fit": fit_page(fitted, free_simulation(fitted.log, fitted.model), how),
+        "experiment": experiment_page(read_plan("figure6").run(None, 0), how),
         "gallery": gallery_page(how, {kind.name: kind for kind in (Cogging, CoulombFriction)}),
     }
     for name, text in written.items():
@@ -59,7 +61,7 @@ def pages(tmp_path_factory):
     return {name: folder / f"{name}.html" for name in written}
 
 
-KINDS = ("diagnosis", "fit", "gallery")
+KINDS = ("diagnosis", "fit", "experiment", "gallery")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -96,6 +98,8 @@ def test_it_reads_well_on_a_phone(browser, pages, kind):
     with Reader(browser, pages[kind], **PHONE) as reader:
         assert reader.ask("document.documentElement.scrollWidth") == 400
         assert reader.ask(CUT) == []
+        tables = "[...document.querySelectorAll('section > .wide, .pair > .wide')]"
+        assert reader.ask(f"{tables}.filter(table => table.scrollWidth > table.clientWidth).length") == 0
         # a finger on a plot scrolls the page
         assert reader.ask("document.querySelector('.plot')._fullLayout.dragmode") is False
 
