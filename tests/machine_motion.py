@@ -106,8 +106,11 @@ def _actuator(machine: Machine, state: State, command: Array, h: Array) -> tuple
         start, middle, end = state.slewed, *(_ramp(state.slewed, command, ramp["rate"], t) for t in (h / 2, h))
         slewed = end
     elif not ramp:
-        fade = np.exp(-h / 2.0 / lag["time_constant"])
-        start, middle, end = state.lagged, *(command + (state.lagged - command) * f for f in (fade, fade**2))
+        # A lag may be over long before the step is: its start counts for as much as makes the step's impulse exact.
+        steps = h / lag["time_constant"]
+        middle, end = np.exp(-steps / 2.0), np.exp(-steps)
+        start = -6.0 * np.expm1(-steps) / steps - 4.0 * middle - end
+        start, middle, end = (command + (state.lagged - command) * share for share in (start, middle, end))
         slewed = command
     else:
         slope = (state.slewed, command, ramp["rate"])

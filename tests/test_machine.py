@@ -85,10 +85,11 @@ def test_a_delay_moves_the_response_by_itself(delay: float) -> None:
     assert out.velocity[:, 0] == pytest.approx(2.0 / 1.5 * np.maximum(out.time - arrival, 0.0), abs=1e-12)
 
 
-def test_a_lag_loses_its_time_constant_of_impulse() -> None:
+@pytest.mark.parametrize("lag", [1e-5, 4e-4, 0.04])
+def test_a_lag_loses_its_time_constant_of_impulse_also_when_it_is_shorter_than_a_step(lag: float) -> None:
     command = np.where(np.arange(1000) < 100, 0.0, 2.0)
-    out = exact(plain(actuator_lag={"time_constant": 0.04}), command)
-    assert out.velocity[-1, 0] == pytest.approx(2.0 / 1.5 * (out.time[-1] - 100 * SAMPLE - 0.04), abs=1e-9)
+    out = exact(plain(actuator_lag={"time_constant": lag}), command)
+    assert out.velocity[-1, 0] == pytest.approx(2.0 / 1.5 * (out.time[-1] - 100 * SAMPLE - lag), abs=1e-9)
 
 
 def test_conservative_torques_keep_the_energy() -> None:
