@@ -232,7 +232,7 @@ def export(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write the controller as C99 for a target, with driver, CMakeLists.txt and README.txt; or as FMU with its plant."""
+    """Write the controller as C99 for a target, with driver, CMakeLists.txt, README.txt; or as FMU with its plant."""
     from antidrive import commands
     from plant.gears import GearTrain
 

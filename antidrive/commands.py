@@ -159,8 +159,8 @@ def simulate(scenario: str, *, model: Path | None, out: Path, seed: int, voice: 
     plan = read_plan(scenario)
     design = None if model is None else read_model(model).model
     with whole_folder(out) as draft:
-        with voice.progress(f"simulating {plan.name}"):
-            result = plan.run(design, seed)
+        with voice.progress(f"simulating {plan.name}") as progress:
+            result = plan.run(design, seed, progress)
         result.table().to_csv(draft / "trajectory.csv", index=False, float_format="%.10g")
         write_json(draft / "summary.json", result.summary())
         provenance = Provenance.now(voice.words)

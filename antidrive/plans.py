@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from antidrive.scenario import parse_scenario, scenario_text
+from antidrive.time_left import Tell
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
@@ -24,11 +25,15 @@ class Plan:
 
     Attributes:
         name: of the scenario.
-        run: takes the controller's design model, or None for the default, and the seed.
+        play: takes the controller's design model, or None for the default, the seed, and whom to tell how far it is.
     """
 
     name: str
-    run: Callable[[ServoModel | None, int], Result]
+    play: Callable[[ServoModel | None, int, Tell | None], Result]
+
+    def run(self, model: ServoModel | None, seed: int, tell: Tell | None = None) -> Result:
+        """Run it."""
+        return self.play(model, seed, tell)
 
 
 def read_plan(name: str) -> Plan:
@@ -47,7 +52,7 @@ def read_plan(name: str) -> Plan:
     from antidrive.simulation import run_scenario
 
     scenario = parse_scenario(name, text)
-    return Plan(name=scenario.name, run=lambda model, seed: run_scenario(scenario, model=model, seed=seed))
+    return Plan(name=scenario.name, play=lambda model, seed, tell: run_scenario(scenario, model=model, seed=seed))
 
 
 def _experiment(name: str, content: Mapping[str, Any]) -> Plan:
@@ -59,9 +64,9 @@ def _experiment(name: str, content: Mapping[str, Any]) -> Plan:
         raise BadParameter(f"{name}: kind is {content['kind']!r}; it must be one of {', '.join(KINDS)}.")
     settings = read_settings(kind.settings, name, content)
 
-    def run(model: ServoModel | None, seed: int) -> Result:
+    def play(model: ServoModel | None, seed: int, tell: Tell | None) -> Result:
         if model is not None:
             raise BadParameter(f"{name}: an experiment takes no --model.")
-        return kind.run(settings, seed)
+        return kind.run(settings, seed, tell) if kind.long else kind.run(settings, seed)
 
-    return Plan(name=name, run=run)
+    return Plan(name=name, play=play)

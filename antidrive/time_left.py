@@ -6,6 +6,7 @@ import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 _DIAGNOSIS = (
     ("round 1: asking", 0.15),
@@ -25,6 +26,24 @@ COURSES: Mapping[str, tuple[tuple[str, float], ...]] = {
 Shares are of a log in which one effect is missing. Each effect more takes a round more, and the time left grows.
 """
 _WORTH_TELLING = 2.0  # seconds that one waits without asking
+
+
+Tell: TypeAlias = Callable[[str], None]
+
+
+@dataclass
+class Parts:
+    """Counts the parts of a task that are done, and tells each hundredth."""
+
+    of: float
+    tell: Tell | None = None
+    finished: float = 0.0
+
+    def done(self, parts: float = 1.0) -> None:
+        """So many parts more are done."""
+        before, self.finished = self.finished, self.finished + parts
+        if self.tell is not None and int(100 * self.finished / self.of) > int(100 * before / self.of):
+            self.tell(f"simulating, {int(100 * self.finished / self.of)} of 100 parts are done")
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import io
 import json
 import os
@@ -19,6 +20,9 @@ from front_door import antidrive
 from antidrive import time_left
 from antidrive.cli import app
 from antidrive.examples import EXAMPLES
+from antidrive.experiments.kinds import KINDS
+from antidrive.plans import read_plan
+from antidrive.scenario import scenario_text
 from antidrive.time_left import Watch
 from antidrive.voice import Voice
 
@@ -158,6 +162,16 @@ def test_parts_that_are_counted_tell_the_time_left():
     now[0] = 20.0
     watch.tell("drawing drag, 5 of 25 are done")
     assert str(watch).endswith("(10 s, about 40 s left)")
+
+
+def test_an_experiment_that_takes_long_tells_how_far_it_is(tmp_path):
+    for kind in KINDS.values():
+        assert ("tell" in inspect.signature(kind.run).parameters) == kind.long
+    text = scenario_text("dwell").replace("[0.05, 0.15, 0.3]", "[2.0]").replace("[0.29e-3, 1.16e-3, 4.65e-3]", "[1e-3]")
+    (tmp_path / "short.toml").write_text(text)
+    told: list[str] = []
+    read_plan(str(tmp_path / "short.toml")).run(None, 0, told.append)
+    assert told == [f"simulating, {share} of 100 parts are done" for share in range(1, 101)]
 
 
 def test_progress_is_shown_where_somebody_watches(monkeypatch):

@@ -12,6 +12,7 @@ from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
 from antidrive.experiments.preload_laws import LAWS, ONE, PLANNED, SHAPED, SIZED, WARM
 from antidrive.experiments.targets import TARGETS
 from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, THIRD
+from antidrive.time_left import Tell
 
 COLOURS = {ONE: MEASURED, SIZED: BEFORE, WARM: THIRD, SHAPED: SECOND, PLANNED: AFTER}
 MICRO = 1e6  # microradians in a radian
@@ -49,9 +50,9 @@ def verdict(found: Tracked, kind: int) -> str:
     return f"At a {list(TARGETS)[kind]} target, against least effort: {'; '.join(parts)}."
 
 
-def run(settings: CameraSettings, seed: int) -> Outcome:
+def run(settings: CameraSettings, seed: int, tell: Tell | None = None) -> Outcome:
     """The camera, told."""
-    return told(settings, experiment(settings, seed))
+    return told(settings, experiment(settings, seed, tell))
 
 
 def told(settings: CameraSettings, found: Tracked) -> Outcome:

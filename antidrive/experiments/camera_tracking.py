@@ -19,6 +19,7 @@ from antidrive.experiments.preload_laws import LAWS, ONE, PreloadLaws, joule
 from antidrive.experiments.settings import need_positive, need_samples
 from antidrive.experiments.targets import FADE_IN, TARGETS, target
 from antidrive.simulation import rigid_model
+from antidrive.time_left import Parts, Tell
 from mpc import Controller
 from plant.effects import CoulombFriction
 from plant.errors import BadParameter
@@ -127,14 +128,15 @@ class Tracked:
     error: Array
 
 
-def experiment(settings: CameraSettings, seed: int) -> Tracked:
+def experiment(settings: CameraSettings, seed: int, tell: Tell | None = None) -> Tracked:
     """Follow every target under every law."""
     pair = settings.machine((1, 2))
     ahead = _controller(settings, pair, rigid_model(pair)).horizon + 1
     paths = settings.paths(ahead, seed)
     laws, friction = _sized(settings, pair, paths)
+    parts = Parts(len(LAWS) * round(settings.duration / settings.sample_time), tell)
     loops = {
-        drives: _followed(settings, drives, laws, friction, ways, paths, seed)
+        drives: _followed(settings, drives, laws, friction, ways, paths, seed, parts)
         for drives, ways in (((2,), (ONE,)), ((1, 2), LAWS[1:]))
     }
     merged = {name: np.concatenate([loop[name] for loop in loops.values()]) for name in loops[1, 2]}
@@ -201,6 +203,7 @@ def _followed(
     ways: Sequence[str],
     paths: Mapping[tuple[str, int], Array],
     seed: int,
+    parts: Parts,
 ) -> dict[str, Array]:
     """All targets under some laws at once, cases in the order of laws, kinds and numbers."""
     rig = settings.machine(drives)
@@ -233,6 +236,7 @@ def _followed(
         state = fleet.advance(state, pinions[:, k], settings.sample_time)
         if late[k]:
             least = np.minimum(least, fleet.least_flank_torques(state).min(axis=1))
+        parts.done(len(ways))
     error = angle - wanted[:, :count]
     return {
         "rms": np.sqrt(np.mean(error[:, late] ** 2, axis=1)),

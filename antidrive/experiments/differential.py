@@ -15,6 +15,7 @@ import numpy as np
 from antidrive.experiments.outcome import Array
 from antidrive.experiments.preload_sweep import Sweep, logs_of
 from antidrive.experiments.settings import need_positive, need_samples
+from antidrive.time_left import Parts, Tell
 from identification.fit import fit
 from identification.fit_result import Fit
 from identification.log import Log
@@ -148,12 +149,15 @@ class Differential:
         return min(self.cases, key=lambda case: case.found.drives[0].friction.std)
 
 
-def experiment(settings: DifferentialSettings, seed: int) -> Differential:
+def experiment(settings: DifferentialSettings, seed: int, tell: Tell | None = None) -> Differential:
     """Sweep the preload of all machines, then move one of them in common mode."""
     plans = [(int(bits), gap, settings.creep) for gap in settings.gaps for bits in settings.bits]
     plans += [(int(bits), min(settings.gaps), 0.0) for bits in settings.bits]
     rigs = [settings.machine(gap, bits) for bits, gap, _ in plans]
-    logs = logs_of(Fleet(rigs), settings.sweep(), creep=[creep for *_, creep in plans], seed=seed)
+    sweep = settings.sweep().preload().size  # in its samples; a fit takes as long as 100 to 700 of them
+    parts = Parts(sweep * (1.0 + len(plans) / 60 + len(settings.preloads) / 9), tell)
+    creep = [speed for *_, speed in plans]
+    logs = logs_of(Fleet(rigs), settings.sweep(), creep=creep, seed=seed, parts=parts)
     cases = [
         Case(bits=bits, gap=gap, found=lost_motion(log, rig.gears))
         for (bits, gap, _), log, rig in zip(plans, logs, rigs, strict=True)

@@ -9,6 +9,7 @@ import numpy as np
 from antidrive.experiments.differential import Case, Differential, DifferentialSettings, experiment
 from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
 from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND
+from antidrive.time_left import Tell
 from identification.fit_result import Fit
 from identification.lost_motion import Measured
 
@@ -17,9 +18,9 @@ ARCMIN = np.pi / 180.0 / 60.0
 WANTED = 0.05  # relative error of a gap
 
 
-def run(settings: DifferentialSettings, seed: int) -> Outcome:
+def run(settings: DifferentialSettings, seed: int, tell: Tell | None = None) -> Outcome:
     """Both modes, told."""
-    found = experiment(settings, seed)
+    found = experiment(settings, seed, tell)
     preloads = np.array(settings.preloads)
     moving, rubbed = _common(found.common), found.friction(preloads)
     worst = max(found.cases, key=lambda case: abs(case.error))

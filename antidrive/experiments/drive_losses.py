@@ -18,6 +18,7 @@ from antidrive.experiments.settings import need_positive, need_samples
 from antidrive.experiments.targets import least_jerk
 from antidrive.figures import AFTER, BEFORE, MEASURED
 from antidrive.simulation import rigid_model
+from antidrive.time_left import Parts, Tell
 from mpc import ClosedLoopResult, Controller
 from plant.effects import CoulombFriction
 from plant.errors import BadParameter
@@ -123,7 +124,7 @@ class Losses:
     error_intact: Array
 
 
-def experiment(settings: LossSettings, seed: int) -> Losses:
+def experiment(settings: LossSettings, seed: int, tell: Tell | None = None) -> Losses:
     """Lose either drive at every moment, and none."""
     time, reference = settings.reference()
     moments = np.array([REST / 2 if share is None else REST + settings.move * share for share in MOMENTS.values()])
@@ -132,6 +133,7 @@ def experiment(settings: LossSettings, seed: int) -> Losses:
     names = ("rms", "intact", "peak", "intact_peak", "final")
     numbers, flags = {name: np.empty(shape) for name in names}, np.empty((2, *shape), dtype=bool)
     said, errors = True, np.empty((moments.size, time.size))
+    parts = Parts(2 * moments.size * settings.runs, tell)
     for d, m, r in product(*(range(size) for size in shape)):
         played = _played(settings, reference, d + 1, float(moments[m]), seed + r)
         first = round(float(moments[m]) / settings.sample_time)
@@ -149,6 +151,7 @@ def experiment(settings: LossSettings, seed: int) -> Losses:
         flags[:, d, m, r] = np.min(played.flank_torques[:first]) > 0.0, np.min(played.flank_torques[first:, 1 - d]) <= 0
         said &= [KNOWN in status for status in played.status] == [k >= known for k in range(time.size)]
         errors[m] = error
+        parts.done()
     return Losses(
         loss=moments,
         **numbers,
@@ -188,9 +191,9 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def run(settings: LossSettings, seed: int) -> Outcome:
+def run(settings: LossSettings, seed: int, tell: Tell | None = None) -> Outcome:
     """Losses of a drive, told."""
-    found = experiment(settings, seed)
+    found = experiment(settings, seed, tell)
     before, after = found.intact.mean(axis=2), found.rms.mean(axis=2)
     growth = after / before
     cases: list[dict[str, Any]] = [

@@ -7,14 +7,15 @@ import numpy as np
 from antidrive.experiments.outcome import Curve, Outcome, Picture
 from antidrive.experiments.reversal_dwell import ONE, PLANNED, DwellSettings, experiment
 from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, THIRD
+from antidrive.time_left import Tell
 
 PAPER = (35, 12)
 """Samples with one actuator, and with drive/anti-drive."""
 
 
-def run(settings: DwellSettings, seed: int) -> Outcome:
+def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome:
     """Play all motions and tell of them."""
-    found, names = experiment(settings, seed), list(settings.strategies)
+    found, names = experiment(settings, seed, tell), list(settings.strategies)
     one, planned = names.index(ONE), names.index(PLANNED)
     colours = dict(zip(names, (BEFORE, MEASURED, SECOND, THIRD) * len(names), strict=False)) | {PLANNED: AFTER}
     beyond = found.beyond_gapless

@@ -26,10 +26,11 @@ from antidrive.experiments.outcome import Outcome
 
 @dataclass(frozen=True)
 class Kind:
-    """Class of the settings, and what runs them with a seed."""
+    """Class of the settings, and what runs them with a seed; what takes long also takes whom to tell how far it is."""
 
     settings: type[Any]
-    run: Callable[[Any, int], Outcome]
+    run: Callable[..., Outcome]
+    long: bool = False
 
 
 KINDS: Final = {
@@ -37,9 +38,9 @@ KINDS: Final = {
     "three_steps": Kind(three_steps.ThreeStepsSettings, three_steps.run),
     "chirp_response": Kind(chirp_response.ChirpSettings, chirp_response.run),
     "dead_zone_curve": Kind(dead_zone_curve.DeadZoneSettings, dead_zone_curve.run),
-    "drive_losses": Kind(drive_losses.LossSettings, drive_losses.run),
-    "camera_tracking": Kind(camera_tracking.CameraSettings, camera_report.run),
-    "differential": Kind(differential.DifferentialSettings, differential_report.run),
-    "preload_sizing": Kind(preload_sizing.SizingSettings, preload_sizing_report.run),
-    "reversal_dwell": Kind(reversal_dwell.DwellSettings, dwell_report.run),
+    "drive_losses": Kind(drive_losses.LossSettings, drive_losses.run, long=True),
+    "camera_tracking": Kind(camera_tracking.CameraSettings, camera_report.run, long=True),
+    "differential": Kind(differential.DifferentialSettings, differential_report.run, long=True),
+    "preload_sizing": Kind(preload_sizing.SizingSettings, preload_sizing_report.run, long=True),
+    "reversal_dwell": Kind(reversal_dwell.DwellSettings, dwell_report.run, long=True),
 }

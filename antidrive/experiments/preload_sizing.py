@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from antidrive.experiments.outcome import Array
 from antidrive.experiments.settings import need_positive, need_samples
+from antidrive.time_left import Parts, Tell
 from plant.errors import BadParameter
 from plant.fleet import Fleet
 from plant.rig import Rig
@@ -129,20 +130,24 @@ class Sizing:
         return self.formula + self.least
 
 
-def experiment(settings: SizingSettings, seed: int) -> Sizing:
+def experiment(settings: SizingSettings, seed: int, tell: Tell | None = None) -> Sizing:
     """Find the least T_min of every combination by bisection, all at once."""
     cells = np.array(list(product(settings.stiffnesses, settings.noises, settings.bandwidths)))
     rigs = [settings.machine(stiffness, noise) for stiffness, noise, _ in cells]
     loop = _Loop(settings, rigs * 2, np.tile(cells[:, 2], 2), np.repeat(SHARES, len(cells), axis=0), seed)
     formula = np.repeat(settings.formulas(), len(cells))
-    low, high = np.zeros(formula.size), np.ones(formula.size)
+    low, high, rounds = np.zeros(formula.size), np.ones(formula.size), 1
     while np.any(lost := np.logical_not(loop.keeps(formula + high)) & (high < _MOST)):
-        low, high = np.where(lost, high, low), np.where(lost, 2.0 * high, high)
+        low, high, rounds = np.where(lost, high, low), np.where(lost, 2.0 * high, high), rounds + 1
     never = high >= _MOST
+    halvings = np.ceil(np.log2(np.max((high - low)[~never], initial=settings.resolution) / settings.resolution))
+    parts = Parts(rounds + float(halvings), tell)
+    parts.done(rounds)
     while np.max((high - low)[~never], initial=0.0) > settings.resolution:
         middle = 0.5 * (low + high)
         kept = loop.keeps(formula + middle)
         low, high = np.where(kept, low, middle), np.where(kept, middle, high)
+        parts.done()
     least = np.where(never, np.inf, high).reshape(2, -1).T
     one = _middle(cells)
     shown = [settings.formulas(), settings.formulas() + np.where(np.isfinite(least[one]), least[one], 0.0)]

@@ -7,13 +7,14 @@ import numpy as np
 from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
 from antidrive.experiments.preload_sizing import STRATEGIES, Sizing, SizingSettings, experiment
 from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND
+from antidrive.time_left import Tell
 
 COLOURS = (BEFORE, SECOND, AFTER, MEASURED)
 
 
-def run(settings: SizingSettings, seed: int) -> Outcome:
+def run(settings: SizingSettings, seed: int, tell: Tell | None = None) -> Outcome:
     """Least T_min of every mesh, noise and loop, beside the formulas."""
-    found = experiment(settings, seed)
+    found = experiment(settings, seed, tell)
     quiet = found.noises == np.min(found.noises)
     equal, slave = found.formula
     rows = list(zip(found.meshes, found.noises, found.bandwidths, found.preload, found.least, strict=True))

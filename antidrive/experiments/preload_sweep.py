@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from antidrive.time_left import Parts
 from identification.log import Log
 from identification.run import Run
 from plant.fleet import Fleet
@@ -48,7 +49,7 @@ class Sweep:
         return np.concatenate([one if number % 2 == 0 else -one for number in range(self.visits)])
 
 
-def logs_of(fleet: Fleet, sweep: Sweep, *, creep: ArrayLike, seed: int) -> list[Log]:
+def logs_of(fleet: Fleet, sweep: Sweep, *, creep: ArrayLike, seed: int, parts: Parts | None = None) -> list[Log]:
     """One log a machine, of the channels that a drive has; loads creep at (B,) [rad/s]."""
     rig, preload, dt = fleet.rigs[0], sweep.preload(), sweep.sample_time
     count, drives = len(fleet), len(rig.drives)
@@ -70,6 +71,8 @@ def logs_of(fleet: Fleet, sweep: Sweep, *, creep: ArrayLike, seed: int) -> list[
         off = start + wanted_rate * (k * dt) - held
         pinions[k] = split(sweep.stiffness * off + sweep.damping * (wanted_rate - rate), size)
         state = fleet.advance(state, pinions[k], dt)
+        if parts is not None:
+            parts.done()
     time = np.arange(preload.size, dtype=np.float64) * dt
     return [_log(fleet, time, reading[:, b], motors[:, b], pinions[:, b]) for b in range(count)]
 

@@ -18,6 +18,7 @@ import numpy as np
 from allocation import Bounds, least_effort
 from antidrive.experiments.outcome import Array
 from antidrive.experiments.settings import need_positive, need_samples
+from antidrive.time_left import Parts, Tell
 from plant.errors import BadParameter
 from plant.fleet import Fleet
 from plant.rig import Rig
@@ -132,10 +133,12 @@ def dwell(reading: Array, band: float) -> int:
     return longest
 
 
-def experiment(settings: DwellSettings, seed: int) -> Dwell:
+def experiment(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Dwell:
     """Play every motion with every strategy on every machine."""
+    parts = Parts(len(settings.strategies) * sum(_ticks(settings, each) for each in settings.frequencies), tell)
     plays = [
-        [_played(settings, frequency, way, seed) for way in settings.strategies] for frequency in settings.frequencies
+        [_played(settings, frequency, way, seed, parts) for way in settings.strategies]
+        for frequency in settings.frequencies
     ]
     slowest = plays[int(np.argmin(settings.frequencies))]
     samples, error, least, heat = (
@@ -153,12 +156,17 @@ def experiment(settings: DwellSettings, seed: int) -> Dwell:
     )
 
 
-def _played(settings: DwellSettings, frequency: float, strategy: str, seed: int) -> dict[str, Array]:
+def _ticks(settings: DwellSettings, frequency: float) -> int:
+    """Of one motion."""
+    return round(PERIODS / frequency * TICKS / settings.sample_time)
+
+
+def _played(settings: DwellSettings, frequency: float, strategy: str, seed: int, parts: Parts) -> dict[str, Array]:
     """One motion on all machines: PD over the motors' mean angle, with the model's torque and friction fed forward."""
     fleet = Fleet(settings.machines((2,) if strategy == ONE else (1, 2)))
     rig, dt = fleet.rigs[0], settings.sample_time / TICKS
     split, w = _split(settings, rig, strategy), 2.0 * np.pi * frequency
-    time = np.arange(round(PERIODS / frequency / dt)) * dt
+    time = np.arange(_ticks(settings, frequency)) * dt
     wanted = settings.amplitude * (1.0 - np.cos(w * time))
     rate, acceleration = settings.amplitude * w * np.sin(w * time), settings.amplitude * w**2 * np.cos(w * time)
     feed = rig.total_inertia * acceleration + rig.viscous_friction * rate + settings.friction_feed * np.sign(rate)
@@ -177,6 +185,7 @@ def _played(settings: DwellSettings, frequency: float, strategy: str, seed: int)
         if time[k] > FROM / frequency:
             least = np.minimum(least, fleet.least_flank_torques(state).min(axis=1))
             heat += np.sum(pinions**2, axis=1)
+        parts.done()
     read = np.array(angle)[::TICKS]
     late = time[::TICKS] > FROM / frequency
     return {
