@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from antidrive.drive_loss import loop_with_drive_loss
 from antidrive.scenario import Scenario
+from diagnosis.holdout import rms
 from mpc import ClosedLoopResult, Controller, closed_loop
 from plant.errors import BadParameter
 from plant.rig import Rig
@@ -154,15 +155,18 @@ class Trial:
         return lines
 
     def numbers(self) -> list[tuple[str, str]]:
-        """The summary for a table: name and value."""
+        """The summary for a table: name and value, rms errors with their standard error."""
         units = {"heat": "N² m²", "tracking": "rad", "largest": "rad", "final": "rad", "least": "N m", "hardest": "N m"}
         summary = self.summary()
         summary |= {f"{name}_single_drive": value for name, value in summary.pop("single_drive", {}).items()}
+        loops = {"tracking_rms": self.result, "tracking_rms_single_drive": self.single}
+        errors = {name: loop.angle - loop.reference for name, loop in loops.items() if loop is not None}
+        scatter = {name: f" ± {rms(error)[1]:.1g}" for name, error in errors.items()}
         rows = []
         for name, value in summary.items():
             if isinstance(value, float):
                 unit = units.get(name.split("_")[0], "")
-                rows.append((name, f"{value:.4g} {unit}".strip()))
+                rows.append((name, f"{value:.4g}{scatter.get(name, '')} {unit}".strip()))
             elif isinstance(value, int) and name != "schema":
                 rows.append((name, {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)))
         return rows

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -125,7 +126,13 @@ def test_the_table_names_every_channel_once() -> None:
 
 def test_numbers_carry_their_units() -> None:
     told = dict(trial().numbers())
-    assert told["tracking_rms"].endswith(" rad")
+    size, scatter, unit = re.fullmatch(r"(\S+) ± (\S+) (\S+)", told["tracking_rms"]).groups()
+    assert unit == "rad"
+    error = trial().result.angle - trial().result.reference
+    blocks = [np.mean(block**2) for block in np.array_split(error, 20)]
+    assert float(size) == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-3)
+    expected = np.std(blocks, ddof=1) / np.sqrt(20) / (2 * float(size))
+    assert float(scatter) == pytest.approx(expected, rel=0.1, abs=1e-12)
     assert told["least_preload_margin"] == "0.5 N m"
     assert told["heat"].endswith("N² m²")
     assert told["teeth_parted"] == "no"
