@@ -1,4 +1,4 @@
-"""A controller through 100,000 samples of mishaps: readings, references, estimates, solvers and drives that fail.
+"""A controller through 125,000 samples of mishaps: readings, references, estimates, solvers and drives that fail.
 
     python benchmarks/mpc_never_lost.py [samples]
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
@@ -20,18 +21,20 @@ from mpc import Controller
 from plant import ServoModel
 from plant.effects import CoulombFriction, InputDelay
 
-MODELS = {
-    "the paper's plant": (ServoModel.paper(), 0.0),
-    "heavy rotors": (ServoModel(), 1e-5),
-    "delay": (ServoModel().with_effect(InputDelay(time=0.012)), 0.0),
-    "friction": (ServoModel().with_effect(CoulombFriction(torque=0.1)), 0.0),
+LIMITS: dict[str, Any] = {"angle_limits": (-0.5, 0.5), "speed_limit": 0.5, "torque_rate": 100.0, "motor_friction": 1e-3}
+MODELS: dict[str, tuple[ServoModel, dict[str, Any]]] = {
+    "the paper's plant": (ServoModel.paper(), {}),
+    "heavy rotors": (ServoModel(), {"rotor_inertia": 1e-5}),
+    "delay": (ServoModel().with_effect(InputDelay(time=0.012)), {}),
+    "friction": (ServoModel().with_effect(CoulombFriction(torque=0.1)), {}),
+    "limits": (ServoModel(), LIMITS),
 }
 
 
 def lived(name: str, count: int) -> list[str]:
     """A controller through so many samples of mishaps, in lines."""
-    model, rotor = MODELS[name]
-    controller = Controller(model, GEARS, rotor_inertia=rotor)
+    model, options = MODELS[name]
+    controller = Controller(model, GEARS, **options)
     broken, met, back = Counter[str](), Counter[str](), dict.fromkeys(MISHAPS, 0)
     total, degraded, mishap = 0, 0, ""
     for sample in life(model, controller, seed=2):
@@ -50,7 +53,7 @@ def lived(name: str, count: int) -> list[str]:
 
 
 def main() -> None:
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 125_000
     lines = []
     for name in MODELS:
         lines += [*lived(name, count // len(MODELS)), ""]

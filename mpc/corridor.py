@@ -14,7 +14,7 @@ from plant.errors import BadParameter
 
 Array = NDArray[np.float64]
 
-SOFT = 7
+SOFT = 8
 """Numbers of the limits, see `SoftLimits.numbers`."""
 
 _DEARER = 10.0
@@ -54,7 +54,7 @@ class SoftLimits:
         return bool(np.isfinite([*self.angle, self.speed]).any())
 
     def numbers(self, wave: float, sample_time: float, noise: float) -> Array:
-        """(7,) limits, by what share an excess fades in a sample, the loop's rate w [1/s], and what counts as broken.
+        """(8,) limits, by what share an excess fades in a sample, the loop's rate w [1/s], what counts as broken, inf.
 
         Args:
             wave: w, 2 pi times the bandwidth of the loop.
@@ -62,15 +62,12 @@ class SoftLimits:
             noise: standard deviation of the sensor [rad].
         """
         shows = _SHOWS * noise
-        return np.array([*self.angle, self.speed, np.exp(-wave * sample_time), wave, shows, shows * wave])
+        return np.array([*self.angle, self.speed, np.exp(-wave * sample_time), wave, shows, shows * wave, np.inf])
 
 
 def moved(inertia: float, sample_time: float) -> Array:
-    """(4,) by how much 1 N m moves in a sample what has an interval beside the torque: its change, angle and speed.
-
-    In the first place stands zero: the torque's own interval always has room.
-    """
-    return np.array([0.0, 1.0, sample_time**2 / (2 * inertia), sample_time / inertia])
+    """(4,) by how much 1 N m moves in a sample what has an interval: torque, its change, angle and speed."""
+    return np.array([1.0, 1.0, sample_time**2 / (2 * inertia), sample_time / inertia])
 
 
 def prices(rate_weight: float, greatest: float, inertia: float, sample_time: float) -> Array:
@@ -86,31 +83,21 @@ def prices(rate_weight: float, greatest: float, inertia: float, sample_time: flo
     return np.array([np.inf, np.inf, angle, speed])
 
 
-def _course(angle: Any, pace: Any, soft: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
-    """Highest and lowest angle, greatest and least speed where the governed reference has that angle and pace.
-
-    They are the limits, or the reference itself where it is still on its way back to them.
-    """
-    low, high, speed = ca.vertsplit(soft)[:3]
-    return (ca.fmax(high, angle), ca.fmin(low, angle)), (ca.fmax(speed, pace), ca.fmin(-speed, pace))
-
-
 @cache
 def enter() -> Any:
-    """What is beyond the corridor now, as a `casadi.Function`.
+    """What is beyond the limits now, as a `casadi.Function`.
 
-    (angle and speed (2,), governed angle now and next (2,), limits, sample time) -> memory (8,) for `corridor`: time,
-    share that is left, and by what angle, rate of angle and speed the load is beyond the upper and the lower ends.
+    (angle and speed (2,), limits) -> memory (8,) for `corridor`: time, share that is left, and by what angle, rate of
+    angle and speed the load is beyond the upper and the lower limits.
     """
-    state, ahead, soft, dt = ca.SX.sym("state", 2), ca.SX.sym("ahead", 2), ca.SX.sym("soft", SOFT), ca.SX.sym("dt")
-    pace = (ahead[1] - ahead[0]) / dt
+    state, soft = ca.SX.sym("state", 2), ca.SX.sym("soft", SOFT)
     memory: list[Any] = [0, 1]
-    for sign, angle, speed in zip((1, -1), *_course(ahead[0], pace, soft), strict=True):
-        beyond, drift = sign * (state[0] - angle), ca.if_else(angle == ahead[0], pace, 0)
-        leaving = sign * (state[1] - drift) + soft[4] * beyond
+    for sign, angle in ((1, soft[1]), (-1, soft[0])):
+        beyond = sign * (state[0] - angle)
+        leaving = sign * state[1] + soft[4] * beyond
         leaving = ca.if_else(beyond > 0, leaving, ca.fmin(ca.fmax(leaving, 0), _CALM * soft[6]))
-        memory += [ca.fmax(beyond, 0), leaving, ca.fmax(sign * (state[1] - speed), 0)]
-    return ca.Function("enter", [state, ahead, soft, dt], [ca.vertcat(*memory)], {"cse": True})
+        memory += [ca.fmax(beyond, 0), leaving, ca.fmax(sign * state[1] - soft[2], 0)]
+    return ca.Function("enter", [state, soft], [ca.vertcat(*memory)], {"cse": True})
 
 
 @cache
@@ -119,15 +106,22 @@ def corridor() -> Any:
 
     (memory (8,), governed angle now, next and behind that (3,), limits, sample time) -> memory, lowest and highest
     angle, least and greatest speed (4,) at the next sample. What is beyond it now fades as (x + (x' + w x) t) e^(-w t),
-    critically damped, at the rate of the loop: if it had to be back at once, noise would shake the torques.
+    critically damped, at the rate of the loop: if it had to be back at once, noise would shake the torques. Where the
+    governed reference itself is still on its way back to a limit, to follow it is all that is asked.
     """
     memory, ahead = ca.SX.sym("memory", 8), ca.SX.sym("ahead", 3)
     soft, dt = ca.SX.sym("soft", SOFT), ca.SX.sym("dt")
     time, share = memory[0] + dt, memory[1] * soft[3]
-    above, below = ca.vertsplit(memory[2:5]), ca.vertsplit(memory[5:8])
-    (highest, lowest), (fastest, slowest) = _course(ahead[1], (ahead[2] - ahead[0]) / (2 * dt), soft)
-    highest += ca.fmax(above[0] + above[1] * time, 0) * share
-    lowest -= ca.fmax(below[0] + below[1] * time, 0) * share
-    ends = ca.vertcat(lowest, highest, slowest - below[2] * share, fastest + above[2] * share)
-    outputs = [ca.vertcat(time, share, memory[2:]), ends]
+    angle, pace = ahead[1], (ahead[2] - ahead[0]) / (2 * dt)
+    ends = []
+    for sign, limit, (beyond, leaving, faster) in (
+        (1, soft[1], ca.vertsplit(memory[2:5])),
+        (-1, soft[0], ca.vertsplit(memory[5:8])),
+    ):
+        highest = sign * limit + ca.fmax(beyond + leaving * time, 0) * share
+        fastest = soft[2] + faster * share
+        returning, braking = sign * (angle - limit) > soft[5], sign * pace - soft[2] > soft[6]
+        ends += [sign * ca.if_else(returning, soft[7], highest), sign * ca.if_else(braking, soft[7], fastest)]
+    (highest, fastest, lowest, slowest) = ends
+    outputs = [ca.vertcat(time, share, memory[2:]), ca.vertcat(lowest, highest, slowest, fastest)]
     return ca.Function("corridor", [memory, ahead, soft, dt], outputs, {"cse": True})

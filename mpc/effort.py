@@ -59,7 +59,7 @@ CORTEX_M7 = {"single": Effort(4, 18, 150), "double": Effort(9, 35, 500)}
 
 # The loops' own operations, by reading solve.c and step.c: of each stage of the horizon, once a pass or once a round.
 _LINEARISE, _RESIDUAL, _CENTRAL, _AHEAD = Effort(40, 1), Effort(8, 1), Effort(9), Effort(16, 1)
-_FENCE, _FORCES, _END = Effort(8), Effort(54, 9), Effort(46, 13)  # of other intervals, and of each end of an interval
+_FENCE, _FORCES, _END = Effort(8), Effort(54, 9), Effort(54, 15)  # of other intervals, and of each end of an interval
 
 
 _FRAMES = 4096  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library

@@ -12,8 +12,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_BEGIN, _DONE = 1e3, 1e-15
-"""Products at which the method begins and ends, in units of the greatest force times the greatest torque."""
+_BEGIN, _CLOSE = 1e3, 1e-9
+"""Products at which it begins, in units of the greatest force times the greatest torque, and how near it ends.
+
+Not by the size of the products: where limits cost as much as they may, sweeps lose their digits before these are small.
+"""
 
 
 @np.errstate(all="ignore")  # an infinite price marks an interval that cannot be left
@@ -48,15 +51,18 @@ def solve_from_inside(programme: Programme) -> None:
     at = np.flatnonzero(np.abs(ends) < np.inf)
     row, sign = at // 2, np.where(at % 2, 1.0, -1.0)
     stages = p.e.size
-    price, scale = np.tile(p.prices, stages)[row], unit * np.tile(p.moved, stages)[row]
-    priced = price < np.inf
+    price, moved = np.tile(p.prices, stages)[row], np.tile(p.moved, stages)[row]
+    priced, weight = price < np.inf, float(p.rate_weight[0])
+    far, strong = 1.0 / (unit * moved), moved / (unit * weight)  # what is little of a slack and of a force
     gap = sign * (ends[at] - p.numbers()[row])
-    slack, force, excess, spare = _centred(gap, price, scale, _BEGIN * most * unit)
+    least = np.where(row % p.rows == 0, 0.0, unit * moved)  # the middle of its own interval has room for a torque
+    slack, force, excess, spare = _centred(gap, price, least, _BEGIN * most * unit)
     centring, count = 0.1, at.size + int(np.sum(priced))
     for _ in range(p.rounds):
         products = slack * force + np.where(priced, excess * spare, 0.0)
         mean = float(np.cumsum(np.append(0.0, products))[-1]) / max(count, 1)
-        if not mean > _DONE * most * unit:
+        wide = np.where(priced, np.minimum(excess * far, spare * strong), 0.0)
+        if not np.max([np.minimum(slack * far, force * strong), wide], initial=0.0) > _CLOSE:
             break
         target = centring * mean
         stiff = 1.0 / (slack / force + excess / spare)
@@ -72,7 +78,7 @@ def solve_from_inside(programme: Programme) -> None:
         length = min(1.0, 0.995 * float(np.min(room[taken > 0.0] / taken[taken > 0.0], initial=np.inf)))
         slack, force, excess = slack + length * wider, force + length * harder, excess + length * farther
         gap, spare, x = gap - length * nearer, spare - length * harder, x + length * p.e
-        centring = max(0.01, (1.0 - length) ** 2)
+        centring = max(0.01, (1.0 - length) * (1.0 - length))
         _begin_here(p, length)
     p.barrier[:] = 0.0
     p.data[:], p.end[:] = kept
@@ -90,9 +96,9 @@ def _begin_here(programme: Programme, length: float) -> None:
     p.end += length * p.s[-1, :2]
 
 
-def _centred(gap: Array, price: Array, scale: Array, start: float) -> tuple[Array, Array, Array, Array]:
+def _centred(gap: Array, price: Array, least: Array, start: float) -> tuple[Array, Array, Array, Array]:
     """Slack, force, excess and spare force with both products equal to start; with a price the gap is right too."""
-    hard = start / np.maximum(gap, scale)
+    hard = start / np.maximum(gap, least)
     worth = np.where(price < np.inf, gap * price, 0.0)
     total = worth + 2 * start + np.sqrt(worth * worth + 4 * start * start)
     force = np.where(price < np.inf, 2 * start * (price / total), hard)

@@ -49,11 +49,12 @@ class Programme:
         self.data, self.bounds = arrays["data"].reshape(N, 2), arrays["bounds"].reshape(N, 3)
         self.barrier, self.forces = arrays["barrier"].reshape(N, -1), arrays["forces"].reshape(N, -1)
         self.fence = arrays["fence"].reshape(N, self.rows, 2)
+        self.rate_weight = arrays["tuning"][:1]
         self.prices, self.moved = arrays["prices"][: self.rows], arrays["moved"][: self.rows]
         self.end, self.e, self.held = arrays["end"], arrays["e"], arrays["held"]
         self.s, self.law = arrays["s"].reshape(N + 1, n + 1), arrays["law"].reshape(N, 2 * n + 5)
         self._V, self._v = np.zeros(triangle(n + 1).nnz()), np.zeros(n + 1)
-        w = arrays["tuning"][:1]
+        w = self.rate_weight
         self._sweep = Kernel(
             sweep(n, N, self.rows),
             {0: self._V, 1: self._v, 2: A, 3: B, 4: arrays["data"], 5: arrays["bounds"], 6: arrays["barrier"], 7: w},
@@ -119,15 +120,16 @@ class Programme:
         P, (angle, velocity) = self._tuning[1:4], self.end + self.s[-1, :2]
         self._slopes.inputs[0][:2] = P[0] * angle + P[1] * velocity, P[1] * angle + P[2] * velocity
         (slope_e,) = self._slopes()
-        curvature = self.law[:, -1] if self.rows == TORQUE_ALONE else self._tuning[0]
+        curvature = self.law[:, -1] if self.rows == TORQUE_ALONE else self.rate_weight[0]
         pulled = np.clip(self.e - slope_e / curvature, low, high)
         worst = float(np.max(np.abs(self.e - pulled)))
         if self.rows > TORQUE_ALONE:
             f, q = self.forces[:, 1:], self.numbers().reshape(-1, self.rows)[:, 1:]
-            stiff, price = self._tuning[0] / self.moved[1:] ** 2, self.prices[1:]
+            moved, price = self.moved[1:], self.prices[1:]
+            stiff = self.rate_weight[0] / (moved * moved)
             up = np.clip(f + stiff * (q - self.fence[:, 1:, 1]), 0.0, price)
             down = np.clip(f + stiff * (q - self.fence[:, 1:, 0]), -price, 0.0)
-            worst = float(np.max(np.abs(up + down - f) / stiff / self.moved[1:], initial=worst))
+            worst = float(np.max(np.abs(up + down - f) / stiff / moved, initial=worst))
         return worst / float(self.unit[0])
 
 

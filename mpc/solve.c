@@ -6,8 +6,8 @@
 enum { N = STATES, M = STATES + 1, TRIANGLE = M * (M + 1) / 2, LAW = 2 * M + 3, ROWS = BARRIER / 2 };
 
 #define CERTIFIED 1e-6 /* largest residual of an accepted solution, in units of the greatest torque */
-#define BEGIN 1e3      /* products at which the interior point method begins and ends, */
-#define DONE 1e-15     /* in units of the greatest force times the greatest torque */
+#define BEGIN 1e3      /* products at which the interior point method begins, in units of the greatest force times torque */
+#define CLOSE 1e-9     /* how near it ends, see mpc/interior_point.py */
 
 static real larger(real a, real b) { return a > b ? a : b; }
 static real smaller(real a, real b) { return a < b ? a : b; }
@@ -128,7 +128,7 @@ static void centred(struct controller *c, real start)
       c->spare[j] = price - c->force[j];
       c->excess[j] = start / c->spare[j];
     } else {
-      c->force[j] = start / larger(gap, c->unit[0] * c->moved[row]);
+      c->force[j] = start / larger(gap, row ? c->unit[0] * c->moved[row] : 0);
       c->spare[j] = INFINITY;
       c->excess[j] = 0;
     }
@@ -171,10 +171,32 @@ static real step_inside(struct controller *c, real target)
   return smaller(1, 0.995 * length);
 }
 
+/* How far the worst end of an interval is from having either no slack or no force, and the mean of their products. */
+static real left(const struct controller *c, real *mean)
+{
+  int j, ends = 0;
+  real worst = 0, sum = 0;
+  for (j = 0; j < BARRIER * c->horizon; ++j) {
+    real scale = c->moved[j % BARRIER / 2], slack = c->slack[j], force = c->force[j], product = slack * force;
+    real far = 1 / (c->unit[0] * scale), strong = scale / (c->unit[0] * c->tuning[0]);
+    if (!(fabs(c->fence[j]) < INFINITY)) continue;
+    worst = larger(smaller(slack * far, force * strong), worst);
+    ++ends;
+    if (c->spare[j] < INFINITY) {
+      worst = larger(smaller(c->excess[j] * far, c->spare[j] * strong), worst);
+      product += c->excess[j] * c->spare[j];
+      ++ends;
+    }
+    sum += product;
+  }
+  *mean = sum / ends;
+  return worst;
+}
+
 /* The primal-dual interior point method (see mpc/interior_point.py): the solution, and which torques are at a bound. */
 static void interior_point(struct controller *c)
 {
-  int k, j, round, count = c->horizon, ends;
+  int k, j, round, count = c->horizon;
   real most = 0, mean, centring = 0.1, length, *x = c->inside, *half = c->half, *kept = c->kept;
   memcpy(kept, c->data, 2 * count * sizeof(real));
   memcpy(kept + 2 * count, c->end, 2 * sizeof(real));
@@ -193,15 +215,7 @@ static void interior_point(struct controller *c)
   begin_here(c, 1);
   centred(c, BEGIN * most * c->unit[0]);
   for (round = 0; round < c->rounds; ++round) {
-    for (mean = 0, ends = 0, j = 0; j < BARRIER * count; ++j) {
-      real product = c->slack[j] * c->force[j];
-      if (!(fabs(c->fence[j]) < INFINITY)) continue;
-      ++ends;
-      if (c->spare[j] < INFINITY) ++ends, product += c->excess[j] * c->spare[j];
-      mean += product;
-    }
-    mean /= ends;
-    if (!(mean > DONE * most * c->unit[0])) break;
+    if (!(left(c, &mean) > CLOSE)) break;
     length = step_inside(c, centring * mean);
     for (j = 0; j < BARRIER * count; ++j) {
       if (!(fabs(c->fence[j]) < INFINITY)) continue;

@@ -61,7 +61,7 @@ static void confine(struct controller *c)
   int k, i;
   real memory[2][8], ends[4];
   const real *ahead = c->ahead + c->late, *dt = c->model + PARAMETERS - 2;
-  enter(c->states + N * c->late, ahead, c->soft, dt, memory[0]);
+  enter(c->states + N * c->late, c->soft, memory[0]);
   for (k = 0; k < c->horizon; ++k) {
     const real *state = c->states + N * (c->late + k + 1);
     real *fence = c->fence + BARRIER * k;

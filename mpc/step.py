@@ -53,8 +53,7 @@ class InterpretedStep:
         outputs = {0: arrays["states"][n:], 1: arrays["A"], 2: arrays["B"]}
         self._along = Kernel(along, {0: arrays["states"][:n], 2: np.tile(arrays["model"], late + N)}, outputs)
         self._reach = Kernel(unrolled(reach().map(N), N, reach()), {2: np.tile(machine, N)}, {0: arrays["range"]})
-        self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 2: arrays["soft"]})
-        self._enter.inputs[3][0] = self._dt
+        self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
         confined = {0: self._enter.outputs[0], 2: np.tile(arrays["soft"], N), 3: np.full(N, self._dt)}
         self._corridor = Kernel(unrolled(corridor().mapaccum(N), N, corridor()), confined)
         inputs = {0: arrays["preload"], 1: arrays["plan"][1:], 3: arrays["acceleration"], 4: np.tile(machine, N)}
@@ -130,7 +129,7 @@ class InterpretedStep:
         a["past"][late + 2] = given[0]
         if a["outcome"][0] < -1e-9 * a["machine"][1]:
             trouble |= Trouble.PARTING
-        low, high, speed, *_, far, fast = a["soft"].tolist()
+        low, high, speed, _, _, far, fast, _ = a["soft"].tolist()
         late_angles, late_speeds = a["angles"][1:], speeds[1:]
         beyond = (late_angles < low - far) | (late_angles > high + far) | (np.abs(late_speeds) > speed + fast)
         return trouble | (Trouble.BEYOND if self.programme.rows > TORQUE_ALONE and beyond.any() else Trouble.NONE)
@@ -178,7 +177,6 @@ class InterpretedStep:
         programme.data[1:, 1] = guess[1:] - guess[:-1]
         if programme.rows > TORQUE_ALONE:
             programme.fence[:, 1] = np.stack((-steps, steps), axis=-1) - programme.data[:, 1:]
-            self._enter.inputs[1][:] = ahead[:2]
             self._enter()
             for place in range(3):
                 self._corridor.inputs[1][place::3] = ahead[place : place + N]

@@ -109,7 +109,7 @@ def at_its_worst(made: TargetCode) -> dict[str, str]:
     code = made.files["antidrive_controller.c"]
     for old, new in (
         ("round < ROUNDS && changes", "round < ROUNDS && changes >= 0"),
-        ("    if (!(mean > ", "    if (0 && !(mean > "),
+        ("    if (!(left(c, &mean) > CLOSE)) break;", "    left(c, &mean);"),
         ("  if (worst <= CERTIFIED) return worst;", ""),
         ("c->plan[0] = worst <= CERTIFIED;", "c->plan[0] = 0;"),
         ("pass < PASSES && (!pass || most > CONVERGED * c->unit[0])", "pass < PASSES"),

@@ -4,6 +4,7 @@ are run by benchmarks/mpc_never_lost.py."""
 from __future__ import annotations
 
 from itertools import islice
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,16 +15,23 @@ from plant import ServoModel, machine_code
 from plant.effects import InputDelay
 
 FORMS = [False] if machine_code.compiler() is None else [True, False]
+LIMITS = {"angle_limits": (-0.5, 0.5), "speed_limit": 0.5, "torque_rate": 100.0, "motor_friction": 1e-3}
 LATE = ServoModel().with_effect(InputDelay(time=0.012))
 
 
 @pytest.mark.parametrize(
-    ("model", "rotor", "compiled"),
-    [(ServoModel.paper(), 0.0, True), (ServoModel(), 1e-5, True), (LATE, 0.0, True), (ServoModel.paper(), 0.0, False)],
-    ids=["paper", "heavy rotors", "delay", "without machine code"],
+    ("model", "options", "compiled"),
+    [
+        (ServoModel.paper(), {}, True),
+        (ServoModel(), {"rotor_inertia": 1e-5}, True),
+        (LATE, {}, True),
+        (ServoModel(), LIMITS, True),
+        (ServoModel.paper(), {}, False),
+    ],
+    ids=["paper", "heavy rotors", "delay", "limits", "without machine code"],
 )
-def test_it_is_never_lost(model: ServoModel, rotor: float, compiled: bool) -> None:
-    controller = Controller(model, GEARS, rotor_inertia=rotor)
+def test_it_is_never_lost(model: ServoModel, options: dict[str, Any], compiled: bool) -> None:
+    controller = Controller(model, GEARS, **options)
     if not compiled:
         controller._step = controller._interpreted
     met = set()
