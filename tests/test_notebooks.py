@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 FOLDER = Path(__file__).parents[1] / "notebooks"
@@ -34,7 +37,9 @@ def test_a_notebook_asks_a_question_and_keeps_its_pictures_and_no_paths(path):
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs_and_ends_in_the_number_it_shows(path, capsys):
+def test_a_notebook_runs_and_ends_in_the_number_it_shows(path, capsys, monkeypatch):
+    monkeypatch.chdir(FOLDER)
+    monkeypatch.delenv("EMPS", raising=False)
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")
     from matplotlib import pyplot
@@ -68,3 +73,13 @@ def test_a_notebook_runs_and_ends_in_the_number_it_shows(path, capsys):
 
 def test_there_are_notebooks():
     assert [path.stem[:2] for path in NOTEBOOKS] == ["01", "02", "03", "04", "05", "06"]
+
+
+def test_the_bundled_logs_are_what_their_script_writes():
+    spec = spec_from_file_location("make_axis_logs", FOLDER / "data" / "make_axis_logs.py")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    for name, seed, pulses in (("axis", 0, 0.0), ("axis_pulses", 1, 60.0)):
+        made, bundled = module.record(seed, pulses), pd.read_csv(FOLDER / "data" / f"{name}.csv")
+        assert list(made.columns) == list(bundled.columns)
+        np.testing.assert_allclose(made, bundled, rtol=0, atol=0.02)
