@@ -18,6 +18,7 @@ from diagnosis.repeated_runs import repeats
 from diagnosis.result import Cause, Diagnosis, Verdict
 from diagnosis.round import Addition
 from diagnosis.search import Outcome, search
+from diagnosis.second_opinion import second_opinions
 from identification.fit import base_model, fit
 from identification.fit_result import Fit
 from identification.log import Log
@@ -99,6 +100,9 @@ def diagnose(
     left = repeats(final)
     if left is not None:
         warnings.append(str(left))
+    opinions = second_opinions(final, holdout)
+    if opinions:
+        warnings.append(f"Fitted to the held-out data alone, the model has {'; '.join(map(str, opinions))}.")
     return Diagnosis(
         verdict=_verdict(outcome, unnamed),
         causes=_causes(outcome, errors),

@@ -1,0 +1,74 @@
+"""What the held-out data say of the extended model's parameters: the same model fitted to them alone, for comparison.
+
+It comes after everything is decided, and nothing is taken over from it. Two logs of one machine differ where it changed
+in between, and where the one excites what the other does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identification.certainty import fit_of
+from identification.fit_result import Fit, FittedParameter
+from identification.log import Log
+from identification.problem import Problem, first_states
+
+_APART = 4.0  # standard errors from which two estimates differ
+_MATTERS = 0.05  # of the estimate, or in rad of a phase; less is of no use to anybody
+_SHARPER = 5.0  # times smaller standard error, from which the held-out data are said to tell a parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondOpinion:
+    """One parameter that the held-out data have otherwise, or tell far better; without a value where only they do."""
+
+    parameter: str
+    value: float | None
+    std: float | None
+    held_out_value: float
+    held_out_std: float
+    unit: str
+
+    def __str__(self) -> str:
+        """As "presliding_hysteresis.stiffness 4.6e+05 +- 5e+04 N/m instead of 2.2e+05 +- 2e+04"."""
+        here = f"{self.held_out_value:.4g} +- {self.held_out_std:.2g} {self.unit}"
+        if self.value is None:
+            return f"{self.parameter} {here}, which the fitted data cannot tell"
+        return f"{self.parameter} {here} instead of {self.value:.4g} +- {self.std:.2g}"
+
+
+def second_opinions(fit: Fit, holdout: Log) -> tuple[SecondOpinion, ...]:
+    """Parameters of a fit that differ by more than four standard errors on held-out data, or are far surer there."""
+    problem = Problem.of(replace(holdout, colour=fit.log.colour), fit.model, fixed=fit.fixed)
+    start = problem.pack(fit.model.values, first_states(holdout))
+    best = problem.minimise(start, fit.bandwidth, 0.0, iterations=15)
+    if not np.isfinite(best.equations.cost):
+        return ()
+    other = fit_of(problem, fit.bandwidth, best, best.evaluations)
+    found = (_compared(a, b) for a, b in zip(fit.parameters, other.parameters, strict=True))
+    return tuple(opinion for opinion in found if opinion is not None)
+
+
+def _compared(here: FittedParameter, there: FittedParameter) -> SecondOpinion | None:
+    if here.fixed or here.name.startswith("curve_over") or there.value is None or there.std is None or there.at_bound:
+        return None
+    value = there.value
+    if here.value is not None and here.std is not None:
+        apart, size = value - here.value, abs(here.value)
+        if here.name.endswith(".phase"):
+            apart = float(np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi)
+            value, size = here.value + apart, 1.0
+        differs = abs(apart) > max(_APART * np.hypot(here.std, there.std), _MATTERS * size)
+        sharper = here.std > max(_SHARPER * there.std, _MATTERS * size)
+        if here.at_bound or not (differs or sharper):
+            return None
+    return SecondOpinion(
+        parameter=here.name,
+        value=here.value,
+        std=here.std,
+        held_out_value=value,
+        held_out_std=there.std,
+        unit=here.unit,
+    )
