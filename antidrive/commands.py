@@ -14,6 +14,7 @@ from antidrive.fitted_model import model_file
 from antidrive.log_options import LogOptions
 from antidrive.output import whole_file, whole_folder, write_json
 from antidrive.provenance import Provenance
+from antidrive.time_left import Tell
 from antidrive.voice import Voice
 from antidrive.words import headline, sentences
 from identification.log import Log
@@ -86,8 +87,8 @@ def diagnose(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
         model_file(found.extended).write(draft / "model.json")
         content, files, experiment, said = found.to_dict(), "diagnosis.json, model.json", None, []
         if found.verdict == "ambiguous":
-            with voice.progress("designing an experiment that tells the rivals apart"):
-                experiment, sentence = _separating(found, seed)
+            with voice.progress("designing an experiment that tells the rivals apart") as progress:
+                experiment, sentence = _separating(found, seed, progress)
             said.append(sentence)
             if experiment is not None and experiment.separable:
                 experiment.write(draft / _EXPERIMENT)
@@ -102,7 +103,7 @@ def diagnose(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
     voice.result("\n".join(lines), content)
 
 
-def _separating(found: Diagnosis, seed: int) -> tuple[Experiment | None, str]:
+def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Experiment | None, str]:
     """The experiment that tells the rivals of a diagnosis apart within what the log has shown, and a sentence on it."""
     from diagnosis.experiment import rivals_of, separating_experiment
     from diagnosis.experiment.signal_design import Limits
@@ -111,7 +112,7 @@ def _separating(found: Diagnosis, seed: int) -> tuple[Experiment | None, str]:
     if rivals is None:
         return None, "No experiment was designed: the rivals are not both fitted."
     try:
-        experiment = separating_experiment(*rivals, Limits.of(found.base.log), seed=seed)
+        experiment = separating_experiment(*rivals, Limits.of(found.base.log), seed=seed, progress=progress)
     except BadParameter as refusal:
         return None, f"No experiment was designed: {refusal}"
     return experiment, str(experiment)
@@ -131,7 +132,7 @@ def predict(model: Path, options: LogOptions, *, window: float | None, out: Path
         log = measured.log if measured.holdout is None else Log.merge([measured.log, measured.holdout])
         with voice.progress("simulating"):
             simulated = free_simulation(log, servo, window=window)
-        column = "angle" if log.axis == "rotary" else "position"
+        column, unit = ("angle", "rad") if log.axis == "rotary" else ("position", "m")
         table = pd.DataFrame(
             {
                 "run": np.repeat([run.number for run in log.runs], [len(run) for run in log.runs]),
@@ -141,12 +142,12 @@ def predict(model: Path, options: LogOptions, *, window: float | None, out: Path
         )
         if not np.isfinite(table[column]).all():
             raise BadParameter(f"{model}: simulated over this log, the model runs away to infinity; use another model.")
+        table[column] = table[column].map("{:.10g}".format)  # a clock may need more digits than a prediction is worth
         table.to_csv(draft, index=False, float_format="%.15g")
     errors = [
         {"run": run.number, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.output)[run.valid] ** 2)))}
         for run, y in zip(log.runs, simulated, strict=True)
     ]
-    unit = "rad" if log.axis == "rotary" else "m"
     lines = [f"{entry['label']}: rms error {entry['rms']:.4g} {unit}" for entry in errors]
     voice.result("\n".join([*lines, f"Written: {out}"]), {"file": str(out), "unit": unit, "runs": errors})
 
@@ -156,8 +157,7 @@ def simulate(scenario: str, *, model: Path | None, out: Path, seed: int, voice: 
     from antidrive.experiments.outcome import Outcome
     from antidrive.plans import read_plan
 
-    plan = read_plan(scenario)
-    design = None if model is None else read_model(model).model
+    plan, design = read_plan(scenario), _base(model)
     with whole_folder(out) as draft:
         with voice.progress(f"simulating {plan.name}") as progress:
             result = plan.run(design, seed, progress)
@@ -198,11 +198,11 @@ def allocate(torques: list[float], *, min_torque: float, max_torque: float, voic
         (f"{torque:.4g}", *(f"{t:+.5f}" for t in s.torques), f"{s.margin:.5f}", f"{s.heat:.6f}", s.status.split(":")[0])
         for torque, s in splits
     ]
-    short = [f"{torque:.4g} N m is {s.status}." for torque, s in splits if ":" in s.status]
     units = ("N m", "N m", "N m", "N m", "N² m²", "")
     widths = [max(len(row[place]) for row in (columns, units, *rows)) for place in range(len(columns))]
     lines = ["  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in (columns, units, *rows)]
-    lines += [textwrap.fill(line, 80, subsequent_indent="  ") for line in short]
+    why = [f"{torque:.4g} N m is {s.status}." for torque, s in splits if ":" in s.status]
+    lines += [textwrap.fill(line, 80, subsequent_indent="  ") for line in why]
     voice.result("\n".join(lines), {"unit": "N m", "splits": content})
 
 

@@ -60,9 +60,13 @@ def rivals(pair: str) -> tuple[Machine, Fit, Fit]:
     return machine, near(first, log), near(second, log)
 
 
+TOLD: dict[str, list[str]] = {}
+
+
 @lru_cache
 def designed(pair: str) -> Experiment:
-    return separating_experiment(*rivals(pair)[1:], LIMITS, duration=DURATION)
+    TOLD[pair] = []
+    return separating_experiment(*rivals(pair)[1:], LIMITS, duration=DURATION, progress=TOLD[pair].append)
 
 
 def task(pair: str, duration: float = DURATION) -> Design:
@@ -121,6 +125,14 @@ def test_a_change_is_as_large_as_asked_for_and_local_or_everywhere() -> None:
     moved = (np.abs(moves) > 1e-9).mean(axis=1)
     assert (moved < 0.1).any()
     assert (moved > 0.9).any()
+
+
+def test_it_tells_which_durations_it_tries() -> None:
+    designed("lag")
+    told = TOLD["lag"]
+    assert told[0] == "signals of 1.5 s, 0 of 12 durations are tried"
+    assert [int(line.split(", ")[1].split()[0]) for line in told] == list(range(len(told)))
+    assert len(told) > 3
 
 
 def test_without_a_duration_it_is_as_short_as_settles_it(monkeypatch: pytest.MonkeyPatch) -> None:

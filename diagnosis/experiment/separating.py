@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ __all__ = ["Experiment", "Limits", "rivals_of", "separating_experiment"]
 _DURATIONS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # that are tried where none is given [s]
 _WIDE = 30.0  # bandwidth of the observer from which a rival's refit descends [rad/s]
 _CONVINCING = 5.0  # expected log odds from which an experiment is worth its time
+_TRIALS = 12  # of durations, about
 _SURE = 9.3  # m of which log odds scattered by sqrt(2 m) exceed log(CLEAR / (1 - CLEAR)) in 95 of 100 cases
 
 
@@ -114,7 +116,13 @@ class Experiment:
 
 
 def separating_experiment(
-    first: Fit, second: Fit, limits: Limits, *, duration: float | None = None, seed: int = 0
+    first: Fit,
+    second: Fit,
+    limits: Limits,
+    *,
+    duration: float | None = None,
+    seed: int = 0,
+    progress: Callable[[str], None] | None = None,
 ) -> Experiment:
     """Design the torque signal that best tells two fitted models of one log apart.
 
@@ -125,6 +133,7 @@ def separating_experiment(
         limits: of the machine; both rivals keep them in simulation.
         duration: of the experiment [s]; by default as short as can be expected to settle it, at most 32 s.
         seed: of the changes that are tried of the best signals.
+        progress: called with a line of text for each duration that is tried.
 
     Raises:
         BadParameter: the log is of a position servo, or no signal keeps the limits.
@@ -139,9 +148,11 @@ def separating_experiment(
         )
     if duration is not None and not (np.isfinite(duration) and duration >= 10.0 * sample_time):
         raise BadParameter(f"duration = {duration:g} s must be at least ten samples of {sample_time:g} s.")
-    rivals = (Rival.of(first), Rival.of(second))
+    rivals, tried = (Rival.of(first), Rival.of(second)), count()
 
     def lasting(length: float) -> Design:
+        if progress is not None:
+            progress(f"signals of {length:g} s, {next(tried)} of {_TRIALS} durations are tried")
         return Design(rivals=rivals, limits=limits, duration=length, sample_time=sample_time, start=start)
 
     best = _shortest(lasting, seed) if duration is None else lasting(duration).best(seed)
