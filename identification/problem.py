@@ -1,4 +1,4 @@
-"""A least-squares problem on a log: how it is linearised, and the path along which it is solved.
+"""A least-squares problem on a log: the path along which its objective is minimised.
 
 The noise ratio, as the bandwidth of the observer in `identification.predictor`, is fitted beside the physics. The path
 goes from a large bandwidth, where every start converges, to a small one, where the parameters are sharpest, and ends
@@ -8,7 +8,7 @@ at the end.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,15 +17,11 @@ from identification.bandwidth import between, neighbours, parabola_top
 from identification.certainty import fit_of
 from identification.fit_result import Fit
 from identification.inverse import starting_values
-from identification.least_squares import Minimum, NormalEquations, minimise
+from identification.least_squares import Minimum, minimise
 from identification.log import Log
 from identification.noise import log_likelihood, short_autoregression
-from identification.over_runs import normal_equations
-from identification.predictor import Predictor
-from plant.discrete import integration_steps
+from identification.objective import Objective
 from plant.effects.effect import Array
-from plant.errors import BadParameter
-from plant.servo import ServoModel
 
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
 _COLOURINGS = 3  # passes from the errors' colour to the fit and back
@@ -41,69 +37,8 @@ class _Trial:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Problem:
-    """A fit before it is solved: a log, a model's structure and what may move."""
-
-    log: Log
-    model: ServoModel
-    predictor: Predictor
-    lower: Array
-    upper: Array
-
-    @classmethod
-    def of(cls, log: Log, model: ServoModel, *, fixed: Collection[str] = ()) -> Problem:
-        """Prepare a fit; gravity is fixed on a linear axis."""
-        unknown = set(fixed) - set(model.names)
-        if unknown:
-            raise BadParameter(f"fixed: {min(unknown)!r} is not a parameter; they are {', '.join(model.names)}.")
-        if log.axis != model.axis:
-            raise BadParameter(f"The log is of a {log.axis} axis, the model of a {model.axis} one.")
-        kept = {*fixed, "gravity"} if model.axis == "linear" else set(fixed)
-        free = tuple(place for place, name in enumerate(model.names) if name not in kept)
-        specs = [model.parameters[place] for place in free]
-        substeps = integration_steps(model, log.sample_time)
-        unbounded = np.full(2 * len(log.runs), np.inf)
-        return cls(
-            log=log,
-            model=model,
-            predictor=Predictor(model=model, runs=log.runs, free=free, substeps=substeps, colour=log.colour),
-            lower=np.concatenate(([spec.lower for spec in specs], -unbounded)),
-            upper=np.concatenate(([spec.upper for spec in specs], unbounded)),
-        )
-
-    @property
-    def free(self) -> tuple[int, ...]:
-        """Places of the parameters that move."""
-        return self.predictor.free
-
-    @property
-    def samples(self) -> int:
-        """Number of samples that count."""
-        return int(sum(run.valid.sum() for run in self.log.runs))
-
-    def unpack(self, point: Array) -> tuple[Array, Array]:
-        """Parameters (P,) and initial states (R, 2) of a point (F + 2R,)."""
-        values = self.model.values
-        values[list(self.free)] = point[: len(self.free)]
-        return values, point[len(self.free) :].reshape(-1, 2)
-
-    def pack(self, values: Array, initial: Array) -> Array:
-        """The point (F + 2R,) of parameters (P,) and initial states (R, 2)."""
-        return np.concatenate((values[list(self.free)], initial.ravel()))
-
-    def linearise(self, point: Array, bandwidth: float, width: float) -> NormalEquations:
-        """The normal equations at a point."""
-        values, initial = self.unpack(point)
-        pieces = self.predictor.pieces(values, initial, bandwidth=bandwidth, width=width)
-        return normal_equations(pieces, len(self.log.runs))
-
-    def cost(self, point: Array, bandwidth: float, width: float) -> float:
-        """Sum of squared innovations at a point, infinite where the prediction overflows."""
-        values, initial = self.unpack(point)
-        pieces = self.predictor.pieces(values, initial, bandwidth=bandwidth, width=width, sensitivities=False)
-        with np.errstate(over="ignore", invalid="ignore"):
-            total = float(sum(piece.innovations @ piece.innovations for _, piece in pieces))
-        return total if np.isfinite(total) else np.inf
+class Problem(Objective):
+    """A fit before it is solved."""
 
     def minimise(self, start: Array, bandwidth: float, width: float, iterations: int = 30) -> Minimum:
         """The best point at a bandwidth and a width."""

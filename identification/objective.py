@@ -1,0 +1,91 @@
+"""The least-squares objective on a log: what may move, and the sum of squares with its slopes at any point."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from identification.least_squares import NormalEquations
+from identification.log import Log
+from identification.over_runs import normal_equations
+from identification.predictor import Predictor
+from plant.discrete import integration_steps
+from plant.effects.effect import Array
+from plant.errors import BadParameter
+from plant.servo import ServoModel
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Objective:
+    """A log, a model's structure and what may move.
+
+    Attributes:
+        log: to be explained.
+        model: the structure; its numbers are those of what is fixed, and one start.
+        predictor: of the log's runs by the structure.
+        lower, upper: (F + 2R,) bounds of a point.
+    """
+
+    log: Log
+    model: ServoModel
+    predictor: Predictor
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def of(cls, log: Log, model: ServoModel, *, fixed: Collection[str] = ()) -> Self:
+        """Of a model's parameters all move but the fixed ones; gravity is fixed on a linear axis."""
+        unknown = set(fixed) - set(model.names)
+        if unknown:
+            raise BadParameter(f"fixed: {min(unknown)!r} is not a parameter; they are {', '.join(model.names)}.")
+        if log.axis != model.axis:
+            raise BadParameter(f"The log is of a {log.axis} axis, the model of a {model.axis} one.")
+        kept = {*fixed, "gravity"} if model.axis == "linear" else set(fixed)
+        free = tuple(place for place, name in enumerate(model.names) if name not in kept)
+        specs = [model.parameters[place] for place in free]
+        substeps = integration_steps(model, log.sample_time)
+        unbounded = np.full(2 * len(log.runs), np.inf)
+        return cls(
+            log=log,
+            model=model,
+            predictor=Predictor(model=model, runs=log.runs, free=free, substeps=substeps, colour=log.colour),
+            lower=np.concatenate(([spec.lower for spec in specs], -unbounded)),
+            upper=np.concatenate(([spec.upper for spec in specs], unbounded)),
+        )
+
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Places of the parameters that move."""
+        return self.predictor.free
+
+    @property
+    def samples(self) -> int:
+        """Number of samples that count."""
+        return int(sum(run.valid.sum() for run in self.log.runs))
+
+    def unpack(self, point: Array) -> tuple[Array, Array]:
+        """Parameters (P,) and initial states (R, 2) of a point (F + 2R,)."""
+        values = self.model.values
+        values[list(self.free)] = point[: len(self.free)]
+        return values, point[len(self.free) :].reshape(-1, 2)
+
+    def pack(self, values: Array, initial: Array) -> Array:
+        """The point (F + 2R,) of parameters (P,) and initial states (R, 2)."""
+        return np.concatenate((values[list(self.free)], initial.ravel()))
+
+    def linearise(self, point: Array, bandwidth: float, width: float) -> NormalEquations:
+        """The normal equations at a point."""
+        values, initial = self.unpack(point)
+        pieces = self.predictor.pieces(values, initial, bandwidth=bandwidth, width=width)
+        return normal_equations(pieces, len(self.log.runs))
+
+    def cost(self, point: Array, bandwidth: float, width: float) -> float:
+        """Sum of squared innovations at a point, infinite where the prediction overflows."""
+        values, initial = self.unpack(point)
+        pieces = self.predictor.pieces(values, initial, bandwidth=bandwidth, width=width, sensitivities=False)
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = float(sum(piece.innovations @ piece.innovations for _, piece in pieces))
+        return total if np.isfinite(total) else np.inf
