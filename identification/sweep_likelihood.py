@@ -51,9 +51,8 @@ def most_likely(samples: FlankSamples) -> SweepEstimate:
     )
     size, axes = np.linalg.eigh(sweep.curvature(found.x))
     root = sweep.basis @ (axes[:10] / np.sqrt(np.maximum(size, _NOTHING)))
-    return SweepEstimate(
-        numbers=sweep.basis @ found.x[:10], covariance=root @ root.T, noise=sweep.noise(float(found.x[10]))[0]
-    )
+    noise = sweep.noise(float(found.x[10]))[0]
+    return SweepEstimate(numbers=sweep.basis @ found.x[:10], covariance=sweep.alike(noise) * root @ root.T, noise=noise)
 
 
 class _Sweep:
@@ -71,7 +70,9 @@ class _Sweep:
         self._middle, self._of_middle = samples.rotors.mean(axis=1), 0.5 * np.hstack((first, second))
         self._reading = samples.reading
         left = _left(self._of_apart, self._apart)
-        spread = float(np.std(left)) * np.sqrt(_alike(left, samples.visit))
+        self._alike = _alike(left, samples.visit)
+        repeated = max(np.unique(samples.visit).size / 2.0, 1.0)  # visits of a flank may repeat each other's rounding
+        spread = float(np.std(left)) * np.sqrt(self._alike * repeated)
         off = self._middle - self._reading
         self._least_noise = 0.5 * float(np.std(left))  # the motors' share
         self._scale = max(float(np.std(_left(self._of_middle, off))), self._least_noise)
@@ -88,6 +89,10 @@ class _Sweep:
         noise = float(np.hypot(self._least_noise, unknown * self._scale))
         by = unknown * (self._scale / noise) ** 2
         return noise, by, (self._scale / noise) ** 2 - 2.0 * by**2
+
+    def alike(self, noise: float) -> float:
+        """How many readings of the load tell as much as one: the motors' share in their noise is alike for a while."""
+        return 1.0 + (self._least_noise / noise) ** 2 * (self._alike - 1.0)
 
     def value_and_slope(self, unknowns: Array) -> tuple[float, Array]:
         """Minus the log-likelihood, and its gradient (11,)."""
@@ -125,10 +130,7 @@ def _left(columns: Array, values: Array) -> Array:
 
 
 def _alike(residuals: Array, visit: NDArray[np.int64]) -> float:
-    """How many samples of these residuals (N,) tell as much as one.
-
-    Within a visit 1 + 2 (sum of correlations); and all visits of a flank may repeat what one of them says.
-    """
+    """How many samples of these residuals (N,) tell as much as one: 1 + 2 (sum of correlations) within visits."""
     groups = [residuals[visit == number] for number in np.unique(visit)]
     power, alike = float(residuals @ residuals), 1.0
     for lag in range(1, min(map(len, groups))):
@@ -136,4 +138,4 @@ def _alike(residuals: Array, visit: NDArray[np.int64]) -> float:
         if correlation < _FADED:
             break
         alike += 2.0 * correlation
-    return alike * max(len(groups) / 2.0, 1.0)
+    return alike

@@ -24,6 +24,7 @@ class Teeth:
     friction: tuple[float, float] = (0.05, 0.08)
     coefficient: tuple[float, float] = (0.05, 0.02)
     bits: int = 17
+    motor_bits: int = 17
     noise: float = 5e-6
 
 
@@ -36,7 +37,7 @@ def swept(teeth: Teeth, seed: int, *, visits: int = 8, length: int = 500, creep:
     acts = 0.5 * (told + np.concatenate((told[:1], told[:-1])))
     grows = np.tile(np.where(part <= 0.5 + 0.5 / length, 1.0, -1.0), visits)
     load = rng.uniform(0.0, 1.0) * 1e-3 + creep * np.arange(told.size)
-    count = 2 * np.pi / 2**teeth.bits
+    count, turn = 2 * np.pi / 2**teeth.bits, 2 * np.pi / 2**teeth.motor_bits
     rotors = []
     for drive, sense in enumerate((-1.0, 1.0)):
         friction, mu = teeth.friction[drive], teeth.coefficient[drive]
@@ -54,7 +55,7 @@ def swept(teeth: Teeth, seed: int, *, visits: int = 8, length: int = 500, creep:
         output=reading,
         valid=np.ones(told.size, dtype=bool),
         servo_gain=np.zeros(told.size),
-        drive_angles=np.round(shafts / count) * count,
+        drive_angles=np.round(shafts / turn) * turn,
         torques=pinions,
     )
     return Log(runs=(run,), axis="rotary")
