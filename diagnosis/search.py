@@ -75,13 +75,14 @@ def search(
             firm = list(additions)
         elif not found.clear or len(additions) > len(firm) + _AHEAD:
             break
-    kept = without_wanderers(base, firm, progress)
+    named = with_best_names(firm, progress)
+    kept = without_wanderers(base, named, progress)
     names = {addition.effect for addition in kept}
     return Outcome(
         base=base,
-        additions=tuple(with_best_names(kept, progress)),
+        additions=tuple(kept),
         candidates=tuple(candidates),
-        wanderers=tuple(addition.effect for addition in firm if addition.effect not in names),
+        wanderers=tuple(addition.effect for addition in named if addition.effect not in names),
     )
 
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
+from scipy.special import expit
 
-from diagnosis.odds import MISSING
+from diagnosis.odds import MISSING, NONE
 from diagnosis.refit import fitted_near
 from diagnosis.round import Addition
 from identification.fit_result import Fit
@@ -28,16 +28,18 @@ def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[
         return additions
     if progress is not None:
         progress("or does the load only wander?")
-    kept = list(additions)
+    needed = {addition.effect: 1.0 for addition in additions}
     beside = fitted_near(final, final.model.with_effect(WanderingLoad()))
     at_hand = max(final, beside, key=lambda fit: fit.log_likelihood)
     for addition in sorted(additions, key=lambda addition: addition.evidence):
         less = fitted_near(at_hand, at_hand.model.without_effect(addition.effect).with_effect(WanderingLoad()))
-        if not _is_needed(addition, at_hand, less):
-            kept.remove(addition)
+        needed[addition.effect] = _needed(addition, at_hand, less)
+        if needed[addition.effect] < MISSING:
             at_hand = less
+    sure = [(addition, needed[addition.effect]) for addition in additions]
+    kept = [_less_sure(addition, probability) for addition, probability in sure if probability >= MISSING]
     if len(kept) == len(additions):
-        return additions
+        return kept
     fitted, at = [], base
     for addition in kept:
         effect = final.model.effect(addition.effect)
@@ -46,9 +48,18 @@ def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[
     return fitted
 
 
-def _is_needed(addition: Addition, fit: Fit, less: Fit) -> bool:
-    """Whether one-step predictions say that something is missing without it, as probably as a name needs."""
+def _needed(addition: Addition, fit: Fit, less: Fit) -> float:
+    """Probability, by one-step predictions, that something is missing without it though the load may wander."""
     own = next((rival for rival in addition.contest if rival.effect.name == addition.effect), None)
     if own is None or fit.model.effect(addition.effect) is None:
-        return True
-    return own.visible(fit, less) > float(np.log(MISSING / (1.0 - MISSING)))
+        return 1.0
+    return float(expit(own.visible(fit, less)))
+
+
+def _less_sure(addition: Addition, needed: float) -> Addition:
+    """The addition with odds in which something is missing with that probability at most."""
+    missing = 1.0 - addition.odds.get(NONE, 0.0)
+    if needed >= missing:
+        return addition
+    odds = {name: share * needed / missing for name, share in addition.odds.items() if name != NONE}
+    return replace(addition, odds=dict(sorted([*odds.items(), (NONE, 1.0 - needed)], key=lambda item: -item[1])))

@@ -56,3 +56,10 @@ def test_a_cause_is_named_beside_a_wandering_load(seed):
     found = diagnose(wandering_load(Machine().hiding(coulomb_friction={"torque": 0.1}), seed))
     assert [cause.effect for cause in found.causes] == ["coulomb_friction"]
     assert found.causes[0].parameters["torque"].value == pytest.approx(0.1, rel=0.1)
+
+
+def test_a_name_is_no_surer_than_it_is_beside_a_wandering_load():
+    """A slow load of 0.01 N m that looks like a soft stop on this log: without the wandering its odds are 10^8 to 1."""
+    (cause,) = diagnose(wandering_load(Machine(), 7001), candidates=["end_stop", "torque_offset"]).causes
+    assert cause.effect == "end_stop"
+    assert 0.95 < cause.probability < 0.999
