@@ -18,6 +18,9 @@ _BEGIN, _CLOSE = 1e3, 1e-9
 Not by the size of the products: where limits cost as much as they may, sweeps lose their digits before these are small.
 """
 
+_STIFF = 1e11
+"""Greatest curvature of the barrier, in units of that of the cost: with more a force would be noise in the end."""
+
 
 @np.errstate(all="ignore")  # an infinite price marks an interval that cannot be left
 def solve_from_inside(programme: Programme) -> None:
@@ -40,8 +43,8 @@ def solve_from_inside(programme: Programme) -> None:
     p.bounds[:, 0] = 0.0
     p.sweep()
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, 1e-7 * unit)
-    curvature = p.law[:, -1].copy()
-    most = float(np.max(curvature * np.maximum(np.abs(p.e - middle), half)))
+    p.curvature[:] = p.law[:, -1]
+    most = float(np.max(p.curvature * np.maximum(np.abs(p.e - middle), half)))
     p.fence[:, 0] = np.stack((middle - half, middle + half), axis=-1)
     p.follow(middle)
     x = middle.copy()
@@ -54,6 +57,7 @@ def solve_from_inside(programme: Programme) -> None:
     price, moved = np.tile(p.prices, stages)[row], np.tile(p.moved, stages)[row]
     priced, weight = price < np.inf, float(p.rate_weight[0])
     far, strong = 1.0 / (unit * moved), moved / (unit * weight)  # what is little of a slack and of a force
+    stiffest = _STIFF * (p.curvature[row // p.rows] / (moved * moved))
     gap = sign * (ends[at] - p.numbers()[row])
     least = np.where(row % p.rows == 0, 0.0, unit * moved)  # the middle of its own interval has room for a torque
     slack, force, excess, spare = _centred(gap, price, least, _BEGIN * most * unit)
@@ -65,7 +69,7 @@ def solve_from_inside(programme: Programme) -> None:
         if not np.max([np.minimum(slack * far, force * strong), wide], initial=0.0) > _CLOSE:
             break
         target = centring * mean
-        stiff = 1.0 / (slack / force + excess / spare)
+        stiff = np.minimum(1.0 / (slack / force + excess / spare), stiffest)
         pull = stiff * (target / force - target / spare - gap)
         p.barrier[:, 0::2] = _sums(p, row, stiff)
         p.barrier[:, 1::2] = _sums(p, row, sign * (force + pull))
@@ -84,7 +88,7 @@ def solve_from_inside(programme: Programme) -> None:
     p.data[:], p.end[:] = kept
     p.follow(x)
     p.forces[:] = _sums(p, row, sign * force)
-    push, inside = p.forces[:, 0] / curvature, x - middle
+    push, inside = p.forces[:, 0] / p.curvature, x - middle
     p.bounds[:, 0] = np.where(inside + push < -half, -1.0, np.where(inside + push > half, 1.0, 0.0))
 
 

@@ -52,6 +52,7 @@ class Programme:
         self.rate_weight = arrays["tuning"][:1]
         self.prices, self.moved = arrays["prices"][: self.rows], arrays["moved"][: self.rows]
         self.end, self.e, self.held = arrays["end"], arrays["e"], arrays["held"]
+        self.curvature = arrays["curvature"]
         self.s, self.law = arrays["s"].reshape(N + 1, n + 1), arrays["law"].reshape(N, 2 * n + 5)
         self._V, self._v = np.zeros(triangle(n + 1).nnz()), np.zeros(n + 1)
         w = self.rate_weight
@@ -88,6 +89,7 @@ class Programme:
             self.bounds[:, 0] = self.held
             if settled:
                 break
+        self.curvature[:] = self.law[:, -1]
 
     def sweep(self) -> bool:
         """Backward for the law, forward for the torques; whether the bounds that hold stay the same."""
@@ -120,13 +122,13 @@ class Programme:
         P, (angle, velocity) = self._tuning[1:4], self.end + self.s[-1, :2]
         self._slopes.inputs[0][:2] = P[0] * angle + P[1] * velocity, P[1] * angle + P[2] * velocity
         (slope_e,) = self._slopes()
-        curvature = self.law[:, -1] if self.rows == TORQUE_ALONE else self.rate_weight[0]
+        curvature = self.law[:, -1] if self.rows == TORQUE_ALONE else self.curvature
         pulled = np.clip(self.e - slope_e / curvature, low, high)
         worst = float(np.max(np.abs(self.e - pulled)))
         if self.rows > TORQUE_ALONE:
             f, q = self.forces[:, 1:], self.numbers().reshape(-1, self.rows)[:, 1:]
             moved, price = self.moved[1:], self.prices[1:]
-            stiff = self.rate_weight[0] / (moved * moved)
+            stiff = curvature[:, None] / (moved * moved)
             up = np.clip(f + stiff * (q - self.fence[:, 1:, 1]), 0.0, price)
             down = np.clip(f + stiff * (q - self.fence[:, 1:, 0]), -price, 0.0)
             worst = float(np.max(np.abs(up + down - f) / stiff / moved, initial=worst))

@@ -6,8 +6,9 @@
 enum { N = STATES, M = STATES + 1, TRIANGLE = M * (M + 1) / 2, LAW = 2 * M + 3, ROWS = BARRIER / 2 };
 
 #define CERTIFIED 1e-6 /* largest residual of an accepted solution, in units of the greatest torque */
-#define BEGIN 1e3      /* products at which the interior point method begins, in units of the greatest force times torque */
-#define CLOSE 1e-9     /* how near it ends, see mpc/interior_point.py */
+#define BEGIN 1e3      /* where the interior point method begins, how steep its barrier may be, */
+#define STIFF 1e11     /* and how near it ends: see mpc/interior_point.py */
+#define CLOSE 1e-9
 
 static real larger(real a, real b) { return a > b ? a : b; }
 static real smaller(real a, real b) { return a < b ? a : b; }
@@ -75,14 +76,14 @@ static real residual(struct controller *c)
   for (k = c->horizon - 1; k >= 0; --k) {
     int from = (c->horizon - 1 - k) & 1;
     const real *bounds = c->bounds + 3 * k, *forces = c->forces + ROWS * k, *fence = c->fence + BARRIER * k;
-    real curvature = ROWS > 1 ? c->tuning[0] : c->law[LAW * k + LAW - 1];
+    real curvature = ROWS > 1 ? c->curvature[k] : c->law[LAW * k + LAW - 1];
     if (!(bounds[1] <= bounds[2])) return INFINITY;
     slope(costate[from], c->s + M * k, c->e + k, c->A + N * (shift + N * k), c->B + 2 * (shift + N * k),
           c->data + 2 * k, forces, c->tuning, costate[!from], &slope_e);
     miss = fabs(c->e[k] - clipped(c->e[k] - slope_e / curvature, bounds[1], bounds[2]));
     if (!(miss <= worst)) worst = miss;
     for (i = 1; i < ROWS; ++i) { /* the other intervals, see `Programme.residual` */
-      real scale = c->moved[i], stiff = c->tuning[0] / (scale * scale), q = number(c, k, i);
+      real scale = c->moved[i], stiff = curvature / (scale * scale), q = number(c, k, i);
       real up = clipped(forces[i] + stiff * (q - fence[2 * i + 1]), 0, c->prices[i]);
       real down = clipped(forces[i] + stiff * (q - fence[2 * i]), -c->prices[i], 0);
       miss = fabs(up + down - forces[i]) / stiff / scale;
@@ -101,6 +102,7 @@ static void active_set(struct controller *c)
     changes = sweep(c);
     for (k = 0; k < c->horizon; ++k) c->bounds[3 * k] = c->held[k];
   }
+  for (k = 0; k < c->horizon; ++k) c->curvature[k] = c->law[LAW * k + LAW - 1];
 }
 
 /* Count from now on from where that part of the last sweep ends. */
@@ -143,11 +145,12 @@ static real step_inside(struct controller *c, real target)
   int j, i;
   real length = INFINITY;
   for (j = 0; j < BARRIER * c->horizon; j += 2) {
-    real d[2] = {0, 0}, g[2] = {0, 0};
+    real d[2] = {0, 0}, g[2] = {0, 0}, scale = c->moved[j % BARRIER / 2];
+    real stiffest = STIFF * (c->curvature[j / BARRIER] / (scale * scale));
     for (i = 0; i < 2; ++i) {
       real force = c->force[j + i], spare = c->spare[j + i], stiff;
       if (!(fabs(c->fence[j + i]) < INFINITY)) continue; /* what has no end there pushes nothing */
-      stiff = 1 / (c->slack[j + i] / force + c->excess[j + i] / spare);
+      stiff = smaller(1 / (c->slack[j + i] / force + c->excess[j + i] / spare), stiffest);
       c->pull[j + i] = stiff * (target / force - target / spare - c->gap[j + i]);
       c->stiff[j + i] = d[i] = stiff;
       g[i] = (i ? 1 : -1) * (force + c->pull[j + i]);
