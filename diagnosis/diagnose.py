@@ -10,7 +10,7 @@ import numpy as np
 from diagnosis.candidates import Choice, chosen
 from diagnosis.curves import carried, unnamed_dependence
 from diagnosis.holdout import inverse_errors, measure_gain, remaining, split
-from diagnosis.identifiability import blind_spots
+from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
 from diagnosis.odds import NONE, parameter_cost
 from diagnosis.refit import estimates, evidence_of
@@ -19,6 +19,7 @@ from diagnosis.result import Cause, Diagnosis, Verdict
 from diagnosis.round import Addition
 from diagnosis.search import Outcome, search
 from diagnosis.second_opinion import second_opinions
+from identification.errors import Unidentifiable
 from identification.fit import base_model, fit
 from identification.fit_result import Fit
 from identification.log import Log
@@ -59,6 +60,7 @@ def diagnose(
 
     Raises:
         BadParameter: base and log do not fit together, or an effect is not known.
+        Unidentifiable: the load does not move.
     """
     effects = chosen(candidates, exclude)
     tell = progress or (lambda line: None)
@@ -67,6 +69,8 @@ def diagnose(
         log, holdout, *said = split(log)
     tell("fitting the base model")
     null = fit(log, base_model(log) if base is None else base, fixed=fixed)
+    if (still := standstill(null)) is not None:
+        raise Unidentifiable(still)
     log, holdout = null.log, evenly_timed(holdout) if null.log.evenly_timed else holdout
     warnings = [*log.warnings, *log.repairs, *log.notes, *said]
     if null.unidentifiable:

@@ -74,12 +74,9 @@ _QUESTIONS = (
 
 def blind_spots(fit: Fit) -> tuple[str, ...]:
     """One sentence for each size that the log of a fit cannot tell, with what to do next; none for a telling log."""
-    if _stands_still(fit):
-        highest = max(float(np.nanmax(np.abs(run.command - run.servo_gain * run.output))) for run in fit.log.runs)
-        return (
-            f"The load does not move: a torque of at most {highest:.3g} {fit.log.command_unit} does not leave the dead "
-            "zone or dry friction; raise it until the load moves.",
-        )
+    still = standstill(fit)
+    if still is not None:
+        return (still,)
     screen = Screen.of(fit, Problem.of(fit.log, fit.model, fixed=fit.fixed), bandwidth=fit.bandwidth)
     motion, columns = screen.motion, _columns(screen.motion, fit)
     shown = response(screen.filters, np.column_stack(list(columns.values())), np.zeros(len(columns), dtype=bool))
@@ -95,10 +92,17 @@ def blind_spots(fit: Fit) -> tuple[str, ...]:
     )
 
 
-def _stands_still(fit: Fit) -> bool:
-    """Whether noise alone accounts for what the sensor has shown."""
+def standstill(fit: Fit) -> str | None:
+    """That the load does not move and what to do, where noise alone accounts for what the sensor has shown."""
     spread = np.concatenate([(run.output - run.output[run.valid].mean())[run.valid] for run in fit.log.runs])
-    return _rms(spread) < 2.0 * fit.noise_std
+    resolution = 1e-9 * max(float(np.max(np.abs(run.output[run.valid]))) for run in fit.log.runs)
+    if _rms(spread) > max(2.0 * fit.noise_std, resolution):
+        return None
+    highest = max(float(np.nanmax(np.abs(run.command - run.servo_gain * run.output))) for run in fit.log.runs)
+    return (
+        f"The load does not move: a torque of at most {highest:.3g} {fit.log.command_unit} does not leave the dead "
+        "zone or dry friction; raise it until the load moves."
+    )
 
 
 def _columns(motion: Motion, fit: Fit) -> dict[str, Array]:

@@ -31,7 +31,7 @@ def fit_of(objective: Objective, bandwidth: float, minimum: Minimum, evaluations
     lost = lost | _nothing_moves(objective, minimum)
     gone = np.array(objective.free, dtype=int)[lost]
     values[gone] = objective.model.values[gone]
-    lost = lost | _without_weight(objective, values, np.sqrt(np.diag(spread)))
+    lost = lost | _without_weight(objective, values, np.sqrt(np.maximum(np.diag(spread), 0.0)))
     fitted = objective.model.with_values(values)
     return Fit(
         model=fitted,

@@ -158,7 +158,7 @@ def constant_channels(recording: Recording) -> Iterable[Finding]:
     if np.ptp(recording.output[recording.valid]) == 0:
         text = (
             f"{recording.label}: '{recording.name('output')}' is constant, the load never turns; "
-            "inertia and friction cannot be seen in this run"
+            "inertia and friction cannot be seen in this run; raise the command until it does"
         )
         yield Finding(kind="never turns", repaired=False, text=text)
     moving = np.ptp(recording.output) > 0

@@ -10,7 +10,7 @@ from front_door import DT, TRUTH, columns
 
 from antidrive.demo import record
 from diagnosis import blind_spots, diagnose
-from identification import Log, fit
+from identification import Log, Unidentifiable, fit
 from plant import ServoModel, simulate
 from plant.effects import CoulombFriction
 from plant.rig import Rig
@@ -85,6 +85,14 @@ def test_a_torque_within_the_dead_zone_is_to_be_raised():
         "The load does not move: a torque of at most 0.1 N m does not leave the dead zone or dry friction; raise it "
         "until the load moves."
     )
+
+
+@pytest.mark.parametrize(("level", "noise"), [(0.0, 0.0), (0.7, 0.0), (0.7, 1.0)])
+def test_a_load_that_never_moves_has_no_diagnosis_but_advice(level, noise):
+    still = played(WHEEL, 0.1 * np.sin(2 * np.pi * 0.5 * TIME))
+    constant = replace(still, runs=tuple(replace(run, output=level + noise * run.output) for run in still.runs))
+    with pytest.raises(Unidentifiable, match=r"does not move: .*; raise it until the load moves"):
+        diagnose(constant)
 
 
 def test_a_steady_speed_shows_no_inertia_and_no_viscous_friction():
