@@ -23,8 +23,8 @@ from plant.model_file import read_model
 from plant.servo import ServoModel
 
 if TYPE_CHECKING:
+    from diagnosis.diagnosis import Diagnosis
     from diagnosis.experiment import Experiment
-    from diagnosis.result import Diagnosis
     from plant.gears import GearTrain
 
 __all__ = [

@@ -14,8 +14,8 @@ from antidrive.scenario import Scenario
 from antidrive.simulation import Trial, run_scenario
 from antidrive.words import headline
 from diagnosis.diagnose import diagnose
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation.wording import percent, sentence_case, size, title_of
-from diagnosis.result import Diagnosis
 from identification.log import Log
 from plant.model_file import ModelFile
 from plant.rig import Rig

@@ -14,11 +14,12 @@ from antidrive.experiments.outcome import Outcome
 from antidrive.page import figure_json, page
 from antidrive.provenance import Provenance
 from antidrive.words import headline, sentences
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation, Reason
 from diagnosis.explanation.wording import effect_of, percent, sentence_case, title_of
 from diagnosis.holdout import rms
 from diagnosis.odds import NONE
-from diagnosis.result import Cause, Diagnosis, Gain
+from diagnosis.result import Cause, Gain
 from identification.fit_result import Fit, FittedParameter, correlations
 from plant.effects.effect import Array
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation
 from diagnosis.explanation.wording import listed, percent, sentence_case, title_of
-from diagnosis.result import Cause, Diagnosis
+from diagnosis.result import Cause
 
 _ALONE = 0.9  # probability above which a name stands without its rivals
 

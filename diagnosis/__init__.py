@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from diagnosis.batch import diagnose_all
 from diagnosis.diagnose import diagnose
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.experiment import Experiment, Limits, rivals_of, separating_experiment
 from diagnosis.explanation import Explanation
 from diagnosis.identifiability import blind_spots
-from diagnosis.result import Cause, Diagnosis, Gain
+from diagnosis.result import Cause, Findings, Gain
 
 __all__ = [
     "Cause",
     "Diagnosis",
     "Experiment",
     "Explanation",
+    "Findings",
     "Gain",
     "Limits",
     "blind_spots",

@@ -9,7 +9,7 @@ from functools import partial
 
 from diagnosis.candidates import Choice
 from diagnosis.diagnose import diagnose
-from diagnosis.result import Diagnosis
+from diagnosis.diagnosis import Diagnosis
 from identification.log import Log
 from plant.executors import in_order
 from plant.servo import ServoModel

@@ -9,13 +9,14 @@ import numpy as np
 
 from diagnosis.candidates import Choice, chosen
 from diagnosis.curves import carried, unnamed_dependence
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.holdout import inverse_errors, measure_gain, remaining, split
 from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
 from diagnosis.odds import NONE, parameter_cost
 from diagnosis.refit import estimates, evidence_of
 from diagnosis.repeated_runs import repeats
-from diagnosis.result import Cause, Diagnosis, Verdict
+from diagnosis.result import Cause, Verdict
 from diagnosis.round import Addition
 from diagnosis.search import Outcome, search
 from diagnosis.second_opinion import second_opinions

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,6 @@ from diagnosis.missing_torque import MissingTorque
 from identification.fit_result import Fit
 from plant.effects.effect import Array
 from plant.servo import ServoModel
-
-if TYPE_CHECKING:
-    from diagnosis.experiment import Experiment
-    from diagnosis.explanation import Explanation
 
 SCHEMA = 1
 Verdict: TypeAlias = Literal["named", "nothing_missing", "unknown", "ambiguous"]
@@ -131,8 +127,8 @@ class Replay:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Diagnosis:
-    """The answer to "what does this model get wrong, and why?".
+class Findings:
+    """What a diagnosis has found.
 
     Attributes:
         verdict: "named", "nothing_missing", "ambiguous" or "unknown".
@@ -167,16 +163,6 @@ class Diagnosis:
     def model(self) -> ServoModel:
         """The extended model."""
         return self.extended.model
-
-    def explain(self, experiment: Experiment | None = None) -> Explanation:
-        """Why each name won and by what margin, or why there is none, in sentences and pictures.
-
-        Args:
-            experiment: that has been designed to tell the rivals of this diagnosis apart, if any.
-        """
-        from diagnosis.explanation import explain
-
-        return explain(self, experiment)
 
     def to_dict(self) -> dict[str, Any]:
         """The content of diagnosis.json."""

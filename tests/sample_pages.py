@@ -6,8 +6,9 @@ from dataclasses import replace
 
 from front_door import PLAIN, columns
 
+from diagnosis.diagnosis import Diagnosis
 from diagnosis.missing_torque import missing_torque
-from diagnosis.result import Candidate, Cause, Diagnosis, Estimate, Gain, Replay, TorqueError, Unexplained
+from diagnosis.result import Candidate, Cause, Estimate, Gain, Replay, TorqueError, Unexplained
 from identification import Fit, Log, fit
 
 HOSTILE = "</script><script>alert(1)</script> & <b>log</b>"

@@ -15,7 +15,7 @@ from diagnosis.experiment.separation import Rival
 from diagnosis.experiment.signal_design import Design, Found, Limits
 from diagnosis.experiment.signal_families import Signal
 from diagnosis.odds import CLEAR
-from diagnosis.result import Diagnosis
+from diagnosis.result import Findings
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects import catalogue
@@ -209,7 +209,7 @@ def _names(first: Fit, second: Fit) -> tuple[str, str]:
     return only(mine, theirs), only(theirs, mine)
 
 
-def rivals_of(diagnosis: Diagnosis) -> tuple[Fit, Fit] | None:
+def rivals_of(diagnosis: Findings) -> tuple[Fit, Fit] | None:
     """The extended model and the best alternative to its first ambiguous cause, both fitted; None if there is none."""
     for cause in diagnosis.causes:
         others = [name for name, _ in cause.alternatives if name in catalogue]

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from diagnosis.odds import MISSING, NONE
-from diagnosis.result import Candidate, Cause
-
-if TYPE_CHECKING:
-    from diagnosis.result import Diagnosis
+from diagnosis.result import Candidate, Cause, Findings
 
 AGAIN = 0
 """In place of a round: a cause that was weighed again at the end, beside the others."""
@@ -97,7 +93,7 @@ def _together(scores: list[float]) -> float:
     return float(np.logaddexp.reduce(scores)) if scores else -np.inf
 
 
-def contest_of(diagnosis: Diagnosis, cause: Cause) -> Contest:
+def contest_of(diagnosis: Findings, cause: Cause) -> Contest:
     """The round that a cause won; what else has been named is no rival of it.
 
     The search may have put a special case in the place of the winner later on, and the evidence tells the round all the

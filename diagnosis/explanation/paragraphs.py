@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from diagnosis.experiment import Experiment
 from diagnosis.explanation.reasons import Reason, reason_for, reason_for_none
 from diagnosis.explanation.wording import listed, percent
-from diagnosis.result import Diagnosis
-
-if TYPE_CHECKING:
-    from diagnosis.experiment import Experiment
-
+from diagnosis.result import Findings
 
 _CARRIES = 0.1  # share of the missing torque's variance from which it is said to depend on a variable
 
@@ -39,7 +35,7 @@ class Explanation:
         return "\n\n".join(f"{title}. {' '.join(sentences)}" for title, sentences in parts if sentences)
 
 
-def explain(diagnosis: Diagnosis, experiment: Experiment | None = None) -> Explanation:
+def explain(diagnosis: Findings, experiment: Experiment | None = None) -> Explanation:
     """Say why a diagnosis is what it is.
 
     Args:
@@ -52,7 +48,7 @@ def explain(diagnosis: Diagnosis, experiment: Experiment | None = None) -> Expla
     return Explanation(missing=_missing(diagnosis), reasons=reasons, outcome=_outcome(diagnosis), short=short)
 
 
-def _missing(diagnosis: Diagnosis) -> tuple[str, ...]:
+def _missing(diagnosis: Findings) -> tuple[str, ...]:
     """What was missing and where it shows."""
     lacked, base, extended = diagnosis.missing_before, diagnosis.base, diagnosis.extended
     noise = float(lacked.band.mean()) / 1.96
@@ -75,7 +71,7 @@ def _missing(diagnosis: Diagnosis) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _outcome(diagnosis: Diagnosis) -> tuple[str, ...]:
+def _outcome(diagnosis: Findings) -> tuple[str, ...]:
     """What the names brought, and what remains."""
     gain, left, lines = diagnosis.gain, diagnosis.unexplained, []
     extended = diagnosis.extended is not diagnosis.base

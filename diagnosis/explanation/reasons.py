@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from diagnosis.experiment import Experiment
 from diagnosis.explanation.contest import AGAIN, NAMED, Contest, contest_of
 from diagnosis.explanation.detectable import detectable
 from diagnosis.explanation.evidence_picture import Gathered, Shown, gathered, shown, without
 from diagnosis.explanation.wording import effect_of, listed, percent, power, sentence_case, size, title_of
 from diagnosis.odds import CLEAR, NONE
-from diagnosis.result import Cause, Diagnosis
-
-if TYPE_CHECKING:
-    from diagnosis.experiment import Experiment
+from diagnosis.result import Cause, Findings
 
 _ONE_MOMENT = 0.5  # share of the evidence from one tenth of the log that calls for a look at it
 _OPEN = 0.01  # probability from which a rival is named among those that the log cannot tell apart
@@ -40,7 +37,7 @@ class Reason:
     shown: Shown | None = None
 
 
-def reason_for(diagnosis: Diagnosis, cause: Cause, experiment: Experiment | None) -> Reason:
+def reason_for(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> Reason:
     """Why a cause bears its name.
 
     Args:
@@ -71,7 +68,7 @@ def reason_for(diagnosis: Diagnosis, cause: Cause, experiment: Experiment | None
     )
 
 
-def _margin(diagnosis: Diagnosis, cause: Cause, contest: Contest) -> str:
+def _margin(diagnosis: Findings, cause: Cause, contest: Contest) -> str:
     """By how much a name is ahead of the runner-up, and how much of that is charge and not likelihood."""
     name, lead, second = title_of(cause.effect, diagnosis), contest.leader, contest.runner_up
     charge = lead.evidence - lead.score
@@ -103,7 +100,7 @@ def _margin(diagnosis: Diagnosis, cause: Cause, contest: Contest) -> str:
     )
 
 
-def _field(diagnosis: Diagnosis, cause: Cause, contest: Contest) -> list[str]:
+def _field(diagnosis: Findings, cause: Cause, contest: Contest) -> list[str]:
     """Who else was in the race."""
     lines = []
     if contest.leader.effect != cause.effect:
@@ -122,7 +119,7 @@ def _field(diagnosis: Diagnosis, cause: Cause, contest: Contest) -> list[str]:
     return lines
 
 
-def _over(diagnosis: Diagnosis, cause: Cause, seen: Shown | None) -> str:
+def _over(diagnosis: Findings, cause: Cause, seen: Shown | None) -> str:
     """Where it shows, beside what its file says of its trace."""
     kind = effect_of(diagnosis, cause.effect)
     expected = f"Its mark: {kind.trace}. " if kind is not None else ""
@@ -146,7 +143,7 @@ def _along(grown: Gathered) -> str:
     )
 
 
-def _torn(diagnosis: Diagnosis, cause: Cause, experiment: Experiment | None) -> list[str]:
+def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> list[str]:
     """Why the data cannot tell, and what could."""
     kind = effect_of(diagnosis, cause.effect)
     rivals = [name for name, share in cause.alternatives if share > _OPEN]
@@ -161,7 +158,7 @@ def _torn(diagnosis: Diagnosis, cause: Cause, experiment: Experiment | None) -> 
     return lines if experiment is None else [*lines, str(experiment)]
 
 
-def reason_for_none(diagnosis: Diagnosis) -> Reason:
+def reason_for_none(diagnosis: Findings) -> Reason:
     """Why a diagnosis gives no name."""
     rounds = sorted({c.round for c in diagnosis.candidates})
     if not rounds:
@@ -182,7 +179,7 @@ def reason_for_none(diagnosis: Diagnosis) -> Reason:
     return Reason(title=title, effect=None, sentences=tuple(lines), contest=first, gathered=grown, shown=seen)
 
 
-def _not_needed(diagnosis: Diagnosis, contest: Contest) -> str:
+def _not_needed(diagnosis: Findings, contest: Contest) -> str:
     best = contest.best
     if best is None:
         return f"{contest.asked} effects were asked, and none says more than the model does."
@@ -192,7 +189,7 @@ def _not_needed(diagnosis: Diagnosis, contest: Contest) -> str:
     )
 
 
-def _could_hide(diagnosis: Diagnosis, contest: Contest) -> list[str]:
+def _could_hide(diagnosis: Findings, contest: Contest) -> list[str]:
     """How large an effect could have gone unnoticed."""
     sizes = detectable(diagnosis.base, (*contest.effects, *contest.screened))
     told = [f"{title_of(name, diagnosis)} {e.value:.2g} {e.unit}".removesuffix(" -") for name, e in sizes.items()]
@@ -201,7 +198,7 @@ def _could_hide(diagnosis: Diagnosis, contest: Contest) -> list[str]:
     return [f"Less could hide: one time in two this log would show {listed(told, 'or')}, and half as much hardly ever."]
 
 
-def _not_believed(diagnosis: Diagnosis, contest: Contest) -> str:
+def _not_believed(diagnosis: Findings, contest: Contest) -> str:
     best = contest.best
     if best is None:
         return "Nothing that was asked explains what is missing."

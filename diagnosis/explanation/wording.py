@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from diagnosis.result import Estimate, Findings
 from plant.effects import Effect, catalogue
-
-if TYPE_CHECKING:
-    from diagnosis.result import Diagnosis, Estimate
 
 _SPOKEN = 12.0  # log odds up to which a number says more than a power of e
 
@@ -51,13 +48,13 @@ def listed(names: Sequence[str], last: str = "and") -> str:
     return f" {last} ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else ""
 
 
-def effect_of(diagnosis: Diagnosis, name: str) -> type[Effect] | None:
+def effect_of(diagnosis: Findings, name: str) -> type[Effect] | None:
     """The class of an effect, from the catalogue or, if it is somebody's own, from the extended model."""
     own = diagnosis.model.effect(name)
     return catalogue.get(name) or (None if own is None else type(own))
 
 
-def title_of(name: str, diagnosis: Diagnosis | None = None) -> str:
+def title_of(name: str, diagnosis: Findings | None = None) -> str:
     """The effect's name as people write it."""
     kind = catalogue.get(name) if diagnosis is None else effect_of(diagnosis, name)
     return name.replace("_", " ") if kind is None else kind.title

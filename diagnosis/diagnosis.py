@@ -1,0 +1,22 @@
+"""The answer of a diagnosis: its findings, which can say why they are what they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from diagnosis.experiment import Experiment
+from diagnosis.explanation import Explanation, explain
+from diagnosis.result import Findings
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Diagnosis(Findings):
+    """The answer to "what does this model get wrong, and why?"."""
+
+    def explain(self, experiment: Experiment | None = None) -> Explanation:
+        """Why each name won and by what margin, or why there is none, in sentences and pictures.
+
+        Args:
+            experiment: that has been designed to tell the rivals of this diagnosis apart, if any.
+        """
+        return explain(self, experiment)
