@@ -30,6 +30,9 @@ _CLOCK = 200e6  # of the Cortex-M7 that the estimate is for [Hz]
 CERTIFIED = {"double": "1e-6", "single": "1e-5"}
 """Largest residual of a solution that is accepted, in units of the greatest torque."""
 
+_STIFF, _CLOSE = {"double": "1e11", "single": "1e5"}, {"double": "1e-9", "single": "1e-6"}
+"""How steep the barrier of the interior point method may be, and how near it ends: as many digits as there are."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class TargetCode:
@@ -133,6 +136,8 @@ def _code(code: str, precision: str) -> str:
         ("\nint control_step(", "\nstatic int control_step("),
         ("double angle", "real angle"),
         ("#define CERTIFIED 1e-6", f"#define CERTIFIED {CERTIFIED[precision]}"),
+        ("#define STIFF 1e11", f"#define STIFF {_STIFF[precision]}"),
+        ("#define CLOSE 1e-9", f"#define CLOSE {_CLOSE[precision]}"),
     ):
         if old not in code:
             raise RuntimeError(f"The code of the step has changed: {old!r} is not in it.")

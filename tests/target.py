@@ -86,6 +86,7 @@ class Loaded:
 
     Attributes:
         memory: the struct, as numbers.
+        status: of the last step.
     """
 
     def __init__(self, made: TargetCode, folder: Path) -> None:
@@ -95,12 +96,13 @@ class Loaded:
         number = np.float32 if made.precision == "single" else np.float64
         real = ctypes.c_float if made.precision == "single" else ctypes.c_double
         self._library.antidrive_step.argtypes = (ctypes.c_void_p, real, real, ctypes.c_void_p)
+        self.status = 0
         self.memory, self._torques = np.zeros(made.memory // number().itemsize, number), np.zeros(2, number)
         self._library.antidrive_init(ctypes.c_void_p(self.memory.ctypes.data))
 
     def step(self, angle: float, reference: float) -> Array:
         """The pinion torques (2,) of a sample [N m]."""
-        self._library.antidrive_step(self.memory.ctypes.data, angle, reference, self._torques.ctypes.data)
+        self.status = self._library.antidrive_step(self.memory.ctypes.data, angle, reference, self._torques.ctypes.data)
         return self._torques.astype(np.float64)
 
 

@@ -71,6 +71,27 @@ def test_single_precision_is_near(name: str, turns: int, tmp_path: Path) -> None
     assert rms[1] == pytest.approx(rms[0], rel=0.02)
 
 
+@pytest.mark.parametrize(
+    "limits", [{"speed_limit": 0.25}, {"torque_rate": 8.0}, {"angle_limits": (-0.2, 0.2)}], ids=str
+)
+def test_single_precision_keeps_limits(limits: dict[str, object], tmp_path: Path) -> None:
+    made = export(Controller(MODELS["rigid"], PAPER, **limits), single=True)  # type: ignore[arg-type]
+    loaded, rig, rng = Loaded(made, tmp_path), Rig.paper_like(), np.random.default_rng(0)
+    state, uncertified, before, most = rig.rest(0.0, (0.02, -0.02)), 0, 0.0, np.zeros(3)
+    for k in range(500):
+        torques = loaded.step(rig.measure(state, rng), 0.3 * np.sin(0.01 * k))
+        state = rig.advance(state, torques, 0.005)
+        uncertified += bool(loaded.status & 64)
+        torque = float(PAPER.follower_torque(torques))
+        most = np.maximum(most, [abs(state.angle), abs(state.velocity), abs(torque - before) / 0.005 * (k > 0)])
+        before = torque
+    print(f"{limits}: {uncertified} of 500 not certified; greatest angle, speed and rate {most}")
+    assert uncertified <= 30  # as README.txt says
+    allowed = {"angle_limits": 0.2004, "speed_limit": 0.255, "torque_rate": 8.016}
+    (name,) = limits
+    assert most[list(allowed).index(name)] < allowed[name]
+
+
 @pytest.mark.parametrize("single", [False, True])
 @pytest.mark.parametrize("name", ["rigid", "lag"])
 def test_nothing_is_undefined_and_the_bounds_hold_whatever_it_is_fed(name: str, single: bool, tmp_path: Path) -> None:
