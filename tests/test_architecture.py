@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import importlib
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -24,6 +26,18 @@ PUBLIC = {
     "allocation": ("Allocator", "admissible", "enumerate_admissible"),
     "mpc": ("Controller", "closed_loop"),
 }
+FOR_TYPES_ALONE = {
+    # What an effect leaves behind when the log's clock is gone is a model without it: the one thing that an effect
+    # says of the model that it is part of.
+    ("plant.effects.effect", "plant.servo"),
+    ("plant.effects.payload_change", "plant.servo"),
+    ("plant.effects.friction_drift", "plant.servo"),
+    # A fleet is of rigs, and a rig is played as a fleet of one.
+    ("plant.fleet", "plant.rig"),
+    # The interior point method sweeps through the programme that falls back on it.
+    ("mpc.interior_point", "mpc.programme"),
+}
+"""Imports under TYPE_CHECKING that close a circle: (who, what)."""
 
 
 def imported(file: Path) -> set[str]:
@@ -60,3 +74,55 @@ def test_every_package_is_typed_and_every_file_says_what_it_is(package):
     assert (ROOT / package / "py.typed").exists()
     for file in (ROOT / package).rglob("*.py"):
         assert ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))), file
+
+
+def name_of(file: Path) -> str:
+    """The module's name: that of the folder for an `__init__`."""
+    return ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def imports(node: ast.AST, *, types: bool) -> Iterator[ast.Import | ast.ImportFrom]:
+    """All imports of a file, inside functions too; those for types alone only where they are asked for."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import | ast.ImportFrom):
+            yield child
+        elif not types and isinstance(child, ast.If) and ast.unparse(child.test).endswith("TYPE_CHECKING"):
+            yield from imports(ast.Module(child.orelse, []), types=types)
+        else:
+            yield from imports(child, types=types)
+
+
+def needs(package: str, *, types: bool) -> dict[str, set[str]]:
+    """Which modules of a package each of its modules imports."""
+    files = {name_of(file): file for file in (ROOT / package).rglob("*.py")}
+    found: dict[str, set[str]] = {name: set() for name in files}
+    for name, file in files.items():
+        for statement in imports(ast.parse(file.read_text(encoding="utf-8")), types=types):
+            if isinstance(statement, ast.Import):
+                found[name] |= {alias.name for alias in statement.names}
+            elif statement.module:
+                whole = {f"{statement.module}.{alias.name}" for alias in statement.names}
+                found[name] |= {one if one in files else statement.module for one in whole}
+        found[name] &= set(files)
+    return found
+
+
+def circle(graph: dict[str, set[str]]) -> list[str]:
+    """Modules that import each other in a ring, from one back to itself; empty if there are none."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+@pytest.mark.parametrize("package", MAY_IMPORT)
+def test_no_modules_of_a_package_import_each_other_in_a_circle(package):
+    assert circle(needs(package, types=False)) == []
+    graph = needs(package, types=True)
+    excepted = {(who, what) for who, what in FOR_TYPES_ALONE if who.split(".")[0] == package}
+    for who, what in excepted:
+        graph[who].remove(what)
+    assert circle(graph) == []
+    for who, what in excepted:  # none is excepted that need not be
+        assert circle({**graph, who: graph[who] | {what}}), (who, what)
