@@ -14,6 +14,7 @@ from allocation import CapabilityMap
 from antidrive.thinning import thin
 from diagnosis.explanation.contest import Contest
 from diagnosis.explanation.evidence_picture import Gathered, Shown
+from diagnosis.explanation.wording import acting
 from diagnosis.missing_torque import Curve, MissingTorque
 from diagnosis.odds import CLEAR
 from diagnosis.result import Replay
@@ -61,9 +62,9 @@ def missing_over_time(missing: MissingTorque) -> go.Figure:
         time, torque, band = missing.time[rows], missing.torque[rows], missing.band[rows]
         first = bool(run == missing.run[0])
         figure.add_traces(_band(time, torque - band, torque + band, BEFORE, "95 % band", legend=first))
-        figure.add_trace(line(time, torque, "missing torque", BEFORE, legend=first))
+        figure.add_trace(line(time, torque, f"missing {acting(missing.unit)}", BEFORE, legend=first))
     figure.update_xaxes(title_text="time [s]")
-    figure.update_yaxes(title_text=f"missing torque [{missing.unit}]")
+    figure.update_yaxes(title_text=f"missing {acting(missing.unit)} [{missing.unit}]")
     return finish(figure, 300)
 
 
@@ -76,7 +77,7 @@ def curve_figure(before: Curve, after: Curve | None, unit: str) -> go.Figure:
         figure.add_traces(_band(curve.centre, low, high, colour, "95 % band", legend=False))
         figure.add_trace(line(curve.centre, curve.mean, name, colour))
     figure.update_xaxes(title_text=f"{before.variable} [{before.unit}]")
-    figure.update_yaxes(title_text=f"missing torque [{unit}]")
+    figure.update_yaxes(title_text=f"missing {acting(unit)} [{unit}]")
     return finish(figure, 270)
 
 
@@ -124,7 +125,7 @@ def shown_figure(seen: Shown) -> go.Figure:
     said = line(seen.centre, seen.predicted, "what it predicts", SECOND, width=2.4)
     figure.add_trace(said.update(line_dash="dash"))
     figure.update_xaxes(title_text=f"{seen.variable} [{seen.unit}]")
-    figure.update_yaxes(title_text=f"missing torque [{seen.torque_unit}]")
+    figure.update_yaxes(title_text=f"missing {acting(seen.torque_unit)} [{seen.torque_unit}]")
     return finish(figure, 270)
 
 

@@ -16,7 +16,7 @@ from antidrive.provenance import Provenance
 from antidrive.words import headline, sentences
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation, Reason
-from diagnosis.explanation.wording import effect_of, percent, sentence_case, title_of
+from diagnosis.explanation.wording import acting, effect_of, percent, sentence_case, title_of
 from diagnosis.holdout import rms
 from diagnosis.odds import NONE
 from diagnosis.result import Cause, Gain
@@ -140,6 +140,7 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
             (replay.label, figure_json(figures.replay_figure(replay, unit, extended=extended))) for replay in replays
         ],
         "others": len(diagnosis.replays) - len(replays),
+        "acting": acting(diagnosis.missing_before.unit),
         "missing": figure_json(figures.missing_over_time(diagnosis.missing_before)),
         "curves": curves,
         "causes": [_cause(diagnosis, c, r) for c, r in zip(diagnosis.causes, explanation.reasons, strict=False)],
@@ -208,7 +209,8 @@ def _reason(diagnosis: Diagnosis, reason: Reason, odds: Mapping[str, float] | No
         drawn.append((figures.gathered_figure(reason.gathered), "When the evidence came together along the log."))
     if reason.shown is not None:
         told = figures.shown_figure(reason.shown)
-        drawn.append((told, f"Over {reason.shown.variable}: torque missing without it, with it, and what it predicts."))
+        what = f"{acting(reason.shown.torque_unit)} missing without it, with it, and what it predicts"
+        drawn.append((told, f"Over {reason.shown.variable}: {what}."))
     pictures = [(figure_json(figure), caption) for figure, caption in drawn]
     return {"title": reason.title, "sentences": reason.sentences, "pictures": pictures, "parameters": ()}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation
-from diagnosis.explanation.wording import listed, percent, sentence_case, title_of
+from diagnosis.explanation.wording import acting, listed, percent, sentence_case, title_of
 from diagnosis.result import Cause
 
 _ALONE = 0.9  # probability above which a name stands without its rivals
@@ -48,7 +48,7 @@ def sentences(diagnosis: Diagnosis, explanation: Explanation | None = None) -> l
         lines.append("Nothing could be held out, so the gain is not proven.")
     error = diagnosis.torque_error
     lines.append(
-        f"Relative torque error of the inverse model (below {error.cutoff:.3g} Hz): "
+        f"Relative {acting(diagnosis.missing_before.unit)} error of the inverse model (below {error.cutoff:.3g} Hz): "
         f"{percent(error.estimation_before)} -> {percent(error.estimation_after)} on the estimation data, "
         f"{percent(error.held_out_before)} -> {percent(error.held_out_after)} held out."
     )

@@ -123,6 +123,17 @@ def test_the_error_of_a_simulation_has_its_standard_error(diagnosis):
     assert said == pytest.approx([0.01 / np.sqrt(2 * samples), 0.001 / np.sqrt(2 * samples)], rel=0.5)
 
 
+def test_a_linear_axis_lacks_a_force(diagnosis):
+    lacked = replace(diagnosis.missing_before, unit="N")
+    for unit, there, absent in (("N m", "torque", "force"), ("N", "force", "torque")):
+        told = replace(diagnosis, missing_before=replace(lacked, unit=unit), missing_after=replace(lacked, unit=unit))
+        lives = sections(diagnosis_page(told, Provenance.now(["antidrive"])))["Where it lives"]
+        assert f"missing {there} [{unit}]" in lives
+        assert f"of the missing {there}" in lives
+        assert f"missing {absent}" not in lives
+        assert f"Relative {there} error" in sentences(told)[2]
+
+
 def test_words_look_as_in_print():
     assert printed("e^-5.3 to 1, F_c -> 2 kg m^2 <b>") == (
         "e<sup>-5.3</sup> to 1, F<sub>c</sub> → 2 kg m<sup>2</sup> &lt;b&gt;"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from diagnosis.experiment import Experiment
 from diagnosis.explanation.reasons import Reason, reason_for, reason_for_none
-from diagnosis.explanation.wording import listed, percent
+from diagnosis.explanation.wording import acting, listed, percent
 from diagnosis.result import Findings
 
 _CARRIES = 0.1  # share of the missing torque's variance from which it is said to depend on a variable
@@ -53,8 +53,8 @@ def _missing(diagnosis: Findings) -> tuple[str, ...]:
     lacked, base, extended = diagnosis.missing_before, diagnosis.base, diagnosis.extended
     noise = float(lacked.band.mean()) / 1.96
     lines = [
-        f"Below {lacked.cutoff:.2g} Hz the base model lacks a torque of {lacked.rms:.3g} {lacked.unit} rms; "
-        f"measurement noise alone would make {noise:.3g} of it."
+        f"Below {lacked.cutoff:.2g} Hz the base model lacks a {acting(lacked.unit)} of {lacked.rms:.3g} {lacked.unit} "
+        f"rms; measurement noise alone would make {noise:.3g} of it."
     ]
     most = lacked.curves[0]
     if most.share >= _CARRIES:

@@ -8,7 +8,7 @@ from diagnosis.experiment import Experiment
 from diagnosis.explanation.contest import AGAIN, NAMED, Contest, contest_of
 from diagnosis.explanation.detectable import detectable
 from diagnosis.explanation.evidence_picture import Gathered, Shown, gathered, shown, without
-from diagnosis.explanation.wording import effect_of, listed, percent, power, sentence_case, size, title_of
+from diagnosis.explanation.wording import acting, effect_of, listed, percent, power, sentence_case, size, title_of
 from diagnosis.odds import CLEAR, NONE
 from diagnosis.result import Cause, Findings
 
@@ -124,7 +124,8 @@ def _over(diagnosis: Findings, cause: Cause, seen: Shown | None) -> str:
     kind = effect_of(diagnosis, cause.effect)
     expected = f"Its mark: {kind.trace}. " if kind is not None else ""
     if seen is None:
-        return f"{expected}The filtered missing torque shows it over no single variable; the predictions tell it."
+        lacked = acting(diagnosis.missing_before.unit)
+        return f"{expected}The filtered missing {lacked} shows it over no single variable; the predictions tell it."
     weak = "" if seen.standing_out else ": the predictions tell it, not this picture"
     return (
         f"{expected}It shows over {seen.variable}, where it stands out of the 95 % band in {seen.standing_out} of "

@@ -38,6 +38,11 @@ def size(parameters: Iterable[tuple[str, Estimate]]) -> str:
     )
 
 
+def acting(unit: str) -> str:
+    """What acts along an axis of that unit of the command."""
+    return {"N m": "torque", "N": "force"}.get(unit, "command")
+
+
 def sentence_case(text: str) -> str:
     """The text with a capital first letter and the rest as it is."""
     return text[:1].upper() + text[1:]
