@@ -10,6 +10,7 @@ from machine import Machine, excitation, load_fluctuation, record
 
 from diagnosis.linear import AT_ONCE, Linear, follow, linearised
 from identification.fit import fit
+from identification.log import Log
 from identification.problem import Problem
 from plant import ServoModel
 from plant.effects import TorqueOffset
@@ -59,24 +60,36 @@ def test_the_score_is_the_adjoint_of_the_response(on_reading: bool, colour: tupl
     assert linear.score(innovations)[int(on_reading)] @ column[:, 0] == pytest.approx(along, rel=1e-12)
 
 
+def told_and_seen(log: Log, model: ServoModel, initial: np.ndarray, bandwidth: float) -> tuple[np.ndarray, np.ndarray]:
+    """(T,) response of the innovations to a constant torque: of the linearised predictor, and by differences."""
+    size = 1e-6
+
+    def innovations(offset: float) -> np.ndarray:
+        pushed = model.with_effect(TorqueOffset(torque=offset))
+        predictor = Problem.of(log, pushed).predictor
+        return predictor.predict(pushed.values, initial, bandwidth=bandwidth, width=0.0)[0].innovations
+
+    (run,), predictor = log.runs, Problem.of(log, model).predictor
+    path = predictor.predict(model.values, initial, bandwidth=bandwidth, width=0.0)[0]
+    linear = linearised(model, run, path, bandwidth, substeps=predictor.substeps, colour=log.colour)
+    told = linear.response(np.ones((len(run), 1)), np.array([False]))[:, 0]
+    return told, (innovations(size) - innovations(-size)) / (2 * size)
+
+
 @pytest.mark.parametrize("colour", COLOURS)
 def test_the_response_to_a_constant_torque_is_what_the_predictor_does_with_an_offset(colour: tuple[float, ...]) -> None:
     command = excitation(3, duration=10.0)
     log = record(Machine(), command, load_torque=load_fluctuation(1, 0.05, (command.size, 1))).log()
     found = fit(log, ServoModel.paper())
     assert found.bandwidth > 0.0  # so that the observer's corrections are in it
-    log = replace(log, colour=colour)
-    size = 1e-6
-
-    def innovations(offset: float) -> np.ndarray:
-        model = found.model.with_effect(TorqueOffset(torque=offset))
-        predictor = Problem.of(log, model).predictor
-        return predictor.predict(model.values, found.initial, bandwidth=found.bandwidth, width=0.0)[0].innovations
-
-    problem = Problem.of(log, found.model)
-    path = problem.predictor.predict(found.model.values, found.initial, bandwidth=found.bandwidth, width=0.0)[0]
-    substeps = problem.predictor.substeps
-    linear = linearised(found.model, log.runs[0], path, found.bandwidth, substeps=substeps, colour=colour)
-    told = linear.response(np.ones((command.size, 1)), np.array([False]))[:, 0]
-    seen = (innovations(size) - innovations(-size)) / (2 * size)
+    told, seen = told_and_seen(replace(log, colour=colour), found.model, found.initial, found.bandwidth)
     assert told == pytest.approx(seen, abs=1e-4 * np.abs(seen).max())
+
+
+@pytest.mark.parametrize("colour", COLOURS)
+def test_it_stands_where_the_observer_goes_whatever_the_colour_of_the_noise(colour: tuple[float, ...]) -> None:
+    """Corrections of half a radian: with gravity, which bends with the angle, the place makes the slope."""
+    log = record(Machine(gravity=40.0), excitation(3, duration=5.0), noise=0.5).log()
+    model = ServoModel(inertia=2.0, gravity=40.0, viscous_friction=0.8)
+    told, seen = told_and_seen(replace(log, colour=colour), model, np.zeros((1, 2)), 20.0)
+    assert told == pytest.approx(seen, abs=1e-5 * np.abs(seen).max())

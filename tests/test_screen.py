@@ -17,7 +17,7 @@ from identification.predictor import Prediction
 from identification.problem import Problem
 from identification.side_by_side import side_by_side
 from plant import ServoModel
-from plant.effects import CoulombFriction, Trace, catalogue
+from plant.effects import CoulombFriction, Motion, Trace, catalogue
 
 
 def prediction(rng: np.random.Generator, samples: int, free: int) -> Prediction:
@@ -85,3 +85,16 @@ def test_work_side_by_side_keeps_its_order_and_its_errors() -> None:
     assert side_by_side(lambda item: item**2, range(20)) == [item**2 for item in range(20)]
     with pytest.raises(ZeroDivisionError):
         side_by_side(lambda item: 1 / item, [1, 0])
+
+
+def test_the_colour_of_the_noise_does_not_move_the_load() -> None:
+    """Effects draw their traces along the motion, which is the same whatever is believed of the noise."""
+    log = record(Machine(), excitation(1, duration=5.0), noise=1e-2).log()
+    found = fit(log, ServoModel.paper())
+
+    def motion(colour: tuple[float, ...]) -> Motion:
+        return Screen.of(found, Problem.of(replace(log, colour=colour), found.model), bandwidth=20.0).motion
+
+    plain, coloured = motion(()), motion((0.8, -0.1))
+    for name in ("angle", "velocity", "acceleration"):
+        np.testing.assert_array_equal(getattr(coloured, name), getattr(plain, name))
