@@ -21,7 +21,7 @@ from mpc import Controller
 from plant import ServoModel
 from plant.effects import CoulombFriction, InputDelay
 
-LIMITS: dict[str, Any] = {"angle_limits": (-0.5, 0.5), "speed_limit": 0.5, "torque_rate": 100.0, "motor_friction": 1e-3}
+LIMITS: dict[str, Any] = {"angle_limits": (-0.5, 0.5), "speed_limit": 1.0, "torque_rate": 100.0, "motor_friction": 1e-3}
 MODELS: dict[str, tuple[ServoModel, dict[str, Any]]] = {
     "the paper's plant": (ServoModel.paper(), {}),
     "heavy rotors": (ServoModel(), {"rotor_inertia": 1e-5}),

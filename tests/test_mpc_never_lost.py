@@ -15,7 +15,7 @@ from plant import ServoModel, machine_code
 from plant.effects import InputDelay
 
 FORMS = [False] if machine_code.compiler() is None else [True, False]
-LIMITS = {"angle_limits": (-0.5, 0.5), "speed_limit": 0.5, "torque_rate": 100.0, "motor_friction": 1e-3}
+LIMITS = {"angle_limits": (-0.5, 0.5), "speed_limit": 1.0, "torque_rate": 100.0, "motor_friction": 1e-3}
 LATE = ServoModel().with_effect(InputDelay(time=0.012))
 
 
