@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +24,7 @@ def loop_with_drive_loss(
     time: float,
     seed: int,
     detection: float = 0.0,
+    after_sample: Callable[[], None] | None = None,
 ) -> ClosedLoopResult:
     """Run a controller on the rig while one drive fails.
 
@@ -39,6 +42,7 @@ def loop_with_drive_loss(
         time: when it fails [s].
         seed: of the encoder's noise.
         detection: how long after that the loss is known [s].
+        after_sample: called after each.
     """
     dt, ahead = controller.sample_time, controller.horizon
     left = Allocator(rig.gears, min_torque=controller.min_torque, max_torque=controller.max_torque, lost=(drive,))
@@ -68,6 +72,8 @@ def loop_with_drive_loss(
         torques.append(applied)
         flanks.append(state.least_flank_torques)
         status.append(said)
+        if after_sample is not None:
+            after_sample()
     columns = {name: np.array(values) for name, values in rows.items()}
     return ClosedLoopResult(
         time=np.arange(len(pushes), dtype=np.float64) * dt,

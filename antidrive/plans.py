@@ -52,7 +52,11 @@ def read_plan(name: str) -> Plan:
     from antidrive.simulation import run_scenario
 
     scenario = parse_scenario(name, text)
-    return Plan(name=scenario.name, play=lambda model, seed, tell: run_scenario(scenario, model=model, seed=seed))
+
+    def play(model: ServoModel | None, seed: int, tell: Tell | None) -> Result:
+        return run_scenario(scenario, model=model, seed=seed, tell=tell)
+
+    return Plan(name=scenario.name, play=play)
 
 
 def _experiment(name: str, content: Mapping[str, Any]) -> Plan:

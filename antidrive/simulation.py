@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from antidrive.drive_loss import loop_with_drive_loss
 from antidrive.scenario import Scenario
+from antidrive.time_left import Parts, Tell
 from diagnosis.holdout import rms
 from mpc import ClosedLoopResult, Controller, closed_loop
 from plant.errors import BadParameter
@@ -197,13 +198,16 @@ class Trial:
         )
 
 
-def run_scenario(scenario: Scenario, *, model: ServoModel | None = None, seed: int = 0) -> Trial:
+def run_scenario(
+    scenario: Scenario, *, model: ServoModel | None = None, seed: int = 0, tell: Tell | None = None
+) -> Trial:
     """Close the loop on the rig of a scenario.
 
     Args:
         scenario: what to do.
         model: design model of the controller; by default eq. (4) with the rig's inertia, gravity and viscous friction.
         seed: of the encoder's noise.
+        tell: called with a line of text at each hundredth.
 
     Raises:
         BadParameter: a number of the scenario that the rig or the controller cannot use.
@@ -216,15 +220,27 @@ def run_scenario(scenario: Scenario, *, model: ServoModel | None = None, seed: i
 
     pushes, loss = scenario.pushes(), scenario.drive_loss
     wanted = scenario.wanted(np.arange(pushes.size, dtype=np.float64) * scenario.sample_time)
-    first = controller()
-    result = closed_loop(first, rig, scenario.wanted, scenario.duration, seed, disturbance=pushes)
+    first, loops = controller(), 1 + (loss is not None) + scenario.compare_single_drive
+    done = Parts(loops * pushes.size, tell).done
+    result = closed_loop(first, rig, scenario.wanted, scenario.duration, seed, disturbance=pushes, after_sample=done)
     single = intact = None
     if loss is not None:
         intact = result
-        when = {"time": loss.time, "detection": loss.detection}
-        result = loop_with_drive_loss(controller(), rig, wanted, pushes, drive=loss.drive, seed=seed, **when)
+        result = loop_with_drive_loss(
+            controller(),
+            rig,
+            wanted,
+            pushes,
+            drive=loss.drive,
+            time=loss.time,
+            detection=loss.detection,
+            seed=seed,
+            after_sample=done,
+        )
     if scenario.compare_single_drive:
-        single = loop_with_drive_loss(controller(), rig, wanted, pushes, drive=2, time=0.0, seed=seed)
+        single = loop_with_drive_loss(
+            controller(), rig, wanted, pushes, drive=2, time=0.0, seed=seed, after_sample=done
+        )
     if not np.all(np.isfinite(result.angle)):
         raise BadParameter(f"{scenario.name}: the rig ran away; give the controller a model that fits the rig.")
     return Trial(

@@ -77,6 +77,7 @@ def closed_loop(
     seed: int,
     *,
     disturbance: ArrayLike = 0.0,
+    after_sample: Callable[[], None] | None = None,
 ) -> ClosedLoopResult:
     """Run a controller on the rig, from rest at the reference's first angle, the teeth pressed by the least preload.
 
@@ -87,6 +88,7 @@ def closed_loop(
         duration: [s].
         seed: of the encoder's noise.
         disturbance: torque on the load that nobody told the controller [N m], a number or (T,).
+        after_sample: called after each, for those who want to know how far it is.
 
     Raises:
         BadParameter: a duration below one sample, or a reference that is not finite.
@@ -117,6 +119,8 @@ def closed_loop(
         torques[k], margin[k], unknown[k] = control.torques, control.margin, control.disturbance
         flanks[k] = state.least_flank_torques
         status.append(control.status)
+        if after_sample is not None:
+            after_sample()
     return ClosedLoopResult(
         time=time[:count],
         reference=wanted[:count].copy(),

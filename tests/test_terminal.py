@@ -174,6 +174,15 @@ def test_an_experiment_that_takes_long_tells_how_far_it_is(tmp_path):
     assert told == [f"simulating, {share} of 100 parts are done" for share in range(1, 101)]
 
 
+@pytest.mark.parametrize("more", ["", "compare_single_drive = true", "[drive_loss]\ndrive = 1\ntime = 0.4"])
+def test_a_closed_loop_tells_how_far_it_is(tmp_path, more):
+    text = 'duration = 0.8\nsample_time = 0.005\nreference = { kind = "constant", level = 0.1 }\n'
+    (tmp_path / "short.toml").write_text(text + more)
+    told: list[str] = []
+    read_plan(str(tmp_path / "short.toml")).run(None, 0, told.append)
+    assert told == [f"simulating, {share} of 100 parts are done" for share in range(1, 101)]
+
+
 def test_progress_is_shown_where_somebody_watches(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self) -> bool:

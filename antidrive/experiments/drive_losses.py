@@ -183,8 +183,10 @@ def _played(settings: LossSettings, reference: Array, drive: int, time: float, s
         motor_resolution=2.0 * np.pi / rig.motor_encoder_counts,
     )
     never = min(time, reference.size * settings.sample_time + 1.0)
-    when = {"time": never, "detection": settings.detection}
-    return loop_with_drive_loss(controller, rig, reference, np.zeros(reference.size), drive=drive, seed=seed, **when)
+    still = np.zeros(reference.size)
+    return loop_with_drive_loss(
+        controller, rig, reference, still, drive=drive, time=never, detection=settings.detection, seed=seed
+    )
 
 
 def _rms(values: Array) -> float:
