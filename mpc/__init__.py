@@ -5,7 +5,8 @@ from __future__ import annotations
 from mpc.analysis import LoopAnalysis, analyse_loop
 from mpc.bode import bode_figure
 from mpc.closed_loop import ClosedLoopResult, closed_loop
-from mpc.controller import Control, Controller
+from mpc.control import Control
+from mpc.controller import Controller
 from mpc.estimator import Estimator
 from mpc.export import TargetCode, export
 from mpc.fmu import controller_fmu

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from allocation import Bounds
 from mpc.compiled import CompiledStep
+from mpc.control import Control
 from mpc.corridor import SoftLimits, corridor, enter, moved, prices
 from mpc.drive import DriveInverse
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
@@ -36,30 +37,6 @@ FRICTION_WIDTH = 0.005
 
 _ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
 """Bound on the sweeps of each method of the quadratic programme; two are usual, 20 where other intervals are active."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Control:
-    """What the controller hands out at one sample.
-
-    Attributes:
-        torques: (2,) pinion torques to apply now [N m]; always inside the bounds.
-        status: "optimal", or "degraded: " and why.
-        margin: least predicted flank torque above the minimum [N m], over both drives and the horizon, seen from the
-            pinion; negative where `max_torque` cannot hold the teeth together.
-        predicted_torques: (N, 2) pinion torques over the horizon [N m], the first row being `torques`.
-        predicted_angle: (N + 1,) load angle from now on [rad], a delay of whole samples being left out.
-        disturbance: estimated torque that the model does not know [N m].
-        residual: how far from optimal, see `mpc.programme.Programme.residual`.
-    """
-
-    torques: Array
-    status: str
-    margin: float
-    predicted_torques: Array
-    predicted_angle: Array
-    disturbance: float
-    residual: float
 
 
 @dataclass(eq=False)
@@ -107,7 +84,8 @@ class Controller:
         disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)].
         motor_resolution: step of the encoders at the motor shafts [rad]; None if there are none.
         motor_noise: standard deviation of what else they err by, teeth included, at the load [rad].
-        torque_rate: greatest change of the follower torque behind the drive [N m/s].
+        torque_rate: greatest change of the follower torque behind the drive [N m/s]. Where it takes longer than the
+            horizon from end to end, a big step overshoots.
         preload_rate: greatest change of the preload, as torque on pinion 1 [N m/s]. Both rates yield to the bounds: the
             preload falls slowly, and rises as soon as contact needs it.
         angle_limits: lowest and highest angle of the load [rad], kept to within the noise of the sensor; a load that is
