@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from programmes import responses
 from scipy.linalg import solve_discrete_are
 
+from mpc.corridor import SoftLimits
 from mpc.drive import DriveInverse
 from mpc.estimator import Estimator
 from mpc.governor import Governor
@@ -225,6 +226,33 @@ def test_what_can_be_followed_is_followed_exactly() -> None:
     governor.restart(wanted[0], (wanted[1] - wanted[0]) / DT)
     for k in range(900):
         assert governor.govern(wanted[k : k + 31], (1.0, 1.0)) == pytest.approx(wanted[k : k + 31], abs=1e-12)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), limits, limits, st.floats(0.05, 1.0), st.floats(0.05, 2.0))
+def test_it_brakes_before_a_limit_whatever_is_wanted(
+    seed: int, backward: float, forward: float, high: float, speed: float
+) -> None:
+    soft = SoftLimits(angle=(-0.3, high), speed=speed).numbers(25.0, DT, 2e-5)
+    governor, rng = Governor(sample_time=DT, soft=soft), np.random.default_rng(seed)
+    governor.restart(0.0, 0.0)
+    wanted = np.repeat(rng.normal(size=5), 60) + 0.5 * np.sin(rng.uniform(1, 20) * DT * np.arange(300))
+    path = governor.govern(wanted, (backward, forward))
+    assert np.all((path <= high + 1e-12) & (path >= -0.3 - 1e-12))
+    assert np.all(np.abs(np.diff(path)) <= speed * DT + 1e-12)
+    accelerations = np.diff(path, 2) / DT**2
+    assert np.all((accelerations >= -backward - 1e-6) & (accelerations <= forward + 1e-6))
+
+
+def test_from_beyond_a_limit_the_reference_comes_back_to_it() -> None:
+    soft = SoftLimits(angle=(-0.3, 0.2), speed=0.5).numbers(25.0, DT, 2e-5)
+    governor = Governor(sample_time=DT, soft=soft)
+    governor.restart(0.6, 1.0)
+    path = np.array([governor.govern(np.full(2, 0.9), (2.0, 2.0))[0] for _ in range(1000)])
+    assert np.max(path) == pytest.approx(0.6 + 1.0**2 / (2 * 2.0), abs=0.01)  # it brakes at once
+    assert path[-1] == pytest.approx(0.2, abs=1e-9)
+    assert np.min(path) > 0.2 - 1e-9
+    assert np.max(-np.diff(path)) / DT == pytest.approx(0.5, abs=1e-9)
 
 
 # What the reference will be.
