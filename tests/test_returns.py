@@ -31,6 +31,27 @@ def test_states_that_are_visited_once_say_nothing():
     assert returning(once, np.exp(1j * TIME)) == 0.0
 
 
+def test_the_mean_is_over_all_pairs_of_visits_to_a_cell():
+    """Written out, on a walk from cell to cell that stays for a while in each and comes back to some."""
+    rng = np.random.default_rng(3)
+    places = rng.integers(0, 2, (60, 2)) * 23.5 + 0.25
+    stays = rng.integers(1, 6, 60)
+    angle, velocity = np.repeat(np.vstack(([0.0, 0.0], [24.0, 24.0], places)), [1, 1, *stays], axis=0).T
+    phasor = np.exp(2j * np.pi * rng.random(angle.size))
+    visits: dict[tuple[int, int], list[list[complex]]] = {}
+    before = None
+    for x, v, z in zip(angle, velocity, phasor, strict=True):
+        cell = (min(int(x), 23), min(int(v), 23))
+        if cell != before:
+            visits.setdefault(cell, []).append([])
+        visits[cell][-1].append(z)
+        before = cell
+    means = [[np.mean(visit) for visit in cell] for cell in visits.values()]
+    pairs = [a * np.conj(b) for cell in means for i, a in enumerate(cell) for j, b in enumerate(cell) if i != j]
+    expected = float(np.mean(pairs).real)
+    assert returning(SimpleNamespace(angle=angle, velocity=velocity), phasor) == pytest.approx(expected, rel=1e-12)
+
+
 def swung(disturbance: dict[str, float] | None, **hidden: dict[str, float]) -> Log:
     """The machine swung by a sine of 0.2 Hz, over and over."""
     machine = Machine().hiding(**hidden, **({"periodic_disturbance": disturbance} if disturbance else {}))

@@ -1,12 +1,16 @@
 """What held-out data would have otherwise is said beside the diagnosis, and changes nothing in it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
+from scipy.signal import lfilter
 
 from diagnosis import diagnose
-from diagnosis.second_opinion import second_opinions
+from diagnosis.second_opinion import _compared, second_opinions
 from identification.fit import fit
+from identification.fit_result import FittedParameter
 from identification.log import Log
 from plant import ServoModel
 from plant.effects import CoulombFriction
@@ -57,3 +61,48 @@ def test_a_diagnosis_says_it_and_does_not_heed_it():
     assert not any("held-out data alone" in warning for warning in same.warnings)
     assert any("coulomb_friction.torque 0.6" in warning for warning in other.warnings)
     np.testing.assert_array_equal(same.model.values, other.model.values)
+
+
+def line(value: float | None, std: float | None, name: str = "viscous_friction") -> FittedParameter:
+    return FittedParameter(name=name, value=value, std=std, unit="N m s/rad", start=0.5)
+
+
+@pytest.mark.parametrize(
+    ("here", "there", "said"),
+    [
+        (line(1.0, 0.1), line(1.0 + 4.1 * np.hypot(0.1, 0.2), 0.2), True),
+        (line(1.0, 0.1), line(1.0 - 4.1 * np.hypot(0.1, 0.2), 0.2), True),
+        (line(1.0, 0.1), line(1.0 + 3.9 * np.hypot(0.1, 0.2), 0.2), False),
+        (line(-1.0, 0.001), line(-1.051, 0.001), True),
+        (line(-1.0, 0.001), line(-1.049, 0.001), False),  # surely another, but of no use to anybody
+        (line(1.0, 0.51), line(1.0, 0.1), True),  # no other, but told far better
+        (line(1.0, 0.49), line(1.0, 0.1), False),
+        (line(1.0, 0.049), line(1.0, 1e-4), False),  # known well enough
+        (line(None, None), line(1.0, 0.1), True),
+        (line(1.0, 0.1), line(None, None), False),
+        (replace(line(0.0, 0.1), at_bound=True), line(9.0, 0.1), False),
+        (line(1.0, 0.1), replace(line(9.0, 0.1), at_bound=True), False),
+        (replace(line(1.0, None), fixed=True), line(9.0, 0.1), False),
+        (line(1.0, 0.1, "curve_over_angle.k3"), line(9.0, 0.1, "curve_over_angle.k3"), False),
+    ],
+)
+def test_what_is_worth_saying(here, there, said):
+    assert (_compared(here, there) is not None) == said
+
+
+@pytest.mark.parametrize(("there", "said"), [(-3.12, None), (-2.8, 2.0 * np.pi - 2.8), (3.5, 3.5)])
+def test_phases_are_compared_around_the_circle(there, said):
+    opinion = _compared(line(3.12, 0.01, "cogging.phase"), line(there, 0.01, "cogging.phase"))
+    assert (opinion and opinion.held_out_value) == (said and pytest.approx(said))
+
+
+def test_the_noise_has_the_colour_that_was_found(fitted):
+    """Behind noise that lasts, a fit that takes it for white tells the friction less well."""
+    (run,) = log_of(rubbing(0.6), 2).runs
+    shake = np.random.default_rng(1).standard_normal(len(run))
+    noise = 0.01 * lfilter([np.sqrt(1.0 - 0.95**2)], [1.0, -0.95], shake)
+    noisy = Log(runs=(replace(run, output=run.output + noise),), axis="rotary")
+    aware = replace(fitted, log=replace(fitted.log, colour=(0.95, 0.0)))
+    (plain,), (coloured,) = (second_opinions(found, noisy) for found in (fitted, aware))
+    assert plain.parameter == coloured.parameter == "coulomb_friction.torque"
+    assert coloured.held_out_std < 0.7 * plain.held_out_std

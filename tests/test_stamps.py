@@ -10,6 +10,7 @@ from diagnosis import diagnose
 from identification.fit import fit
 from identification.log import Log
 from identification.stamps import evenly_timed
+from plant import ServoModel
 
 DT, FINE, NOISE = 0.005, 5e-4, 1e-3
 CHANNELS = ("time", "command", "output", "valid", "servo_gain")
@@ -63,6 +64,30 @@ def test_even_stamps_and_a_wandering_clock_are_not_asked():
     steps = np.random.default_rng(0).uniform(0.9, 1.1, len(run) - 1) * DT
     wandering = replace(log, runs=(replace(run, time=np.concatenate(([0.0], np.cumsum(steps)))),))
     assert evenly_timed(wandering) is wandering
+
+
+@pytest.mark.parametrize(("by", "asked"), [(0.014, False), (0.021, True)])
+def test_scatter_that_cannot_matter_is_let_be(by, asked):
+    """Half a hundredth of a sample is little: uniform over 0.0173 samples."""
+    log = stamped_late(1, by=by, duration=10.0)
+    assert (evenly_timed(log) is not log) == asked
+
+
+def test_two_stamps_at_one_place_of_the_clock_are_no_scatter():
+    log = record(Machine(), excitation(2, duration=10.0), seed=1, noise=NOISE).log()
+    (run,) = log.runs
+    late = np.random.default_rng(9).uniform(0.0, 0.1, len(run))
+    late[0], late[499:502] = 0.0, (0.1, 0.55, 0.1)
+    stamped = replace(log, runs=(replace(run, time=run.time + late * DT),))
+    assert evenly_timed(stamped) is stamped
+
+
+def test_what_is_fixed_stays_so_on_the_even_clock():
+    model = ServoModel.paper()
+    found = fit(stamped_late(1, duration=10.0), model, fixed=["inertia"])
+    assert found.log.evenly_timed
+    assert found.fixed == ("inertia",)
+    assert found.model.inertia == model.inertia
 
 
 def test_a_gap_does_not_break_the_clock():

@@ -1,0 +1,86 @@
+"""Whether a better model is better on what it has not seen: by which rule, and of what."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis import unseen
+from diagnosis.refit import refit
+from diagnosis.unseen import _unseen, holds_up
+from identification.fit import fit
+from identification.fit_result import Fit
+from identification.log import Log
+from identification.problem import Problem
+from plant import ServoModel
+from plant.effects import CoulombFriction
+
+QUIET, LOUD = 99.0, 101.0  # rise of the log-likelihood
+
+
+@pytest.mark.parametrize(
+    ("simulation", "left", "unseen_gain", "rise", "stands"),
+    [
+        (-2.1, 0.4, +1.0, LOUD, False),  # the simulation gets worse
+        (+2.1, 0.9, -1.0, LOUD, True),  # the simulation gets better
+        (0.0, 0.49, -1.0, LOUD, True),  # its error is halved, in a few places
+        (0.0, 0.51, -1.0, QUIET, False),
+        (0.0, 0.9, +1.0, LOUD, True),
+        (0.0, 0.9, 0.0, LOUD, False),  # what speaks loudly must show
+        (0.0, 0.9, 0.0, QUIET, True),
+        (-1.9, 0.9, 0.0, QUIET, True),
+    ],
+)
+def test_the_rule(
+    monkeypatch: pytest.MonkeyPatch, simulation: float, left: float, unseen_gain: float, rise: float, stands: bool
+) -> None:
+    """The gain in log-likelihood of each unseen sample is far beyond its scatter, or nothing."""
+    scatter = np.random.default_rng(0).normal(0.0, 0.1, 1000)
+    told = unseen_gain + scatter - scatter.mean()
+    before: Any = SimpleNamespace(told=np.zeros(1000), log_likelihood=0.0, bandwidth=3.0)
+    after: Any = SimpleNamespace(told=told, log_likelihood=rise, bandwidth=5.0)
+    asked: list[float] = []
+
+    def at_bandwidth(one: Any, bandwidth: float) -> np.ndarray:
+        asked.append(bandwidth)
+        return np.asarray(one.told)
+
+    monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (simulation, left))
+    monkeypatch.setattr(unseen, "_unseen", at_bandwidth)
+    assert holds_up(before, after) == stands
+    assert set(asked) <= {5.0}  # both behind the faster observer
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return record(Machine().hiding(coulomb_friction={"torque": 0.2}), excitation(2, duration=16.0), seed=2).log()
+
+
+@pytest.fixture(scope="module")
+def base(log: Log) -> Fit:
+    return fit(log, ServoModel.paper())
+
+
+def test_it_is_the_density_of_what_comes_after_a_fit_to_the_first_part(log: Log, base: Fit) -> None:
+    (run,) = log.runs
+    begun = len(run) * 3 // 4
+    first = Log(runs=(run.slice(0, begun),), axis="rotary")
+    extended = ServoModel.paper().with_effect(CoulombFriction(torque=0.2))
+    alone = fit(first, extended)
+    assert alone.bandwidth == 0.0
+    predictor = Problem.of(log, extended).predictor
+    (whole,) = predictor.predict(alone.model.values, alone.initial, bandwidth=0.0, width=0.0)
+    expected = -0.5 * (whole.errors[begun:] / alone.noise_std) ** 2 - np.log(alone.noise_std)
+    found = _unseen(refit(base, CoulombFriction(torque=0.2)), 0.0)
+    assert found.shape == expected.shape
+    assert np.mean(found) == pytest.approx(np.mean(expected), abs=0.01)
+
+
+def test_friction_that_is_there_holds_up_and_its_loss_does_not(base: Fit) -> None:
+    found = refit(base, CoulombFriction(torque=0.2))
+    assert holds_up(base, found)
+    assert not holds_up(found, base)
