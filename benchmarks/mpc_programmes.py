@@ -84,7 +84,7 @@ def fenced(N: int, count: int) -> str:
     for k in range(count):
         stages, fences = fenced_stages(rng, N, rng.uniform(-1, 2))
         guess = rng.integers(-1, 2, N)
-        for repeat in range(3):
+        for repeat in range(5):
             solver.load(stages, guess, fences)
             begin = time.perf_counter()
             residual = solver.machine_code()
@@ -131,7 +131,7 @@ def main() -> None:
             stages = random_stages(rng, n, N, hardness) if k % 2 or n > 2 else servo_stages(rng, N, hardness)
             guess = rng.integers(-1, 2, N)
             answers = []
-            for repeat in range(3):  # the least: the machine may be busy with other things
+            for repeat in range(5):  # the least: the machine may be busy with other things
                 solver.load(stages, guess)
                 begin = time.perf_counter()
                 residual = solver.machine_code()
