@@ -1,0 +1,111 @@
+"""What earlier additions are still needed for beside the last one, and whether each still has the best name."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis import backward
+from diagnosis.backward import _handed_over, with_best_names, without_superfluous
+from diagnosis.odds import NONE
+from diagnosis.refit import evidence_of, refit
+from diagnosis.round import Addition, Contestant
+from identification.fit import fit
+from identification.fit_result import Fit
+from plant import Effect, ServoModel
+from plant.effects import ActuatorLag, AsymmetricFriction, CoulombFriction, InputDelay, StribeckFriction, TorqueOffset
+
+RUBS, PUSHES, WAITS = CoulombFriction(torque=0.3), TorqueOffset(torque=0.15), InputDelay(time=0.02)
+
+
+@cache
+def base(*hidden: Effect) -> Fit:
+    """Of a machine that hides effects from the model."""
+    values = {effect.name: {spec.name: getattr(effect, spec.name) for spec in effect.parameters()} for effect in hidden}
+    log = record(Machine().hiding(**values), excitation(2, duration=10.0), seed=2).log()
+    return fit(log, ServoModel.paper())
+
+
+def contestant(effect: Effect) -> Contestant:
+    return Contestant(effect=effect, coefficients=len(effect.values), charge=3.0)
+
+
+def added(start: Fit, *effects: Effect, rival: Effect | None = None) -> list[Addition]:
+    """One effect after the other; the first was chosen from a rival too."""
+    additions: list[Addition] = []
+    for effect in effects:
+        at = additions[-1].fit if additions else start
+        found = refit(at, effect)
+        others = [rival] if rival is not None and not additions else []
+        odds = {effect.name: 0.7, **{other.name: 0.2 for other in others}, NONE: 0.1}
+        contest = tuple(contestant(each) for each in (effect, *others))
+        evidence = evidence_of(found, at)
+        additions.append(Addition(effect=effect.name, fit=found, odds=odds, evidence=evidence, contest=contest))
+    return additions
+
+
+def names(additions: list[Addition]) -> list[str]:
+    return [addition.effect for addition in additions]
+
+
+def held(additions: list[Addition]) -> set[str]:
+    """What the last model has, beside the motors' dead zone."""
+    return {effect.name for effect in additions[-1].fit.model.effects} - {"dead_zone"}
+
+
+def test_what_no_longer_pays_is_taken_out() -> None:
+    start = base(RUBS)
+    left = without_superfluous(start, added(start, PUSHES, RUBS), None)
+    assert names(left) == ["coulomb_friction"]
+    assert held(left) == {"coulomb_friction"}
+
+
+def test_what_is_needed_stays() -> None:
+    start = base(RUBS, PUSHES)
+    additions = added(start, PUSHES, RUBS)
+    left = without_superfluous(start, additions, None)
+    assert all(one is other for one, other in zip(left, additions, strict=True))
+
+
+def test_a_special_case_takes_the_place_of_what_says_no_more_and_has_its_odds() -> None:
+    start = base(RUBS)
+    additions = added(start, AsymmetricFriction(forward=0.3, backward=0.3), PUSHES, rival=RUBS)
+    left = without_superfluous(start, additions, None)
+    assert names(left) == ["coulomb_friction", "torque_offset"]
+    assert held(left) == {"coulomb_friction", "torque_offset"}
+    assert left[0].odds == pytest.approx({"coulomb_friction": 0.9, NONE: 0.1})
+
+
+def test_what_the_last_one_contains_is_gone() -> None:
+    start = base(RUBS)
+    wider = StribeckFriction(coulomb=0.3, excess=0.05, velocity=0.1)
+    assert names(without_superfluous(start, added(start, RUBS, wider), None)) == ["stribeck_friction"]
+
+
+def test_odds_are_handed_over_also_to_what_had_none() -> None:
+    (addition,) = added(base(RUBS), RUBS)
+    assert _handed_over(addition, PUSHES) == pytest.approx({"torque_offset": 0.7, NONE: 0.1})
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_name_that_was_found_while_others_were_missing_is_weighed_again(
+    monkeypatch: pytest.MonkeyPatch, stands: bool
+) -> None:
+    """A better name must hold up unseen."""
+    monkeypatch.setattr(backward, "holds_up", lambda *_: stands)
+    additions = added(base(WAITS, PUSHES), ActuatorLag(time_constant=0.02), PUSHES, rival=WAITS)
+    weighed = with_best_names(additions, None)
+    first = "input_delay" if stands else "actuator_lag"
+    assert names(weighed) == [first, "torque_offset"]
+    assert held(weighed) == {first, "torque_offset"}
+    if stands:
+        assert weighed[0].odds["input_delay"] > 0.999
+        without = refit(base(WAITS, PUSHES), PUSHES)
+        assert weighed[0].evidence == pytest.approx(evidence_of(weighed[-1].fit, without), rel=1e-3)
+
+
+def test_a_single_name_has_been_weighed() -> None:
+    additions = added(base(WAITS, PUSHES), ActuatorLag(time_constant=0.02), rival=WAITS)
+    assert with_best_names(additions, None) == additions
