@@ -39,6 +39,9 @@ PATIENCE = 4000
 BRAKES = 0.5
 """Acceleration that is there in any case [rad/s^2]."""
 
+PUSHED = 0.5
+"""Torque that an estimate still believes in, where there is none [N m]."""
+
 BACK = 1e-3
 """Error at which it has come back [rad]."""
 
@@ -163,7 +166,8 @@ def broken_promises(controller: Controller, sample: Sample) -> list[str]:
             wrong.append("something was not a number, and nothing is said")
         if not control.residual <= 1e-6:
             wrong.append("called optimal, but not certified")
-    late = sample.thrown and control.status == "degraded: a limit of angle or speed cannot be kept"
+    thrown = sample.thrown or abs(control.disturbance) > PUSHED  # or takes itself for it
+    late = thrown and control.status == "degraded: a limit of angle or speed cannot be kept"
     if sample.calm > 20 and control.status != "optimal" and not late:
         wrong.append(f"not recovered: {control.status}")
     if sample.calm == PATIENCE:

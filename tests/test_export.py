@@ -93,7 +93,7 @@ def test_single_precision_keeps_limits(limits: dict[str, object], tmp_path: Path
 
 
 @pytest.mark.parametrize("single", [False, True])
-@pytest.mark.parametrize("name", ["rigid", "lag"])
+@pytest.mark.parametrize("name", ["rigid", "late", "lag"])
 def test_nothing_is_undefined_and_the_bounds_hold_whatever_it_is_fed(name: str, single: bool, tmp_path: Path) -> None:
     made = export(controller(name), single=single)
     program = built(made.files, tmp_path, "-fsanitize=address,undefined", "-fno-sanitize-recover=all")

@@ -1,4 +1,4 @@
-"""Whatever happens to the controller: bounds to the last bit, an honest status, and back again. 100,000 samples of it
+"""Whatever happens to the controller: bounds to the last bit, an honest status, and back again. 125,000 samples of it
 are run by benchmarks/mpc_never_lost.py."""
 
 from __future__ import annotations
