@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from diagnosis.odds import NONE, parameter_cost, schwarz_cost
+from diagnosis.odds import MISSING, NONE, parameter_cost, schwarz_cost
 from diagnosis.refit import evidence_of, fitted_near, is_its_special_case, problem_near
 from diagnosis.round import Addition, weighed
 from diagnosis.unseen import holds_up
@@ -76,12 +76,14 @@ def _handed_over(addition: Addition, special: Effect) -> dict[str, float]:
 def with_best_names(additions: list[Addition], progress: Callable[[str], None] | None) -> list[Addition]:
     """Weigh each addition once more against those that it was chosen from, beside all the others.
 
-    The first of several effects was found while the others were still missing: its rivals may fit better now.
+    The first of several effects was found while the others were still missing: its rivals may fit better now, and
+    beside a better name another may have nothing left to explain.
     """
-    if len(additions) < 2:
-        return additions
-    for place, addition in enumerate(additions):
-        final = additions[-1].fit
+    for name in [addition.effect for addition in additions]:
+        if len(additions) < 2:
+            break
+        place = next(place for place, addition in enumerate(additions) if addition.effect == name)
+        addition, final = additions[place], additions[-1].fit
         rest = final.model.without_effect(addition.effect)
         if progress is not None:
             progress(f"is it still {addition.effect.replace('_', ' ')}?")
@@ -91,15 +93,19 @@ def with_best_names(additions: list[Addition], progress: Callable[[str], None] |
             if rival.effect.name == addition.effect
             or (_fits_in(rest, rival.effect) and not _falls_short(rest.with_effect(rival.effect), final))
         }
-        if len(rivals) < 2:
+        if name not in rivals:
             continue
         less = fitted_near(final, rest)
         fits = {
-            name: final if name == addition.effect else fitted_near(final, rest.with_effect(rival.effect))
-            for name, rival in rivals.items()
+            rival: final if rival == name else fitted_near(final, rest.with_effect(contestant.effect))
+            for rival, contestant in rivals.items()
         }
         odds = weighed(rivals, fits, less)
-        best = next(name for name in odds if name != NONE)
+        if odds[NONE] > 1.0 - MISSING:
+            additions = [*additions[:place], *additions[place + 1 :]]
+            additions[-1] = replace(additions[-1], fit=less)
+            continue
+        best = next(rival for rival in odds if rival != NONE)
         if best != addition.effect and not holds_up(less, fits[best]):
             continue
         changed = replace(addition, effect=best, odds=odds, evidence=evidence_of(fits[best], less))
