@@ -1,6 +1,7 @@
 """Coloured noise of the reading: the fit finds its colour, and what is missing is named through it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,10 +9,13 @@ from machine import Machine, excitation, record
 from scipy.signal import lfilter
 
 from diagnosis import diagnose
+from identification import colour
+from identification.colour import with_its_colour
 from identification.fit import base_model, fit
 from identification.log import Log
 from identification.noise import Whitening, short_autoregression, whiten
 from identification.problem import Problem
+from plant import ServoModel
 
 FADES = 0.9  # from one sample to the next
 STD = 1e-3
@@ -37,6 +41,43 @@ def test_the_fit_finds_the_colour_and_the_parameters_behind_it():
     # An observer that takes the noise for motion misses friction by a tenth and more.
     led_astray = Problem.of(log, base_model(log)).solve()
     assert abs(led_astray["viscous_friction"].value - 0.8) > 10.0 * abs(found["viscous_friction"].value - 0.8)
+
+
+def test_what_is_fixed_stays_so_beside_the_colour():
+    model = ServoModel.paper()
+    found = fit(coloured(Machine(), 3), model, fixed=["inertia"])
+    assert sum(found.log.colour) == pytest.approx(FADES, abs=0.05)
+    assert found.fixed == ("inertia",)
+    assert found.model.inertia == model.inertia
+
+
+@pytest.mark.parametrize(("rises", "believed"), [((9.9,), None), ((10.1,), 0), ((10.1, 30.0, 20.0), 1), ((), None)])
+def test_the_likeliest_colour_is_believed_if_it_is_clearly_likelier_than_none(monkeypatch, rises, believed):
+    white = SimpleNamespace(log_likelihood=1000.0)
+    found = [SimpleNamespace(log_likelihood=1000.0 + rise) for rise in rises]
+    monkeypatch.setattr(colour, "_coloured", lambda _: iter(found))
+    assert with_its_colour(white) is (white if believed is None else found[believed])
+
+
+@pytest.mark.parametrize(
+    ("worth", "memory", "count"),
+    [
+        (0.051, 0.0051, 4),  # behind observers of 10, 3.3, 1.1 and 0.37 rad/s
+        (0.049, 0.0051, 0),  # what a poor model can leave as well
+        (0.051, 0.0049, 0),  # no longer than a sample
+        (0.051, 0.101, 3),  # outlasts the corrections of the fastest
+        (0.051, 0.301, 2),
+    ],
+)
+def test_behind_an_observer_a_colour_is_asked_for_that_it_cannot_follow(monkeypatch, worth, memory, count):
+    fitted = SimpleNamespace(
+        log=SimpleNamespace(sample_time=0.005), model=None, fixed=(), bandwidth=30.0, samples=1000, log_likelihood=0.0
+    )
+    shown = SimpleNamespace(log_likelihood=worth * fitted.samples, noise_memory=memory)
+    problem = SimpleNamespace(solve=lambda **_: fitted, recoloured=lambda _: shown)
+    monkeypatch.setattr(colour, "Problem", SimpleNamespace(of=lambda *_, **__: problem))
+    monkeypatch.setattr(colour, "replace", lambda fit, **__: fit)
+    assert len(list(colour._coloured(fitted))) == count
 
 
 def test_white_noise_stays_white():

@@ -1,15 +1,23 @@
 """A load that wanders at random is noise and not a cause, and does not hide one."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from machine import Machine, excitation, load_fluctuation, record
 from scipy.linalg import solve_discrete_are
 
-from diagnosis import diagnose
+from diagnosis import diagnose, wandering
+from diagnosis.odds import NONE
+from diagnosis.round import Addition
+from diagnosis.wandering import _less_sure, without_wanderers
 from identification.fit import base_model, fit
 from identification.log import Log
 from identification.predictor import observer_gain
 from identification.problem import Problem
+from plant import Effect, ServoModel
+from plant.effects import CoulombFriction, TorqueOffset
 from plant.effects.wandering_load import WanderingLoad
 
 DT, DURATION = 0.005, 30.0
@@ -63,3 +71,54 @@ def test_a_name_is_no_surer_than_it_is_beside_a_wandering_load():
     (cause,) = diagnose(wandering_load(Machine(), 7001), candidates=["end_stop", "torque_offset"]).causes
     assert cause.effect == "end_stop"
     assert 0.95 < cause.probability < 0.999
+
+
+RUBS, PUSHES = CoulombFriction(torque=0.1), TorqueOffset(torque=0.1)
+
+
+def fitted(model: ServoModel, log_likelihood: float, bandwidth: float = 2.0) -> Any:
+    return SimpleNamespace(
+        model=model, log_likelihood=log_likelihood, bandwidth=bandwidth, log=SimpleNamespace(sample_time=DT)
+    )
+
+
+def addition(effect: Effect, fit: Any, evidence: float, none: float = 0.0) -> Addition:
+    """Found with that evidence; visible by as much as the likelihood rises."""
+    rival: Any = SimpleNamespace(effect=effect, visible=lambda fit, less: fit.log_likelihood - less.log_likelihood)
+    odds = {effect.name: 0.9 - none, "cogging": 0.1, NONE: none}
+    return Addition(effect=effect.name, fit=fit, odds=odds, evidence=evidence, contest=(rival,))
+
+
+def test_of_two_names_that_wandering_could_replace_one_by_one_the_weaker_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And then the stronger has to stay: wandering cannot stand for both."""
+    worth = {("torque_offset",): 0.1, ("coulomb_friction",): 0.1, (): 50.0}
+
+    def near(_: Any, model: ServoModel) -> Any:
+        left = tuple(effect.name for effect in model.effects if effect.name != "wandering_load")
+        return fitted(model, 100.0 - worth.get(left, 0.0))
+
+    monkeypatch.setattr(wandering, "fitted_near", near)
+    model = ServoModel()
+    both = fitted(model.with_effect(RUBS).with_effect(PUSHES), 100.0)
+    additions = [addition(PUSHES, both, evidence=20.0), addition(RUBS, both, evidence=5.0)]
+    (kept,) = without_wanderers(fitted(model, 0.0), additions, None)
+    assert kept.effect == "torque_offset"
+    assert [effect.name for effect in kept.fit.model.effects] == ["torque_offset"]  # and no load that wanders
+
+
+@pytest.mark.parametrize("bandwidth", [0.0, 0.1 / DT])
+def test_a_simulation_and_an_observer_that_follows_anything_are_not_asked(
+    monkeypatch: pytest.MonkeyPatch, bandwidth: float
+) -> None:
+    monkeypatch.setattr(wandering, "fitted_near", None)
+    final = fitted(ServoModel().with_effect(RUBS), 100.0, bandwidth)
+    additions = [addition(RUBS, final, evidence=20.0)]
+    assert without_wanderers(fitted(ServoModel(), 0.0, bandwidth), additions, None) is additions
+
+
+def test_the_odds_among_names_stay_and_those_against_none_fall() -> None:
+    found = addition(RUBS, None, evidence=20.0, none=0.02)
+    assert _less_sure(found, 0.99) is found
+    odds = _less_sure(found, 0.49).odds
+    assert odds == pytest.approx({NONE: 0.51, "coulomb_friction": 0.44, "cogging": 0.05})
+    assert list(odds) == [NONE, "coulomb_friction", "cogging"]  # the likeliest first
