@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import backward
-from diagnosis.backward import _handed_over, with_best_names, without_superfluous
+from diagnosis.backward import _handed_over, _simplest_that_does, with_best_names, without_superfluous
 from diagnosis.odds import NONE
 from diagnosis.refit import evidence_of, refit
 from diagnosis.round import Addition, Contestant
@@ -76,6 +77,19 @@ def test_a_special_case_takes_the_place_of_what_says_no_more_and_has_its_odds() 
     assert names(left) == ["coulomb_friction", "torque_offset"]
     assert held(left) == {"coulomb_friction", "torque_offset"}
     assert left[0].odds == pytest.approx({"coulomb_friction": 0.9, NONE: 0.1})
+
+
+@pytest.mark.parametrize(("velocity", "stays"), [(1e-5, False), (0.1, True)])
+def test_a_shape_too_narrow_to_be_seen_goes_whatever_it_gains(
+    monkeypatch: pytest.MonkeyPatch, velocity: float, stays: bool
+) -> None:
+    start = base(RUBS)
+    hump = StribeckFriction(coulomb=0.3, excess=0.1, velocity=velocity)
+    monkeypatch.setattr(backward, "evidence_of", lambda *_: 1000.0)
+    monkeypatch.setattr(backward, "fitted_near", lambda near, model: replace(near, model=model))
+    found = _simplest_that_does(replace(start, model=start.model.with_effect(hump)), hump)
+    assert (found is None) == stays
+    assert stays or (found is not None and found[0] == CoulombFriction(torque=0.3))
 
 
 def test_what_the_last_one_contains_is_gone() -> None:
