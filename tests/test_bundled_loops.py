@@ -1,0 +1,78 @@
+"""The closed loops that come with the package: what each is for is a number of its summary and its page."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from front_door import antidrive
+
+LOOPS = ("tracking", "figure7", "disturbance", "drive-loss")
+
+
+@cache
+def played(name: str) -> tuple[dict[str, Any], pd.DataFrame, str]:
+    """Summary, trajectory and page that the command writes."""
+    with TemporaryDirectory() as folder:
+        spoken = antidrive("simulate", name, "--out", folder, "--quiet")
+        assert spoken.code == 0, spoken.err
+        out = Path(folder)
+        summary = json.loads((out / "summary.json").read_text())
+        return summary, pd.read_csv(out / "trajectory.csv"), (out / "report.html").read_text()
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_it_tracks_with_the_teeth_together_and_the_page_has_its_numbers(name: str) -> None:
+    summary, path, page = played(name)
+    error = path.angle - path.reference
+    assert summary["tracking_rms"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-6)
+    assert summary["tracking_rms"] < 1e-4
+    assert summary["largest_error"] < 1e-3
+    assert 0.3 < summary["least_preload_margin"] / (0.02 * 161 / 20) < 1.0  # the rest is vibration and friction
+    assert summary["degraded_samples"] == np.sum(path.status != "optimal")
+    for value in (summary["tracking_rms"], summary["least_preload_margin"]):
+        assert f"{value:.4g}" in page
+
+
+def test_one_drive_crosses_its_gap_at_each_reversal_and_two_do_not() -> None:
+    summary, path, page = played("figure7")
+    one = summary["single_drive"]
+    alone = path.single_drive_angle - path.reference
+    assert one["tracking_rms"] == pytest.approx(np.sqrt(np.mean(alone**2)), rel=1e-6)
+    assert one["tracking_rms"] > 1.8 * summary["tracking_rms"]
+    assert summary["samples_apart"] == 0
+    assert one["samples_apart"] > 0.2 * summary["samples"]
+    assert one["hardest_hit_on_far_flank"] > 10.0
+    assert f"in {one['samples_apart']} with one" in page
+
+
+def test_a_push_is_taken_up_while_it_lasts() -> None:
+    summary, path, _ = played("disturbance")
+    error, seen = path.angle - path.reference, path.disturbance_estimate
+    calm, late = path.time.between(1.5, 1.99), path.time.between(4.0, 4.99)
+    assert error[path.time.between(2.0, 2.5)].max() > 2e-4  # it does push
+    assert abs(error[late].mean()) < 3e-5
+    assert seen[late].mean() - seen[calm].mean() == pytest.approx(0.6, abs=0.02)
+    assert abs(summary["final_error"]) < 3e-5
+
+
+def test_the_drive_that_is_left_keeps_the_motion() -> None:
+    summary, path, page = played("drive-loss")
+    after = path.time >= 5.0
+    assert (path.torque_2[after] == 0.0).all()
+    known = path.time > 5.02 - 1e-9
+    assert path.status[known].str.startswith("degraded: drive 2 is lost, and backlash control with it").all()
+    assert (path.status[~known] == "optimal").all()
+    assert summary["backlash_control"] == "lost"
+    assert summary["teeth_parted"] is True
+    without = path.angle_without_loss - path.reference
+    growth = np.std(path.angle[after] - path.reference[after]) / np.std(without[after])
+    assert summary["error_growth"] == pytest.approx(growth, rel=0.05)
+    assert 0.5 < summary["error_growth"] < 3.0
+    assert "backlash control is lost" in page
