@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import combinations_with_replacement, permutations, product
+from itertools import combinations, combinations_with_replacement, permutations, product
 
 import numpy as np
 import pytest
@@ -185,6 +185,20 @@ def test_three_joints_and_four_drives_by_brute_force() -> None:
     numbers = class_numbers(listed)
     assert len(set(numbers.tolist())) == len(listed)
     assert set(numbers.tolist()) == set(class_numbers(possible).tolist())
+
+
+def test_three_joints_and_five_drives_by_brute_force() -> None:
+    signs = np.array(list(product((-1, 0, 1), repeat=3)), dtype=np.int64)
+    every = signs[np.array(list(combinations_with_replacement(range(27), 5)))].transpose(0, 2, 1)
+    every = every[both_signs(every)]
+    A = balanced(every, np.random.default_rng(3))
+    # with the null vector at hand admissible is what has rank 3: some three of the columns are independent
+    minors = [np.linalg.det(A[:, :, list(three)]) for three in combinations(range(5), 3)]
+    possible = every[np.max(np.abs(minors), axis=0) > 1e-9]
+    numbers = class_numbers(np.array(enumerate_admissible(3, 5)))
+    assert len(np.unique(numbers)) == len(numbers)
+    assert np.array_equal(np.sort(numbers), np.unique(class_numbers(possible)))
+    assert len(possible) < len(every)
 
 
 @pytest.mark.parametrize("m", [5, 6])
