@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mpc import Controller, LoopAnalysis, analyse_loop, bode_figure
+from mpc.weights import rate_weight, terminal_weight
 from plant import GearTrain, ServoModel, sample_step
 from plant.effects import ActuatorLag, BackEmf, Effect, InputDelay, SensorLag
 from plant.errors import BadParameter
@@ -74,6 +75,15 @@ def test_the_margins_are_those_of_python_control() -> None:
         assert loop.phase_margin == pytest.approx(phase, abs=0.1)
         assert loop.crossover == pytest.approx(crossover / (2 * np.pi), rel=1e-3)
         assert np.all(np.abs(loop.sensitivity.poles()) < 1.0)
+
+
+def test_the_terminal_cost_is_what_the_best_law_of_python_control_still_costs() -> None:
+    J, K, dt, rate = RIGID.inertia, RIGID.viscous_friction, 0.005, rate_weight(RIGID, 4.0, 0.005)
+    plant = control.c2d(control.ss([[0, 1], [0, -K / J]], [[0], [1 / J]], np.eye(2), 0), dt)
+    A = np.block([[plant.A, plant.B], [np.zeros((1, 2)), np.eye(1)]])  # with the torque of the last sample
+    _, cost, _ = control.dlqr(A, A[:, 2:], np.diag([1.0, 0.0, 0.0]), [[rate]])
+    free = np.linalg.inv(np.linalg.inv(cost)[:2, :2])  # from the last torque that costs least
+    assert terminal_weight(RIGID, rate, dt) == pytest.approx(free, rel=5e-3)
 
 
 def test_margins_are_where_the_loop_becomes_unstable() -> None:

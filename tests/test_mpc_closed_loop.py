@@ -110,7 +110,7 @@ def exact_servo(plant: ServoModel) -> Callable[[Array, Array], Array]:
 def follow(model: ServoModel, plant: ServoModel) -> float:
     """RMS error [rad] of a controller on a servo whose exact equations are `plant` after two seconds."""
     controller = Controller(model, PAPER)
-    advance, state = exact_servo(plant), np.zeros(2)
+    advance, state = exact_servo(plant), np.zeros(len(plant.states))
     errors = []
     wanted = swing(np.arange(831) * 0.005)
     for k in range(800):
@@ -140,6 +140,11 @@ def test_the_estimate_knows_which_torque_acted_when(effect: InputDelay | Actuato
 def test_a_delay_that_is_known_is_compensated() -> None:
     delayed = RIGID.with_effect(InputDelay(time=0.032))
     assert follow(delayed, delayed) < 0.3 * follow(RIGID, delayed)
+
+
+def test_a_lag_that_is_known_is_compensated() -> None:
+    lagging = RIGID.with_effect(ActuatorLag(time_constant=0.03))
+    assert follow(lagging, lagging) < 0.3 * follow(RIGID, lagging)
 
 
 def test_a_dead_zone_that_is_known_is_compensated() -> None:
