@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import re
+import time
 from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
@@ -31,6 +32,7 @@ class CompiledStep:
         layout: the struct of the machine code.
         source: the C code.
         code: the library, once it is there.
+        compile_time: how long the compiler was waited for [s]; zero if the library was there already, or none came.
     """
 
     def __init__(self, functions: tuple[Any, ...], sizes: Mapping[str, int], arrays: Mapping[str, Array]) -> None:
@@ -47,12 +49,14 @@ class CompiledStep:
         layout: Any = type("Layout", (ctypes.Structure,), {"_fields_": fields})
         self.layout = layout(*sizes.values(), *(array.ctypes.data for array in arrays.values()))
         self.source = source(functions, tuple(sizes), tuple(arrays))
-        self.code = MachineCode("controller", self.source)
+        self.code, self.compile_time = MachineCode("controller", self.source), 0.0
 
     def function(self) -> Any:
         """The step (angle, whether the reference is previewed) -> `Trouble`, or None without a compiler."""
+        begin, kept = time.perf_counter(), self.code.library is not None
         if not self.code.wait() or self.code.library is None:
             return None
+        self.compile_time = 0.0 if kept else time.perf_counter() - begin
         step = self.code.library.control_step
         step.argtypes, step.restype = (ctypes.c_void_p, ctypes.c_double, ctypes.c_int), ctypes.c_int
         where = ctypes.addressof(self.layout)

@@ -229,6 +229,11 @@ class Controller:
         return self._step is not self.__dict__.get("_interpreted")
 
     @property
+    def compile_time(self) -> float:
+        """How long the constructor waited for the compiler [s]; zero where machine code was kept or there is none."""
+        return self._machine_code.compile_time
+
+    @property
     def c_code(self) -> str:
         """The step as C99 that depends on nothing, takes no memory and bounds every loop."""
         return self._machine_code.source

@@ -98,6 +98,7 @@ def test_without_a_compiler_it_works_as_well(monkeypatch: pytest.MonkeyPatch) ->
         bare.setattr(machine_code, "compiler", lambda: None)
         controller = Controller(ServoModel.paper(), PAPER)
     assert not controller.compiled
+    assert controller.compile_time == 0.0
     assert controller.step(0.0, 0.01).status == "optimal"
 
 
@@ -117,9 +118,13 @@ def test_a_second_controller_finds_the_machine_code_of_the_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(machine_code, "_cache", lambda: tmp_path)
+    controllers = []
     for horizon, inertia in ((10, 2.0), (40, 3.0)):  # neither is part of the code
-        Controller(ServoModel(inertia=inertia), PAPER, horizon=horizon)
+        controllers.append(Controller(ServoModel(inertia=inertia), PAPER, horizon=horizon))
         assert len(list(tmp_path.glob("controller-*.so"))) == 1
+    assert all(controller.compiled for controller in controllers)
+    assert controllers[0].compile_time > 0.01
+    assert controllers[1].compile_time == 0.0
 
 
 @pytest.mark.parametrize("gears", [PAPER, UNEQUAL], ids=["paper", "unequal"])
