@@ -66,12 +66,11 @@ class Peer:
         return A, a["B"].reshape(-1, 2, self.n).transpose(0, 2, 1)
 
 
-class Daqp(Peer):
-    """Dense and condensed, warm from the plan."""
+class Condensed(Peer):
+    """The torques alone as variables, dense."""
 
-    def prepared(self) -> Callable[[], Array]:
-        import daqp
-
+    def condensed(self) -> tuple[Array, Array, Array, Array]:
+        """H (N, N) and g (N,) of the cost e'He/2 + g'e, and the bounds (N,) of e."""
         S = responses(*self.stages)
         D = np.eye(self.N) - np.eye(self.N, k=-1)
         miss, rate, end = self.programme.data[1:, 0], self.programme.data[:, 1], self.programme.end
@@ -79,9 +78,43 @@ class Daqp(Peer):
         g = S[:-1, 0].T @ miss + S[-1, :2].T @ (self.P @ end) + self.w * (D.T @ rate)
         scale = 1.0 / np.max(np.diag(H))
         low, high = (np.ascontiguousarray(self.programme.bounds[:, i]) for i in (1, 2))
+        return np.ascontiguousarray(scale * H), scale * g, low, high
+
+
+class Daqp(Condensed):
+    """Warm from the plan."""
+
+    def prepared(self) -> Callable[[], Array]:
+        import daqp
+
+        H, g, low, high = self.condensed()
         none, start = np.zeros((0, self.N)), np.clip(np.zeros(self.N), low, high)
-        H, g = np.ascontiguousarray(scale * H), scale * g
         return lambda: daqp.solve(H, g, none, high, low, primal_start=start)[0]
+
+
+class Conic(Condensed):
+    """A solver that comes with CasADi, warm from the plan."""
+
+    plugin: str
+    options: dict[str, object]
+    solver = None
+
+    def prepared(self) -> Callable[[], Array]:
+        H, g, low, high = self.condensed()
+        start = np.clip(np.zeros(self.N), low, high)
+        if self.solver is None:
+            dense = {"h": ca.Sparsity.dense(self.N, self.N)}
+            self.solver = ca.conic("peer", self.plugin, dense, {"print_time": False} | self.options)
+        given = {"h": H, "g": g, "lbx": low, "ubx": high, "x0": start}
+        return lambda: np.array(self.solver(**given)["x"]).ravel()
+
+
+class QpOases(Conic):
+    plugin, options = "qpoases", {"printLevel": "none"}
+
+
+class Qrqp(Conic):
+    plugin, options = "qrqp", {"print_iter": False, "print_header": False, "print_info": False}
 
 
 class Sparse(Peer):
@@ -234,6 +267,8 @@ PEERS = {
     name: kind
     for name, module, kind in (
         ("DAQP, condensed", "daqp", Daqp),
+        ("qpOASES, condensed", "casadi", QpOases),
+        ("qrqp, condensed", "casadi", Qrqp),
         ("PIQP, sparse", "piqp", Piqp),
         ("OSQP, sparse", "osqp", Osqp),
         ("do-mpc, IPOPT", "do_mpc", DoMpc),
