@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from mpc.programme import Programme
+from mpc.sweeps import Sweeps
 
 Array = NDArray[np.float64]
 
@@ -23,7 +20,7 @@ _STIFF = 1e11
 
 
 @np.errstate(all="ignore")  # an infinite price marks an interval that cannot be left
-def solve_from_inside(programme: Programme) -> None:
+def solve_from_inside(programme: Sweeps) -> None:
     """Solve a programme to within the last digits, and say from it which torques are at a bound.
 
     The primal-dual method with a barrier (Wright, "Primal-dual interior-point methods", 1997). The end b of an
@@ -92,7 +89,7 @@ def solve_from_inside(programme: Programme) -> None:
     p.bounds[:, 0] = np.where(inside + push < -half, -1.0, np.where(inside + push > half, 1.0, 0.0))
 
 
-def _begin_here(programme: Programme, length: float) -> None:
+def _begin_here(programme: Sweeps, length: float) -> None:
     """Count from now on from where that part of the last sweep ends."""
     p = programme
     p.data[:, 0] += length * p.s[:-1, 0]
@@ -110,6 +107,6 @@ def _centred(gap: Array, price: Array, least: Array, start: float) -> tuple[Arra
     return start / force, force, np.where(price < np.inf, start / spare, 0.0), spare
 
 
-def _sums(programme: Programme, row: NDArray[np.int64], values: Array) -> Array:
+def _sums(programme: Sweeps, row: NDArray[np.int64], values: Array) -> Array:
     """(N, rows) sums over both ends of each interval, zero where there is none."""
     return np.bincount(row, values, programme.forces.size).astype(np.float64).reshape(programme.forces.shape)

@@ -7,7 +7,7 @@ Around a course of the model the torques of the horizon change by e[k], the stat
     subject to  z[k+1] = A[k] z[k] + B[k] [e[k], e[k-1]],    low[k] <= e[k] <= high[k]
 
 and, if a controller has such limits, with intervals for three more numbers of a stage: the change e[k] - e[k-1], and
-angle and velocity of z[k+1]. The last two may leave theirs at a price (`mpc.programme`).
+angle and velocity of z[k+1]. The last two may leave theirs at a price (`mpc.sweeps`).
 
 The state of a stage is s = (z[k], e[k-1]). The cost to go from it is the parabola 1/2 s'Vs + v's. A torque is free, or
 held at a bound; for every number q of a stage that has an interval the `interior_point` method adds 1/2 d q^2 + g q.

@@ -34,8 +34,6 @@ FOR_TYPES_ALONE = {
     ("plant.effects.friction_drift", "plant.servo"),
     # A fleet is of rigs, and a rig is played as a fleet of one.
     ("plant.fleet", "plant.rig"),
-    # The interior point method sweeps through the programme that falls back on it.
-    ("mpc.interior_point", "mpc.programme"),
 }
 """Imports under TYPE_CHECKING that close a circle: (who, what)."""
 
