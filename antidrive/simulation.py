@@ -160,9 +160,15 @@ class Trial:
         units = {"heat": "N² m²", "tracking": "rad", "largest": "rad", "final": "rad", "least": "N m", "hardest": "N m"}
         summary = self.summary()
         summary |= {f"{name}_single_drive": value for name, value in summary.pop("single_drive", {}).items()}
-        loops = {"tracking_rms": self.result, "tracking_rms_single_drive": self.single}
-        errors = {name: loop.angle - loop.reference for name, loop in loops.items() if loop is not None}
-        scatter = {name: f" ± {rms(error)[1]:.1g}" for name, error in errors.items()}
+        loss = self._preloaded().stop
+        loops = {
+            "tracking_rms": (self.result, 0),
+            "tracking_rms_single_drive": (self.single, 0),
+            "tracking_rms_after_loss": (self.result, loss),
+            "tracking_rms_without_loss": (self.intact, loss),
+        }
+        errors = {name: loop.angle[k:] - loop.reference[k:] for name, (loop, k) in loops.items() if loop is not None}
+        scatter = {name: f" ± {rms(errors[name])[1]:.1g}" for name in errors.keys() & summary.keys()}
         rows = []
         for name, value in summary.items():
             if isinstance(value, float):

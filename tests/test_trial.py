@@ -138,6 +138,20 @@ def test_numbers_carry_their_units() -> None:
     assert told["teeth_parted"] == "no"
 
 
+def test_the_errors_after_a_loss_have_their_scatter_too() -> None:
+    intact = result(angle=0.2 + 1e-3 * np.sin(np.arange(COUNT)))
+    lossy = replace(trial(replace(SHORT, drive_loss=DriveLoss(drive=1, time=0.3))), intact=intact)
+    told = dict(lossy.numbers())
+    for name, loop in (("tracking_rms_after_loss", lossy.result), ("tracking_rms_without_loss", intact)):
+        error = (loop.angle - loop.reference)[60:]
+        blocks = [np.mean(block**2) for block in np.array_split(error, 20)]
+        size, scatter = re.fullmatch(r"(\S+) ± (\S+) rad", told[name]).groups()
+        assert float(size) == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-3)
+        assert float(scatter) == pytest.approx(np.std(blocks, ddof=1) / np.sqrt(20) / (2 * float(size)), rel=0.5)
+    late = trial(replace(SHORT, drive_loss=DriveLoss(drive=1, time=9.0)))
+    assert "tracking_rms_after_loss" not in dict(late.numbers())
+
+
 # Scenarios.
 
 
