@@ -1,4 +1,4 @@
-"""Every claim of the paper, repeated: what its scenarios say, one behind the other.
+"""Every claim of the paper, repeated, and what goes beyond it: what the scenarios say, one behind the other.
 
     python benchmarks/paper_claims.py
 
@@ -21,6 +21,8 @@ CLAIMS = {
     "dwell": "the same over gaps, preloads and speeds",
     "camera": "a payload moved over a span, a target tracked",
     "fail-safe": "one drive fails, the platform goes on",
+    "preload-sizing": "beyond the paper: how much preload is enough",
+    "differential": "beyond the paper: the gap and the teeth, measured at standstill",
 }
 
 

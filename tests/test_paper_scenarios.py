@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -21,6 +22,7 @@ from plant.errors import BadParameter
 from plant.servo import ServoModel
 
 NAMES = ("section3", "section4", "figure5", "figure6")
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
 
 
 @cache
@@ -214,6 +216,17 @@ def test_the_command_writes_numbers_trajectory_and_page(
         for text in row:
             assert printed(text) in page
     assert page.count('class="plot"') == len(outcome(name).pictures) > 0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_table_of_the_papers_claims_says_what_the_scenario_says(name: str) -> None:
+    table = Path(__file__).parents[1] / "benchmarks" / "results" / "paper_claims.txt"
+    part = re.search(rf"^{name}: .*?\n\n(.*?)\n(?:\n|\Z)", table.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    assert part is not None
+    said, kept = " ".join(outcome(name).sentences()), " ".join(part[1].split())
+    assert NUMBER.sub("#", said) == NUMBER.sub("#", kept)
+    found, told = ([float(n) for n in NUMBER.findall(text)] for text in (said, kept))
+    assert found == pytest.approx(told, rel=0.02, abs=1e-3)
 
 
 def test_every_file_of_the_package_is_a_scenario() -> None:
