@@ -107,6 +107,7 @@ class Shooting:
         bounds: of two drives on one joint.
         start, goal: angles [rad].
         intervals: N.
+        speed_limit: of the load [rad/s], at the ends of the intervals; a held torque goes no further in between.
     """
 
     model: ServoModel
@@ -114,6 +115,7 @@ class Shooting:
     start: float
     goal: float
     intervals: int
+    speed_limit: float = float("inf")
 
     @property
     def begin(self) -> Array:
@@ -140,10 +142,15 @@ class Shooting:
         """Least time for inertia alone [s]."""
         return 2.0 * float(np.sqrt(abs(self.goal - self.start) * self.model.inertia / self._strength))
 
+    @property
+    def _cruise(self) -> float:
+        """Least time at the greatest speed [s]."""
+        return abs(self.goal - self.start) / self.speed_limit
+
     def solve(self, duration: float | None) -> Shot:
         """The least time if no duration [s] is given, else the least heat in it."""
         N, n, greatest = self.intervals, self.begin.size, self.bounds.greatest
-        expected = 2.0 * self._quickest if duration is None else duration
+        expected = 2.0 * self._quickest + self._cruise if duration is None else duration
         units = np.ones(n)
         units[:2] = abs(self.goal - self.start), abs(self.goal - self.start) / expected
         variables = self._variables(units, expected, duration is not None)
@@ -185,13 +192,14 @@ class Shooting:
         course[:2] = angle / units[0], velocity / units[1]
 
         lower, upper = np.full((n, N + 1), -np.inf), np.full((n, N + 1), np.inf)
+        lower[1], upper[1] = -self.speed_limit / units[1], self.speed_limit / units[1]
         if self.model.slides:  # it goes one way
             (lower if self._sense > 0 else upper)[1] = 0.0
         lower[:, 0] = upper[:, 0] = 0.0
         lower[:2, -1] = upper[:2, -1] = self._sense, 0.0
-        quick = self._quickest / expected
+        quick, longest = self._quickest / expected, (_LONGEST * self._quickest + 2.0 * self._cruise) / expected
         least, greatest = self.bounds.least[:, None], self.bounds.greatest[:, None]
-        times = (1.0, 1.0) if fixed else (0.1 * quick, _LONGEST * quick)
+        times = (1.0, 1.0) if fixed else (0.1 * quick, longest)
         return (
             _Block(symbols=ca.MX.sym("Z", n, N + 1), lower=lower, upper=upper, guess=course),
             _Block(symbols=ca.MX.sym("U", 1, N), lower=-np.inf, upper=np.inf, guess=torque / self._strength),

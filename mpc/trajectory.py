@@ -59,13 +59,22 @@ class Trajectory:
         return np.asarray(course(np.clip(time, 0.0, self.duration)))
 
 
-def time_optimal(model: ServoModel, bounds: Limits, start: float, goal: float, *, intervals: int = 100) -> Trajectory:
+def time_optimal(
+    model: ServoModel,
+    bounds: Limits,
+    start: float,
+    goal: float,
+    *,
+    intervals: int = 100,
+    speed_limit: float = float("inf"),
+) -> Trajectory:
     """From rest at one angle to rest at another in the least time T that the bounds allow.
 
         minimise    T
         subject to  the servo model with its effects, at rest at both ends
                     min_torque <= s_i xi_i <= max_torque
                     s_i (xi_i - r^2 Jm A_i x'') - r f >= min_torque     at the start and the end of each interval
+                    |x'| <= speed_limit
 
     The last row is the flank torque (see `allocation.Limits`): the teeth stay together. For inertia alone the answer is
     known: T = 2 sqrt(J |goal - start|/tau), tau = (Nf/N)(max_torque - min_torque), half of the time forward and half
@@ -81,16 +90,24 @@ def time_optimal(model: ServoModel, bounds: Limits, start: float, goal: float, *
         bounds: of two drives on one joint.
         start, goal: angles [rad].
         intervals: N.
+        speed_limit: greatest speed of the load [rad/s]. Of the torque no rate is limited.
 
     Raises:
-        BadParameter: a linear axis, other drives, angles that are equal or not finite, fewer than two intervals, or
-            bounds that leave no torque in one of the senses.
+        BadParameter: a linear axis, other drives, angles that are equal or not finite, fewer than two intervals, a
+            speed limit that is not above zero, or bounds that leave no torque in one of the senses.
     """
-    return _solved(_move(model, bounds, start, goal, intervals), None)
+    return _solved(_move(model, bounds, start, goal, intervals, speed_limit), None)
 
 
 def minimum_heat(
-    model: ServoModel, bounds: Limits, start: float, goal: float, duration: float, *, intervals: int = 100
+    model: ServoModel,
+    bounds: Limits,
+    start: float,
+    goal: float,
+    duration: float,
+    *,
+    intervals: int = 100,
+    speed_limit: float = float("inf"),
 ) -> Trajectory:
     """From rest to rest in a given time [s] with the least integral of xi1^2 + xi2^2.
 
@@ -99,10 +116,10 @@ def minimum_heat(
     """
     if not (np.isfinite(duration) and duration > 0):
         raise BadParameter(f"The duration of a move must be finite and above zero, not {duration!r} s.")
-    return _solved(_move(model, bounds, start, goal, intervals), float(duration))
+    return _solved(_move(model, bounds, start, goal, intervals, speed_limit), float(duration))
 
 
-def _move(model: ServoModel, bounds: Limits, start: float, goal: float, intervals: int) -> Shooting:
+def _move(model: ServoModel, bounds: Limits, start: float, goal: float, intervals: int, speed_limit: float) -> Shooting:
     if model.axis != "rotary":
         raise BadParameter("A move is planned for a load behind gears; give it a model of a rotary axis.")
     if bounds.structure.matrix.shape != (1, 2):
@@ -111,6 +128,8 @@ def _move(model: ServoModel, bounds: Limits, start: float, goal: float, interval
         raise BadParameter(f"A move needs two different and finite angles, not {start!r} and {goal!r}.")
     if isinstance(intervals, bool) or not isinstance(intervals, int) or intervals < 2:
         raise BadParameter(f"intervals must be a whole number of at least 2, not {intervals!r}.")
+    if not speed_limit > 0:
+        raise BadParameter(f"speed_limit must be above zero, not {speed_limit!r}.")
     low, high = bounds.reachable()
     if not low < 0 < high:
         raise BadParameter(f"The bounds leave follower torques from {low:g} to {high:g} N m: none to brake with.")
@@ -119,7 +138,14 @@ def _move(model: ServoModel, bounds: Limits, start: float, goal: float, interval
         late = effect.stage == Stage.ACTUATOR and (effect.states or effect.name == "input_delay")
         if late or effect.flexible or effect.stage == Stage.SENSOR:
             planned = planned.without_effect(effect.name)
-    return Shooting(model=planned, bounds=bounds, start=float(start), goal=float(goal), intervals=intervals)
+    return Shooting(
+        model=planned,
+        bounds=bounds,
+        start=float(start),
+        goal=float(goal),
+        intervals=intervals,
+        speed_limit=float(speed_limit),
+    )
 
 
 def _solved(move: Shooting, duration: float | None) -> Trajectory:

@@ -50,6 +50,27 @@ def test_least_time_of_a_double_integrator_is_bang_bang(start: float, goal: floa
     assert move.follower_torque == pytest.approx(wanted, rel=1e-4)
 
 
+@pytest.mark.parametrize("limit", [0.2, 0.5, 1.0])
+def test_least_time_under_a_speed_limit_is_a_trapezoid(limit: float) -> None:
+    move = time_optimal(PURE, BOUNDS, 0.3, -0.4, speed_limit=limit)
+    greatest = N * (MOST - LEAST) / J
+    peak = min(limit, np.sqrt(0.7 * greatest))  # the last limit is not reached
+    expected = 0.7 / peak + peak / greatest
+    assert sound(move, -0.4)
+    assert np.max(np.abs(move.speed)) <= limit * (1 + 1e-6)
+    assert move.duration >= expected * (1 - 1e-6)
+    assert move.duration == pytest.approx(expected, rel=2e-3)
+
+
+def test_least_heat_keeps_a_speed_limit_and_pays_for_it() -> None:
+    free, held = (minimum_heat(ServoModel(), BOUNDS, 0.0, 0.6, 3.0, speed_limit=v) for v in (np.inf, 0.25))
+    assert np.max(free.speed) > 0.28
+    assert np.max(held.speed) == pytest.approx(0.25, rel=1e-4)
+    assert sound(held, 0.6)
+    assert held.heat > free.heat * 1.002
+    assert minimum_heat(ServoModel(), BOUNDS, 0.0, 0.6, 3.0, speed_limit=0.19).status.startswith("failed")
+
+
 def test_against_friction_it_accelerates_for_longer_than_it_brakes() -> None:
     rub, full = 0.6, N * (MOST - LEAST)
     move = time_optimal(PURE.with_effect(CoulombFriction(torque=rub)), BOUNDS, 0.0, 1.0)
@@ -169,6 +190,8 @@ def test_the_rig_follows_a_move_with_its_teeth_together() -> None:
         {"goal": float("nan")},
         {"intervals": 1},
         {"intervals": True},
+        {"speed_limit": 0.0},
+        {"speed_limit": float("nan")},
         {"duration": 0.0},
         {"duration": float("inf")},
         {"model": ServoModel(axis="linear", gravity=0.0)},
