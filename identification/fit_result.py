@@ -121,9 +121,9 @@ class Fit:
 
 def fit_report(fit: Fit, *, correlated: float = 0.5) -> str:
     """The fit as text: one line a parameter, then the correlations above `correlated`."""
-    quality = f"noise {fit.noise_std:.4g}, log-likelihood {fit.log_likelihood:.1f}, {fit.samples} samples"
     process = "output error" if fit.bandwidth == 0.0 else f"observer bandwidth {fit.bandwidth:.3g} rad/s"
-    lines = [f"Fit of {len(fit.log.runs)} run(s): {quality}, {process}", ""]
+    lines = [f"Fit of {len(fit.log.runs)} run(s), {fit.samples} samples: {process}"]
+    lines += [f"  noise {fit.noise_std:.4g}, log-likelihood {fit.log_likelihood:.1f}", ""]
     width = max(len(p.name) for p in fit.parameters)
     lines += [f"  {p.name:<{width}}  {_value(p)}" for p in fit.parameters]
     pairs = correlations(fit, correlated)
@@ -131,7 +131,8 @@ def fit_report(fit: Fit, *, correlated: float = 0.5) -> str:
         lines += ["", f"  correlations above {correlated:g}"]
         lines += [f"    {a}, {b}: {r:+.3f}" for a, b, r in pairs]
     if not fit.converged:
-        lines += ["", "  The iteration ended before it converged: look at the residual before you trust the numbers."]
+        lines += ["", "  The iteration ended before it converged:"]
+        lines += ["  look at the residual before you trust the numbers."]
     return "\n".join(lines)
 
 

@@ -61,6 +61,8 @@ def test_identify_recovers_the_truth_and_writes_three_files(fitted):
     line = content["parameters"]["inertia"]
     assert abs(line["value"] - TRUTH.inertia) < 5 * line["std"]
     assert "inertia" in spoken.out
+    table, _, _ = spoken.out.partition("Written")
+    assert max(map(len, table.splitlines())) <= 80
 
 
 def test_identify_says_what_the_log_cannot_show_and_what_to_do(tmp_path):
