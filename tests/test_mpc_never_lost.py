@@ -12,11 +12,12 @@ from mishaps import GEARS, MISHAPS, PATIENCE, broken_promises, life
 
 from mpc import Controller
 from plant import ServoModel, machine_code
-from plant.effects import InputDelay
+from plant.effects import ActuatorLag, InputDelay
 
 FORMS = [False] if machine_code.compiler() is None else [True, False]
 LIMITS = {"angle_limits": (-0.5, 0.5), "speed_limit": 1.0, "torque_rate": 100.0, "motor_friction": 1e-3}
 LATE = ServoModel().with_effect(InputDelay(time=0.012))
+SLOW = ServoModel().with_effect(InputDelay(time=0.008)).with_effect(ActuatorLag(time_constant=0.01))
 
 
 @pytest.mark.parametrize(
@@ -26,9 +27,10 @@ LATE = ServoModel().with_effect(InputDelay(time=0.012))
         (ServoModel(), {"rotor_inertia": 1e-5}, True),
         (LATE, {}, True),
         (ServoModel(), LIMITS, True),
+        (SLOW, {**LIMITS, "preload_rate": 1.0, "sqp_iterations": 3}, True),
         (ServoModel.paper(), {}, False),
     ],
-    ids=["paper", "heavy rotors", "delay", "limits", "without machine code"],
+    ids=["paper", "heavy rotors", "delay", "limits", "limits, delay and lag", "without machine code"],
 )
 def test_it_is_never_lost(model: ServoModel, options: dict[str, Any], compiled: bool) -> None:
     controller = Controller(model, GEARS, **options)
