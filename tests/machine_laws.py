@@ -205,6 +205,14 @@ class Machine:
             torque = np.minimum(np.maximum(torque, -np.asarray(p["limit"])), p["limit"])
         return torque if "back_emf" in self.effects else self.behind_dead_zone(torque)
 
+    @property
+    def corners(self) -> list[Array]:
+        """Torques [N m] at which saturation and dead zone bend."""
+        saturated = self.effects.get("torque_saturation", {}).get("limit")
+        swallowed = None if "back_emf" in self.effects else self.effects.get("dead_zone", {}).get("half_width")
+        bends = [np.asarray(bend, dtype=float) for bend in (saturated, swallowed) if bend is not None]
+        return [side * bend for bend in bends for side in (-1.0, 1.0)]
+
     def delivered(self, torque: Array, x: Array, v: Array) -> Array:
         """Of a drive at an angle and a speed [N m]; to a position servo the torque is a goal still [rad]."""
         if self.is_servo:

@@ -61,6 +61,8 @@ def advance(machine: Machine, state: State, command: Array, load_torque: Array, 
         kinks.append(change["time"] - time)
     if limit := _limit(machine):
         kinks.append(np.abs(command - state.slewed) / limit["rate"])
+    elif lag := machine.effects.get("actuator_lag"):
+        kinks += [_fading(state.lagged, command, corner, lag["time_constant"]) for corner in machine.corners]
     if stop := machine.effects.get("end_stop"):
         x, v = state.motion[0], state.motion[1]
         kinks.append((stop["angle"] - x) / np.where(v == 0.0, 1.0, v))
@@ -107,7 +109,7 @@ def _actuator(machine: Machine, state: State, command: Array, h: Array) -> tuple
         slewed = end
     elif not ramp:
         # A lag may be over long before the step is: its start counts for as much as makes the step's impulse exact.
-        steps = h / lag["time_constant"]
+        steps = np.maximum(h / lag["time_constant"], 1e-9)
         middle, end = np.exp(-steps / 2.0), np.exp(-steps)
         start = -6.0 * np.expm1(-steps) / steps - 4.0 * middle - end
         start, middle, end = (command + (state.lagged - command) * share for share in (start, middle, end))
@@ -118,6 +120,13 @@ def _actuator(machine: Machine, state: State, command: Array, h: Array) -> tuple
         start, middle, end = state.lagged, *behind
         slewed = _ramp(*slope, h)
     return [amplified(torque) for torque in (start, middle, end)], slewed, end
+
+
+def _fading(start: Array, goal: Array, to: Array, time_constant: ArrayLike) -> Array:
+    """When a lagged torque on its way to a goal passes a value, -1 where it never does."""
+    away, left = start - goal, to - goal
+    passes = (away * left > 0.0) & (np.abs(away) > np.abs(left))
+    return np.where(passes, time_constant * np.log(np.where(passes, away, 1.0) / np.where(passes, left, 1.0)), -1.0)
 
 
 def _ramp(start: Array, goal: Array, rate: ArrayLike, t: Array) -> Array:

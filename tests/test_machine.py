@@ -438,3 +438,11 @@ def test_the_lag_sees_what_the_encoder_reads_and_noise_comes_after() -> None:
     shake = (noisy.measured - clean.measured)[:, 0]
     assert np.std(shake) == pytest.approx(1e-3, rel=0.06)
     assert abs(np.corrcoef(shake[1:], shake[:-1])[0, 1]) < 0.1
+
+
+@pytest.mark.parametrize("lag", [1e-4, 0.0015])
+def test_a_lag_that_fades_through_the_dead_zone_is_followed_closely(lag: float) -> None:
+    command = excitation(14002, duration=1.0)
+    machine = Machine().hiding(actuator_lag={"time_constant": lag}, torque_saturation={"limit": 2.0})
+    usual, fine = (record(machine, command, noise=0.0, bits=None, steps=steps).angle for steps in (4, 64))
+    np.testing.assert_allclose(usual, fine, atol=1e-7)
