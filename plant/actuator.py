@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -13,25 +13,28 @@ from plant.servo import ServoModel
 
 Own: TypeAlias = Mapping[str, tuple[Any, ...]]  # states of the effects by name
 _TINY = 1e-30
+_LOOKS = tuple((k + 0.5) / 12 for k in range(12))  # shares of a step at which a path is looked at
 
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
     """A torque, or a goal, over a step, in three values and what Simpson's rule over them leaves out of its mean.
 
-    A lag or a ramp may make its way in much less time than the step. A law without memory (a dead zone, a limit) is
-    applied to the three values, and keeps how much earlier the way is made than they show; so the mean behind it is
-    right in both limits, and never beyond the two ends.
+    A lag or a ramp may make its way in much less time than the step. A law without memory (a dead zone, a limit) may
+    bend it within the step: the mean behind it is looked for along the path, and what the looking misses of the mean
+    before it is missed behind it in proportion. So it is right in both limits, and never beyond the two ends.
 
     Attributes:
         start, half, end: at the start, after half of the step, at its end [N m].
         early: share of the way from start to end that is missing in the mean of the three [-].
+        path: where the torque is after a share of the step [N m]; None where it does not change.
     """
 
     start: Expression
     half: Expression
     end: Expression
     early: Expression
+    path: Callable[[float], Expression] | None = None
 
     @classmethod
     def held(cls, torque: Expression) -> Course:
@@ -50,7 +53,22 @@ class Course:
 
     def through(self, law: Callable[[Expression], Expression]) -> Course:
         """Behind a law without memory."""
-        return Course(start=law(self.start), half=law(self.half), end=law(self.end), early=self.early)
+        behind = Course(start=law(self.start), half=law(self.half), end=law(self.end), early=0.0)
+        if self.path is None:
+            return behind
+        behind = replace(behind, path=lambda share: law(self.at(share)))
+        way, way_behind = self.end - self.start, behind.end - behind.start
+        missed = self.early - self._seen_along() / _not_zero(way)
+        early = missed + behind._seen_along() / _not_zero(way_behind)
+        return replace(behind, early=ca.if_else(ca.fabs(way_behind) > 0, _bounded(early), 0))
+
+    def at(self, share: float) -> Expression:
+        """After a share of the step [N m]."""
+        return self.start if self.path is None else self.path(share)
+
+    def _seen_along(self) -> Expression:
+        """What the path has more in the mean than the three values [N m]."""
+        return sum(self.at(share) for share in _LOOKS) / len(_LOOKS) - (self.start + 4 * self.half + self.end) / 6
 
     def followed_by(self, effect: Effect, state: Expression, h: Expression) -> Course:
         """The state of an effect that follows this torque over `h`."""
@@ -58,12 +76,31 @@ class Course:
         half, after = effect.advance(state, entering, h / 2), effect.advance(state, entering, h)
         missing, way = effect.mean(state, entering, h) - (state + 4 * half + after) / 6, after - state
         early = missing * way / (way**2 + _TINY)
-        return Course(start=state, half=half, end=after, early=ca.fmax(ca.fmin(early, 0.5), -0.5))
+        return Course(
+            start=state,
+            half=half,
+            end=after,
+            early=_bounded(early),
+            path=lambda share: effect.advance(state, entering, share * h),
+        )
 
     def where(self, condition: Expression, other: Course) -> Course:
         """This one where a condition holds, elsewhere another."""
-        pairs = {part.name: (getattr(self, part.name), getattr(other, part.name)) for part in fields(self)}
-        return Course(**{name: ca.if_else(condition, mine, theirs) for name, (mine, theirs) in pairs.items()})
+        return Course(
+            start=ca.if_else(condition, self.start, other.start),
+            half=ca.if_else(condition, self.half, other.half),
+            end=ca.if_else(condition, self.end, other.end),
+            early=ca.if_else(condition, self.early, other.early),
+            path=lambda share: ca.if_else(condition, self.at(share), other.at(share)),
+        )
+
+
+def _bounded(early: Expression) -> Expression:
+    return ca.fmax(ca.fmin(early, 0.5), -0.5)
+
+
+def _not_zero(way: Expression) -> Expression:
+    return ca.if_else(ca.fabs(way) > 0, way, 1)
 
 
 def played(
@@ -119,6 +156,9 @@ def actuated(
                 half=effect.command(course.half, own_course.half, velocity),
                 end=effect.command(course.end, own_course.end, velocity),
                 early=own_course.early,
+                path=lambda share, effect=effect, before=course, own=own_course: effect.command(  # type: ignore[misc]
+                    before.at(share), own.at(share), velocity
+                ),
             )
         else:
             course = course.through(lambda torque, effect=effect: effect.command(torque, 0.0, velocity))  # type: ignore[misc]

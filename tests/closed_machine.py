@@ -23,6 +23,11 @@ def swing(time: Array) -> Array:
     return 0.6 * (1 - np.cos(2 * np.pi * 0.25 * time))
 
 
+def goes_on(controller: Controller) -> Array:
+    """(20, 2) pinion torques of the next steps [N m]; here, so that other processes find it."""
+    return np.array([controller.step(0.01 + 1e-4 * k, 0.1).torques for k in range(20)])
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pinions:
     """A controller that follows a reference; it notes its pinion torques, (2,) each [N m], and statuses."""

@@ -9,13 +9,12 @@ from multiprocessing import get_context
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from closed_machine import goes_on
 
 from mpc import Controller
 from plant import GearTrain, ServoModel
 from plant.effects import Backlash, InputDelay
 
-Array = NDArray[np.float64]
 LATE = ServoModel.paper().with_effect(InputDelay(time=0.012)).with_effect(Backlash(gap=0.01, motor_share=0.2))
 
 
@@ -25,10 +24,6 @@ def used(count: int) -> Controller:
     for k in range(count):
         controller.step(1e-4 * k**2, 0.1)
     return controller
-
-
-def goes_on(controller: Controller) -> Array:
-    return np.array([controller.step(0.01 + 1e-4 * k, 0.1).torques for k in range(20)])
 
 
 @pytest.mark.parametrize("other", [lambda c: pickle.loads(pickle.dumps(c)), copy.deepcopy], ids=["pickle", "copy"])

@@ -72,11 +72,12 @@ def test_every_effect_moves_the_load_as_the_independent_machine_says(name: str) 
     assert np.abs(bare[:, 0] - truth.measured[:, 0]).max() > 1e-2  # the effect is there at all
 
 
-def test_a_lag_before_a_dead_zone_agrees_with_the_independent_machine() -> None:
+@pytest.mark.parametrize("time_constant", [1e-4, 0.0015, 0.03])
+def test_a_lag_before_a_dead_zone_agrees_with_the_independent_machine(time_constant: float) -> None:
     """The torque crosses the edge of the dead zone inside a sample, where no fixed step can follow exactly."""
     command = excitation(7, duration=4.0)
-    effects = {name: HIDDEN[name] for name in ("actuator_lag", "dead_zone")}
-    truth = record(Machine(effects=effects), command, noise=0.0, bits=None, steps=16)
+    effects = {"actuator_lag": {"time_constant": time_constant}, "dead_zone": HIDDEN["dead_zone"]}
+    truth = record(Machine(effects=effects), command, noise=0.0, bits=None, steps=8)
     model = ServoModel(effects=tuple(catalogue[name](**values) for name, values in effects.items()))
     begin = np.array([0.0, 0.0, command[0]])
     found = simulate(model, command=command, dt=SAMPLE, state=begin)[:-1, 0]
