@@ -14,6 +14,7 @@ from identification.certainty import fit_of
 from identification.fit_result import Fit, FittedParameter
 from identification.log import Log
 from identification.problem import Problem, first_states
+from plant.effects.effect import Array
 
 _APART = 4.0  # standard errors from which two estimates differ
 _MATTERS = 0.05  # of the estimate, or in rad of a phase; less is of no use to anybody
@@ -42,13 +43,26 @@ class SecondOpinion:
 def second_opinions(fit: Fit, holdout: Log) -> tuple[SecondOpinion, ...]:
     """Parameters of a fit that differ by more than four standard errors on held-out data, or are far surer there."""
     problem = Problem.of(replace(holdout, colour=fit.log.colour), fit.model, fixed=fit.fixed)
-    start = problem.pack(fit.model.values, first_states(holdout))
-    best = problem.minimise(start, fit.bandwidth, 0.0, iterations=15)
+    at_first = first_states(holdout)
+    tried = [
+        problem.minimise(problem.pack(values, at_first), fit.bandwidth, 0.0, iterations=15) for values in _starts(fit)
+    ]
+    best = min(tried, key=lambda minimum: float(np.nan_to_num(minimum.equations.cost, nan=np.inf)))
     if not np.isfinite(best.equations.cost):
         return ()
     other = fit_of(problem, fit.bandwidth, best, best.evaluations)
     found = (_compared(a, b) for a, b in zip(fit.parameters, other.parameters, strict=True))
     return tuple(opinion for opinion in found if opinion is not None)
+
+
+def _starts(fit: Fit) -> list[Array]:
+    """The fitted values (P,), and the same with the phases of waves turned by quarters: a descent turns none far."""
+    phases = [place for place, name in enumerate(fit.model.names) if name.endswith(".phase")]
+    quarters = 0.5 * np.pi * np.arange(4 if phases else 1)
+    starts = [fit.model.values for _ in quarters]
+    for values, quarter in zip(starts, quarters, strict=True):
+        values[phases] += quarter
+    return starts
 
 
 def _compared(here: FittedParameter, there: FittedParameter) -> SecondOpinion | None:
