@@ -13,7 +13,7 @@ from identification.fit import fit
 from identification.fit_result import FittedParameter
 from identification.log import Log
 from plant import ServoModel
-from plant.effects import CoulombFriction
+from plant.effects import Cogging, CoulombFriction
 
 
 def log_of(machine: Machine, seed: int, duration: float = 20.0) -> Log:
@@ -106,3 +106,15 @@ def test_the_noise_has_the_colour_that_was_found(fitted):
     (plain,), (coloured,) = (second_opinions(found, noisy) for found in (fitted, aware))
     assert plain.parameter == coloured.parameter == "coulomb_friction.torque"
     assert coloured.held_out_std < 0.7 * plain.held_out_std
+
+
+def test_a_wave_that_was_turned_half_round_is_found_at_its_new_phase():
+    """From the old phase a descent ends at no wave at all."""
+
+    def rippling(phase: float) -> Machine:
+        return Machine().hiding(cogging={"amplitude": 0.3, "order": 7.0, "phase": phase})
+
+    truth = ServoModel.paper().with_effect(Cogging(amplitude=0.3, order=7.0, phase=0.4))
+    (opinion,) = second_opinions(fit(log_of(rippling(0.4), 1), truth), log_of(rippling(0.4 + np.pi), 2))
+    assert opinion.parameter == "cogging.phase"
+    assert np.cos(opinion.held_out_value - 0.4 - np.pi) == pytest.approx(1.0, abs=1e-3)
