@@ -187,15 +187,16 @@ def test_three_joints_and_four_drives_by_brute_force() -> None:
     assert set(numbers.tolist()) == set(class_numbers(possible).tolist())
 
 
-def test_three_joints_and_five_drives_by_brute_force() -> None:
+@pytest.mark.parametrize("m", [5, 6])
+def test_three_joints_and_more_drives_by_brute_force(m: int) -> None:
     signs = np.array(list(product((-1, 0, 1), repeat=3)), dtype=np.int64)
-    every = signs[np.array(list(combinations_with_replacement(range(27), 5)))].transpose(0, 2, 1)
+    every = signs[np.array(list(combinations_with_replacement(range(27), m)))].transpose(0, 2, 1)
     every = every[both_signs(every)]
     A = balanced(every, np.random.default_rng(3))
     # with the null vector at hand admissible is what has rank 3: some three of the columns are independent
-    minors = [np.linalg.det(A[:, :, list(three)]) for three in combinations(range(5), 3)]
+    minors = [np.linalg.det(A[:, :, list(three)]) for three in combinations(range(m), 3)]
     possible = every[np.max(np.abs(minors), axis=0) > 1e-9]
-    numbers = class_numbers(np.array(enumerate_admissible(3, 5)))
+    numbers = class_numbers(np.array(enumerate_admissible(3, m)))
     assert len(np.unique(numbers)) == len(numbers)
     assert np.array_equal(np.sort(numbers), np.unique(class_numbers(possible)))
     assert len(possible) < len(every)
