@@ -11,7 +11,7 @@ import numpy as np
 
 from antidrive import report
 from antidrive.fitted_model import model_file
-from antidrive.log_options import LogOptions
+from antidrive.log_options import LogOptions, Measured
 from antidrive.output import whole_file, whole_folder, write_json
 from antidrive.provenance import Provenance
 from antidrive.time_left import Tell
@@ -52,7 +52,7 @@ def identify(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
 
     start = _base(base)
     with whole_folder(out) as draft:
-        measured = options.read()
+        measured = _read(options, voice)
         with voice.progress("fitting") as progress:
             found = fit(measured.log, start or measured.base, fixed=measured.absent(start), progress=progress)
             simulated = free_simulation(measured.log, found.model)
@@ -73,7 +73,7 @@ def diagnose(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
 
     start = _base(base)
     with whole_folder(out) as draft:
-        measured = options.read()
+        measured = _read(options, voice)
         with voice.progress("diagnosing") as progress:
             found = find_causes(
                 measured.log,
@@ -120,30 +120,17 @@ def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Exp
 
 def predict(model: Path, options: LogOptions, *, window: float | None, out: Path, voice: Voice) -> None:
     """Simulate a log freely and write run, time, angle (or position) as CSV."""
-    import pandas as pd
-
-    from identification.simulation import free_simulation
+    from antidrive.prediction import write_prediction
 
     servo = read_model(model).model
     if window is not None and not (np.isfinite(window) and window > 0.0):
         raise BadParameter(f"--window must be a positive number of seconds, not {window:g}.")
     with whole_file(out) as draft:
-        measured = options.read()
+        measured = _read(options, voice)
         log = measured.log if measured.holdout is None else Log.merge([measured.log, measured.holdout])
-        with voice.progress("simulating"):
-            simulated = free_simulation(log, servo, window=window)
-        column, unit = ("angle", "rad") if log.axis == "rotary" else ("position", "m")
-        table = pd.DataFrame(
-            {
-                "run": np.repeat([run.number for run in log.runs], [len(run) for run in log.runs]),
-                "time": np.concatenate([run.zero + run.time for run in log.runs]),
-                column: np.concatenate(simulated),
-            }
-        )
-        if not np.isfinite(table[column]).all():
-            raise BadParameter(f"{model}: simulated over this log, the model runs away to infinity; use another model.")
-        table[column] = table[column].map("{:.10g}".format)  # a clock may need more digits than a prediction is worth
-        table.to_csv(draft, index=False, float_format="%.15g")
+        with voice.progress("predicting") as progress:
+            simulated = write_prediction(draft, log, servo, window=window, tell=progress)
+    unit = "rad" if log.axis == "rotary" else "m"
     errors = [
         {"run": run.number, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.output)[run.valid] ** 2)))}
         for run, y in zip(log.runs, simulated, strict=True)
@@ -245,9 +232,11 @@ def export(model: Path, gears: GearTrain, *, single: bool, fmu: bool, out: Path,
     if fmu and single:
         raise BadParameter("An FMU calculates in double precision; leave --single or --fmu out.")
     servo = read_model(model).model
-    controller = Controller(servo, gears, **numbers)
-    with whole_folder(out) as draft, voice.progress("exporting"):
-        told, content = exports.fmus(controller, servo, draft) if fmu else exports.c99(controller, single, draft)
+    with whole_folder(out) as draft, voice.progress("compiling the controller") as progress:
+        controller = Controller(servo, gears, **numbers)
+        told, content = (
+            exports.fmus(controller, servo, draft, progress) if fmu else exports.c99(controller, single, draft)
+        )
     voice.result("\n".join([*told, _written(out, ", ".join(content["files"]))]), content)
 
 
@@ -283,6 +272,11 @@ def demo(*, out: Path, seed: int, voice: Voice) -> None:
         (draft / "report.html").write_text(page, encoding="utf-8")
     lines = [*told.sentences(), _written(out, "diagnosis.json, model.json, base-model.json, summary.json, report.html")]
     voice.result("\n".join(lines), told.summary())
+
+
+def _read(options: LogOptions, voice: Voice) -> Measured:
+    with voice.progress("reading") as progress:
+        return options.read(progress)
 
 
 def _base(path: Path | None) -> ServoModel | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from antidrive.time_left import Parts, Tell
 from mpc import Controller, controller_fmu
 from mpc import export as target_code
 from plant import ServoModel, servo_fmu
@@ -18,12 +19,15 @@ def c99(controller: Controller, single: bool, folder: Path) -> tuple[list[str], 
     return made.sentences(), made.summary()
 
 
-def fmus(controller: Controller, model: ServoModel, folder: Path) -> tuple[list[str], dict[str, Any]]:
+def fmus(
+    controller: Controller, model: ServoModel, folder: Path, tell: Tell | None = None
+) -> tuple[list[str], dict[str, Any]]:
     """Write the controller and the plant that it is for as FMUs; what they are, for readers and for scripts."""
     plant = servo_fmu(model, sample_time=controller.sample_time, gears=controller.gears)
-    told, entries = [], []
-    for fmu in (controller_fmu(controller), plant):
-        fmu.write(folder / f"{fmu.name}.fmu")
+    told, entries, made = [], [], (controller_fmu(controller), plant)
+    done = Parts(sum(len(fmu.compilers()) for fmu in made), tell, doing="compiling the FMUs").done
+    for fmu in made:
+        fmu.write(folder / f"{fmu.name}.fmu", after=done)
         inputs, outputs, parameters = (
             [variable.name for variable in fmu.variables if variable.causality == kind]
             for kind in ("input", "output", "parameter")

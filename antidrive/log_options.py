@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+from antidrive.time_left import Parts, Tell
 from identification.log import Log
 from plant.errors import BadParameter
 from plant.gears import GearTrain
@@ -56,8 +57,8 @@ class LogOptions:
     joint: int | None = None
     holdout: tuple[Path, ...] = ()
 
-    def read(self) -> Measured:
-        """Read everything that was named.
+    def read(self, tell: Tell | None = None) -> Measured:
+        """Read everything that was named, and `tell` how far that is.
 
         Raises:
             BadParameter: options that contradict each other, or are written wrongly.
@@ -71,16 +72,18 @@ class LogOptions:
             raise BadParameter("--joint chooses among the joints of a known data set; add --dataset NAME.")
         if not self.files:
             raise BadParameter("No log is given; name one or more files, or --dataset NAME --data FOLDER.")
-        log = self._files(self.files)
-        return Measured(log=log, holdout=self._files(self.holdout) if self.holdout else None)
+        done = Parts(2 * (len(self.files) + len(self.holdout)), tell, doing="reading").done
+        log = self._files(self.files, done)
+        return Measured(log=log, holdout=self._files(self.holdout, done) if self.holdout else None)
 
-    def _files(self, paths: tuple[Path, ...]) -> Log:
+    def _files(self, paths: tuple[Path, ...], done: Callable[[], None]) -> Log:
         return Log.read(
             paths,
             mapping=pairs("--map", self.mapping, str, "angle=qm"),
             units=pairs("--unit", self.units, str, "angle=deg"),
             scales=pairs("--scale", self.scales, float, "torque=35.15"),
             gears=GearTrain.paper(),
+            after=done,
         )
 
     def _known(self) -> Measured:

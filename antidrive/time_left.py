@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 import re
+import textwrap
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions
+    from rich.text import Text
+
+_ROUNDS = 6  # of a diagnosis, at most
 _DIAGNOSIS = (
-    ("round 1: asking", 0.15),
-    ("round 1: refitting", 0.2),
-    ("round 2: asking", 0.6),
-    ("round 2: refitting", 0.65),
-    ("looking for what has no name", 0.86),
+    ("round 1: asking", 0.12),
+    ("round 1: refitting", 0.16),
+    *(
+        (f"round {number}: {doing}", share)
+        for number in range(2, _ROUNDS + 1)
+        for doing, share in (("asking", 0.38), ("refitting", 0.42))
+    ),
+    ("is it still", 0.65),
+    ("looking for what has no name", 0.85),
     ("measuring the gain", 0.95),
 )
 COURSES: Mapping[str, tuple[tuple[str, float], ...]] = {
@@ -23,9 +33,11 @@ COURSES: Mapping[str, tuple[tuple[str, float], ...]] = {
 }
 """By how a task's first line begins: lines of its later stages, and the share of its time in which it comes to them.
 
-Shares are of a log in which one effect is missing. Each effect more takes a round more, and the time left grows.
+How many effects are missing a diagnosis does not know before its end. Each takes a round more; the shares of rounds are
+middling ones, of logs in which none to three are missing.
 """
 _WORTH_TELLING = 2.0  # seconds that one waits without asking
+_OVERDUE = 0.1  # of the time that has passed, which is left at least: what was overdue will not end at once
 
 
 Tell: TypeAlias = Callable[[str], None]
@@ -37,13 +49,14 @@ class Parts:
 
     of: float
     tell: Tell | None = None
+    doing: str = "simulating"
     finished: float = 0.0
 
     def done(self, parts: float = 1.0) -> None:
         """So many parts more are done."""
         before, self.finished = self.finished, self.finished + parts
         if self.tell is not None and int(100 * self.finished / self.of) > int(100 * before / self.of):
-            self.tell(f"simulating, {int(100 * self.finished / self.of)} of 100 parts are done")
+            self.tell(f"{self.doing}, {int(100 * self.finished / self.of)} of 100 parts are done")
 
 
 @dataclass
@@ -77,18 +90,23 @@ class Watch:
             self.whole = self.passed / self.ahead[stage][1]
             del self.ahead[: stage + 1]
 
-    def __str__(self) -> str:
-        """The line, and the times where somebody waits."""
+    @property
+    def times(self) -> str:
+        """The time that has passed, and the time left as far as it is known; nothing where nobody has waited yet."""
         passed = self.passed
         if passed < _WORTH_TELLING:
-            return self.line
-        left = (
-            "" if self.whole is None or passed > self.whole else f", about {max(self.whole - passed, 1.0):.0f} s left"
-        )
-        return f"{self.line} ({passed:.0f} s{left})"
+            return ""
+        if self.whole is None:
+            return f" ({passed:.0f} s)"
+        return f" ({passed:.0f} s, about {max(self.whole - passed, _OVERDUE * passed, 1.0):.0f} s left)"
 
-    def __rich__(self) -> str:
-        """The same, with nothing taken for markup."""
-        from rich.markup import escape
+    def __str__(self) -> str:
+        """The line, and the times."""
+        return self.line + self.times
 
-        return escape(str(self))
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Text]:
+        """The same in one line of a terminal: the times are never cut off."""
+        from rich.text import Text
+
+        times = self.times
+        yield Text(textwrap.shorten(self.line, max(options.max_width - len(times), 10), placeholder=" ...") + times)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
@@ -90,6 +90,7 @@ class Log:
         units: Mapping[str, str] | None = None,
         scales: Mapping[str, float] | None = None,
         gears: Gears | None = None,
+        after: Callable[[], None] | None = None,
     ) -> Log:
         """Read one or several files: CSV, Parquet, MAT (v5 to v7.3), NPZ, MF4, TDMS, MCAP.
 
@@ -98,6 +99,7 @@ class Log:
             It may have a factor: `turn/131072` for counts, `2.4Nm/1000` for per mille of a rated torque.
         scales: column -> factor on the file's values, `{"torque": 35.15}`, applied before the unit.
         gears: the gear train, when only the pinion torques were logged.
+        after: called twice a file: when it is read, and when it is checked.
 
         Raises `MalformedLog` for what cannot be used and `BadParameter` for options that do not fit.
         """
@@ -105,7 +107,13 @@ class Log:
         if not listed:
             raise BadParameter("no log is given, name at least one file.")
         reading = Reading(mapping=mapping or {}, units=units or {}, scales=scales or {}, gears=gears)
-        return cls.merge([cls._from_table(read_table(path), reading) for path in listed])
+        done, logs = after or (lambda: None), []
+        for path in listed:
+            table = read_table(path)
+            done()
+            logs.append(cls._from_table(table, reading))
+            done()
+        return cls.merge(logs)
 
     @classmethod
     def from_dataframe(

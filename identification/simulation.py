@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +20,14 @@ _FEWEST = 5  # samples of a piece that is started anew
 SETTLE = 0.2  # seconds of the measured output that a simulation may see, to find its initial state
 
 
-def free_simulation(log: Log, model: ServoModel, *, window: float | None = None, settle: float = SETTLE) -> list[Array]:
+def free_simulation(
+    log: Log,
+    model: ServoModel,
+    *,
+    window: float | None = None,
+    settle: float = SETTLE,
+    after: Callable[[int], None] | None = None,
+) -> list[Array]:
     """Simulate every run from its command, in the exact form of the model.
 
     Args:
@@ -27,6 +35,7 @@ def free_simulation(log: Log, model: ServoModel, *, window: float | None = None,
         model: the servo.
         window: restart, in the same way, every so many seconds; None simulates each run in one piece.
         settle: how long the output is looked at to find the initial angle and velocity [s].
+        after: called with the number of samples of each run or window that is done.
 
     Returns:
         One (T,) simulated output a run [rad or m].
@@ -38,10 +47,13 @@ def free_simulation(log: Log, model: ServoModel, *, window: float | None = None,
         raise BadParameter(f"The window is {window:g} s; it must be longer than the {settle:g} s that find its start.")
     if log.axis != model.axis:
         raise BadParameter(f"The log is of a {log.axis} axis, the model of a {model.axis} one.")
-    return [_simulate_run(log, run, model, window, settle) for run in log.runs]
+    done = after or (lambda samples: None)
+    return [_simulate_run(log, run, model, window, settle, done) for run in log.runs]
 
 
-def _simulate_run(log: Log, run: Run, model: ServoModel, window: float | None, settle: float) -> Array:
+def _simulate_run(
+    log: Log, run: Run, model: ServoModel, window: float | None, settle: float, done: Callable[[int], None]
+) -> Array:
     length = run.duration + 1.0 if window is None else window
     elapsed = run.time - run.time[0]
     piece = np.floor(elapsed / length + 1e-9).astype(int)
@@ -61,6 +73,7 @@ def _simulate_run(log: Log, run: Run, model: ServoModel, window: float | None, s
         # One sample further, where the next piece begins.
         simulated, end = _from(log, run.slice(int(first), min(int(last) + 1, len(run))), model, state)
         parts.append(simulated[: len(part)])
+        done(len(part))
     return np.concatenate(parts)
 
 

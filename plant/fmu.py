@@ -11,6 +11,7 @@ import sys
 import tempfile
 import uuid
 import zipfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -122,14 +123,33 @@ class Fmu:
         text: str = xml.tostring(root, encoding="unicode")
         return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
 
-    def write(self, path: Path) -> None:
+    def write(self, path: Path, *, after: Callable[[], None] | None = None) -> None:
         """Write the FMU, with a library for this platform and its source for others.
 
         With the package `ziglang` there are libraries for Linux, macOS and Windows (x86-64); the first time takes
         minutes.
 
+        Args:
+            path: file to write.
+            after: called after each of the `compilers` has made its library.
+
         Raises:
             BadParameter: there is no C compiler, or it fails.
+        """
+        content = {"modelDescription.xml": self.model_description, f"sources/{self.name}.c": self.source.encode()}
+        for platform, line in self.compilers().items():
+            content[f"binaries/{platform}/{self.name}.{_ENDING[platform]}"] = self._library(line)
+            if after is not None:
+                after()
+        with zipfile.ZipFile(path, "w") as made:
+            for name, part in content.items():
+                made.writestr(zipfile.ZipInfo(name), part, zipfile.ZIP_DEFLATED)  # without a date: equal each time
+
+    def compilers(self) -> dict[str, tuple[str, ...]]:
+        """By platform, the command that makes the library.
+
+        Raises:
+            BadParameter: there is no C compiler.
         """
         command, here = compiler(), _HERE.get(sys.platform, "linux64")
         if command is None:
@@ -138,12 +158,7 @@ class Fmu:
         if find_spec("ziglang"):
             zig = (sys.executable, "-m", "ziglang", "cc", "-target")
             commands = {platform: (*zig, target) for platform, target in _TARGET.items()} | commands
-        content = {"modelDescription.xml": self.model_description, f"sources/{self.name}.c": self.source.encode()}
-        for platform, line in commands.items():
-            content[f"binaries/{platform}/{self.name}.{_ENDING[platform]}"] = self._library(line)
-        with zipfile.ZipFile(path, "w") as made:
-            for name, part in content.items():
-                made.writestr(zipfile.ZipInfo(name), part, zipfile.ZIP_DEFLATED)  # without a date: equal each time
+        return commands
 
     def _library(self, command: tuple[str, ...]) -> bytes:
         with tempfile.TemporaryDirectory(prefix="antidrive-") as folder:

@@ -178,7 +178,7 @@ def test_masked_samples_do_not_count_as_errors_of_the_model(tmp_path):
 
 def test_a_model_that_runs_away_predicts_nothing(monkeypatch, log, tmp_path):
     monkeypatch.setattr(
-        "identification.simulation.free_simulation",
+        "antidrive.prediction.free_simulation",
         lambda log, *_, **__: [np.full(len(run), np.inf) for run in log.runs],
     )
     model = write_model(tmp_path / "model.json")
@@ -214,7 +214,7 @@ def test_what_a_known_machine_does_not_have_is_not_fitted(command, own, monkeypa
         raise BadParameter("heard.")
 
     known = Measured(log=Log.read(log), base=PLAIN, fixed=("gravity",))
-    monkeypatch.setattr("antidrive.log_options.LogOptions.read", lambda self: known)
+    monkeypatch.setattr("antidrive.log_options.LogOptions.read", lambda self, tell: known)
     monkeypatch.setattr(import_module("diagnosis.diagnose"), "diagnose", listen)
     monkeypatch.setattr(import_module("identification.fit"), "fit", listen)
     base = ["--base", write_model(tmp_path / "base.json", TRUTH)] if own else []

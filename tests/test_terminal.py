@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import io
+import itertools
 import json
 import os
 import pty
@@ -13,18 +14,28 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 import typer
-from front_door import antidrive
+from front_door import PLAIN, antidrive
+from rich.console import Console
 
-from antidrive import time_left
+from antidrive import exports, time_left
 from antidrive.cli import app
+from antidrive.demo import record
 from antidrive.examples import EXAMPLES
 from antidrive.experiments.kinds import KINDS
+from antidrive.log_options import LogOptions
 from antidrive.plans import read_plan
+from antidrive.prediction import write_prediction
 from antidrive.scenario import scenario_text
-from antidrive.time_left import Watch
+from antidrive.time_left import COURSES, Watch
 from antidrive.voice import Voice
+from diagnosis import diagnose
+from mpc import Controller
+from plant.gears import GearTrain
+from plant.rig import Rig
 
 COMMANDS = typer.main.get_command(app).commands
 PROGRAM = [sys.executable, "-c", "import sys; from antidrive.cli import main; sys.exit(main())"]
@@ -144,15 +155,40 @@ def test_the_time_left_follows_from_the_share_that_is_done():
     assert str(watch) == "diagnosing"
     now[0] = 6.0
     watch.tell("round 2: asking 23 effects")
-    assert str(watch) == "round 2: asking 23 effects (6 s, about 4 s left)"
+    assert str(watch) == "round 2: asking 23 effects (6 s, about 10 s left)"
     now[0] = 8.0
-    assert str(watch).endswith("(8 s, about 2 s left)")
+    assert str(watch).endswith("(8 s, about 8 s left)")
     now[0] = 50.0
+    assert str(watch).endswith("(50 s, about 5 s left)")  # overdue: a tenth of the time that has passed
     watch.tell("round 4: asking 21 effects")
-    assert str(watch).endswith("(50 s)")
-    now[0] = 86.0
+    assert str(watch).endswith("(50 s, about 82 s left)")  # each effect more takes a round more
+    now[0] = 85.0
     watch.tell("looking for what has no name")
-    assert str(watch).endswith("(86 s, about 14 s left)")
+    assert str(watch).endswith("(85 s, about 15 s left)")
+
+
+def test_the_courses_are_those_that_tasks_run():
+    told: list[str] = []
+    found = diagnose(record(Rig.paper_like(coulomb_friction=0.25), seed=0), progress=told.append)
+    assert len(found.causes) == 1
+    course = COURSES["diagnosing"]
+    come = [begins for begins, _ in course if any(line.startswith(begins) for line in told)]
+    assert come[:4] == ["round 1: asking", "round 1: refitting", "round 2: asking", "round 2: refitting"]
+    assert come[-2:] == ["looking for what has no name", "measuring the gain"]
+    assert all(sooner < later for (_, sooner), (_, later) in itertools.pairwise(course[:4]))
+
+
+def test_a_long_line_leaves_room_for_the_time_left():
+    now = [0.0]
+    watch = Watch("diagnosing", clock=lambda: now[0])
+    now[0] = 6.0
+    watch.tell(f"round 2: refitting with {'friction, ' * 20}")
+    screen = io.StringIO()
+    Console(file=screen, width=80).print(watch)
+    (line,) = screen.getvalue().splitlines()
+    assert line.startswith("round 2: refitting with friction, friction")
+    assert line.endswith("... (6 s, about 8 s left)")
+    assert len(line) <= 80
 
 
 def test_parts_that_are_counted_tell_the_time_left():
@@ -181,6 +217,27 @@ def test_a_closed_loop_tells_how_far_it_is(tmp_path, more):
     told: list[str] = []
     read_plan(str(tmp_path / "short.toml")).run(None, 0, told.append)
     assert told == [f"simulating, {share} of 100 parts are done" for share in range(1, 101)]
+
+
+def test_reading_and_predicting_tell_how_far_they_are(tmp_path):
+    count, told = 500, []
+    time_axis = 0.01 * np.arange(count)
+    table = pd.DataFrame({"time": time_axis, "torque": np.sin(time_axis), "angle": 0.1 * np.sin(time_axis)})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    log = LogOptions(files=(tmp_path / "log.csv",), holdout=(tmp_path / "log.csv",)).read(told.append).log
+    assert told == [f"reading, {share} of 100 parts are done" for share in (25, 50, 75, 100)]
+    del told[:]
+    write_prediction(tmp_path / "p.csv", log, PLAIN, window=1.0, tell=told.append)
+    assert told == [f"predicting, {share} of 100 parts are done" for share in (10, 20, 30, 40, 50, 100)]
+
+
+def test_an_export_tells_how_far_it_is(tmp_path, monkeypatch):
+    libraries = {"linux64": ("cc",), "darwin64": ("cc",)}
+    monkeypatch.setattr("plant.fmu.Fmu.compilers", lambda self: libraries)
+    monkeypatch.setattr("plant.fmu.Fmu._library", lambda self, command: b"")
+    told: list[str] = []
+    exports.fmus(Controller(PLAIN, GearTrain.paper()), PLAIN, tmp_path, told.append)
+    assert told == [f"compiling the FMUs, {share} of 100 parts are done" for share in (25, 50, 75, 100)]
 
 
 def test_progress_is_shown_where_somebody_watches(monkeypatch):
