@@ -11,11 +11,13 @@ import numpy as np
 from allocation import Bounds, least_effort
 from antidrive.fitted_model import model_file
 from antidrive.scenario import Scenario
-from antidrive.simulation import Trial, run_scenario
+from antidrive.simulation import REPETITIONS, run_scenario
+from antidrive.trial import Trial
 from antidrive.words import headline
 from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.explanation.wording import percent, sentence_case, size, title_of
+from diagnosis.explanation.wording import measured, percent, sentence_case, size, title_of
+from diagnosis.holdout import gain_errors
 from identification.log import Log
 from plant.model_file import ModelFile
 from plant.rig import Rig
@@ -94,18 +96,19 @@ class Demo:
             found_size = size(cause.parameters.items())
             lines.append(f"Missing: {title_of(cause.effect)} ({found_size}), {percent(cause.probability)} sure.")
         if gain is not None:
-            lines.append(
-                f"Prediction: held-out error {gain.held_out_rms_before:.3g} -> {gain.held_out_rms_after:.3g} "
-                f"{gain.unit} rms ({_change(gain.cut)})."
-            )
-        tracking = found["tracking"]
-        lines.append(
-            f"Tracking: error on the rig {tracking['rms_before']:.3g} -> {tracking['rms_after']:.3g} rad rms "
-            f"({_change(tracking['cut'])})."
-        )
+            error = gain_errors(self.diagnosis)
+            was = measured(gain.held_out_rms_before, error.before, gain.unit)
+            now = measured(gain.held_out_rms_after, error.after, gain.unit)
+            change = _change(gain.cut, error.cut)
+            lines.append(f"Prediction: held-out error {was} -> {now} rms ({change}).")
+        (before, first), (after, last) = (_tracking(trial) for trial in self.trials)
+        change = _change(1.0 - after / before, after / before * np.hypot(first / before, last / after))
+        from_to = f"{measured(before, first, 'rad')} -> {measured(after, last, 'rad')}"
+        lines.append(f"Tracking: error on the rig {from_to} rms ({change}).")
         margin = found["least_preload_margin"]
         held = "the teeth never parted" if margin > 0.0 else "the teeth parted"
-        lines.append(f"Preload: least flank torque {margin:.3g} N m at the follower; {held}.")
+        least = dict(self.extended.numbers())["least_preload_margin"]
+        lines.append(f"Preload: least flank torque {least} at the follower; {held}.")
         return lines
 
 
@@ -124,7 +127,7 @@ def run_demo(*, seed: int = 0, progress: Callable[[str], None] | None = None) ->
     trials = []
     for name, fit in (("base", found.base), ("extended", found.extended)):
         tell(f"closing the loop with the {name} model")
-        trial = run_scenario(_MOTION, model=fit.model, seed=seed)
+        trial = run_scenario(_MOTION, model=fit.model, seed=seed, repetitions=REPETITIONS)
         trials.append(replace(trial, title=f"{sentence_case(name)} model in closed loop on the rig"))
     return Demo(diagnosis=found, base=trials[0], extended=trials[1])
 
@@ -151,5 +154,10 @@ def record(rig: Rig, *, seed: int, held_out: bool = False) -> Log:
     return Log.from_arrays(label=label, time=played.time, torque=torque, angle=played.angle)
 
 
-def _change(cut: float) -> str:
-    return f"{100.0 * abs(cut):.3g} % {'less' if cut >= 0.0 else 'more'}"
+def _tracking(trial: Trial) -> tuple[float, float]:
+    """Root mean square of the tracking error of a trial, and its standard deviation over its runs [rad]."""
+    return trial.result.tracking_rms, trial.scatter()["tracking_rms"]
+
+
+def _change(cut: float, std: float) -> str:
+    return f"{percent(abs(cut), std)} {'less' if cut >= 0.0 else 'more'}"

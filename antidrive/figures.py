@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from allocation import CapabilityMap
+from antidrive.page import printed
 from antidrive.thinning import thin
 from diagnosis.explanation.contest import Contest
 from diagnosis.explanation.evidence_picture import Gathered, Shown
-from diagnosis.explanation.wording import acting
+from diagnosis.explanation.wording import acting, measured
+from diagnosis.holdout import GainErrors
 from diagnosis.missing_torque import Curve, MissingTorque
 from diagnosis.odds import CLEAR
-from diagnosis.result import Replay
+from diagnosis.result import Gain, Replay
 
 if TYPE_CHECKING:
     from antidrive.signature import Signature
@@ -39,15 +41,15 @@ def replay_figure(replay: Replay, unit: str, *, extended: bool) -> go.Figure:
         unit: of the output.
         extended: draw the extended model too.
     """
-    measured = np.where(replay.valid, replay.measured, np.nan)
+    seen = np.where(replay.valid, replay.measured, np.nan)
     curves = [("base model", BEFORE, replay.before)]
     if extended:
         curves.append(("extended model", AFTER, replay.after))
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=[0.58, 0.42])
-    figure.add_trace(line(replay.time, measured, "measured", MEASURED, width=3.5), 1, 1)
+    figure.add_trace(line(replay.time, seen, "measured", MEASURED, width=3.5), 1, 1)
     for name, colour, simulated in curves:
         figure.add_trace(line(replay.time, simulated, name, colour), 1, 1)
-        figure.add_trace(line(replay.time, measured - simulated, name, colour, legend=False), 2, 1)
+        figure.add_trace(line(replay.time, seen - simulated, name, colour, legend=False), 2, 1)
     figure.update_yaxes(title_text=f"output [{unit}]", row=1, col=1)
     figure.update_yaxes(title_text=f"error [{unit}]", row=2, col=1)
     figure.update_xaxes(title_text="time [s]", row=2, col=1)
@@ -129,22 +131,31 @@ def shown_figure(seen: Shown) -> go.Figure:
     return finish(figure, 270)
 
 
-def gain_figure(before: float, after: float | None, floor: float, unit: str) -> go.Figure:
-    """Held-out error before and after, with the noise floor as a line."""
-    rows = [("base model", before, BEFORE)] + ([("extended model", after, AFTER)] if after is not None else [])
+def gain_figure(gain: Gain, error: GainErrors, *, extended: bool) -> go.Figure:
+    """Held-out error before and after, with standard errors, and the noise floor as a line."""
+    rows = [("base model", gain.held_out_rms_before, error.before, BEFORE)]
+    if extended:
+        rows.append(("extended model", gain.held_out_rms_after, error.after, AFTER))
+    unit, names, sizes, errors, colours = gain.unit, *(list(column) for column in zip(*rows, strict=True))
     bars = go.Bar(
-        x=[value for _, value, _ in rows],
-        y=[name for name, _, _ in rows],
+        x=sizes,
+        y=names,
+        error_x={"array": errors, "thickness": 1.5, "width": 4},
         orientation="h",
-        marker_color=[colour for *_, colour in rows],
-        text=[f"{value:.3g} {unit}" for _, value, _ in rows],
-        textposition="auto",
+        marker_color=colours,
         hoverinfo="skip",
     )
     figure = go.Figure(bars)
-    note = {"text": f"noise floor {floor:.2g} {unit}", "yanchor": "bottom", "xanchor": "left", "y": 1.0}
-    figure.add_vline(x=floor, line_dash="dot", line_color=SECOND, annotation=note)
-    figure.update_xaxes(title_text=f"rms error on held-out runs [{unit}]", rangemode="tozero")
+    for name, size, std, _ in rows:
+        told = {"text": str(printed(measured(size, std, unit))), "showarrow": False, "xanchor": "left", "xshift": 6}
+        figure.add_annotation(x=size + std, y=name, **told)
+    floor = str(printed(measured(gain.noise_floor, error.noise_floor, unit)))
+    note = {"text": f"noise floor {floor}", "yanchor": "bottom", "xanchor": "left", "y": 1.0}
+    figure.add_vline(x=gain.noise_floor, line_dash="dot", line_color=SECOND, annotation=note)
+    figure.update_xaxes(
+        title_text=f"rms error on held-out runs [{unit}]",
+        range=[0.0, 1.35 * max(map(sum, zip(sizes, errors, strict=True)))],
+    )
     figure.update_yaxes(autorange="reversed", ticksuffix="  ")
     return finish(figure, 130 + 40 * len(rows), legend=False)
 

@@ -30,8 +30,9 @@ def figure_json(figure: Any) -> Markup:
 
 
 def printed(text: str) -> Markup:
-    """Plain words as they look in print: powers raised, indices lowered, arrows drawn."""
-    raised = re.sub(r"(?<=\w)\^(-?\d+(?:\.\d+)?)", r"<sup>\1</sup>", str(escape(text)))
+    """Plain words as they look in print: powers raised, also those of ten, indices lowered, arrows drawn."""
+    tens = re.sub(r"(?<=[\d)])e([+-]\d+)\b", lambda found: f" × 10^{int(found[1])}", str(escape(text)))
+    raised = re.sub(r"(?<=\w)\^(-?\d+(?:\.\d+)?)", r"<sup>\1</sup>", tens)
     lowered = re.sub(r"\b([A-Za-z])_(\w)\b", r"\1<sub>\2</sub>", raised)
     return Markup(lowered.replace(" -&gt; ", " \N{RIGHTWARDS ARROW} "))
 

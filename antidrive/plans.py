@@ -14,7 +14,7 @@ from plant.servo import ServoModel
 
 if TYPE_CHECKING:
     from antidrive.experiments.outcome import Outcome
-    from antidrive.simulation import Trial
+    from antidrive.trial import Trial
 
 Result: TypeAlias = "Trial | Outcome"
 
@@ -49,12 +49,12 @@ def read_plan(name: str) -> Plan:
         content = {}  # the parser of closed loops says what is wrong
     if "kind" in content:
         return _experiment(name, content)
-    from antidrive.simulation import run_scenario
+    from antidrive.simulation import REPETITIONS, run_scenario
 
     scenario = parse_scenario(name, text)
 
     def play(model: ServoModel | None, seed: int, tell: Tell | None) -> Result:
-        return run_scenario(scenario, model=model, seed=seed, tell=tell)
+        return run_scenario(scenario, model=model, seed=seed, repetitions=REPETITIONS, tell=tell)
 
     return Plan(name=scenario.name, play=play)
 

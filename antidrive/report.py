@@ -16,18 +16,20 @@ from antidrive.provenance import Provenance
 from antidrive.words import headline, sentences
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation, Reason
-from diagnosis.explanation.wording import acting, effect_of, percent, sentence_case, title_of
-from diagnosis.holdout import rms
+from diagnosis.explanation.wording import acting, effect_of, measured, percent, sentence_case, size, title_of
+from diagnosis.holdout import gain_errors
 from diagnosis.odds import NONE
 from diagnosis.result import Cause, Gain
+from identification.certainty import bandwidth_std
 from identification.fit_result import Fit, FittedParameter, correlations
 from plant.effects.effect import Array
 
 if TYPE_CHECKING:
     from allocation import CapabilityMap
     from antidrive.demo import Demo
-    from antidrive.simulation import Trial
+    from antidrive.trial import Trial
 
+_SAID = {"least_preload_margin": "least flank torque", "heat": "mean of the squared torques"}
 _RUNS_DRAWN = 3  # held-out runs that are drawn; the rest is in the numbers
 
 
@@ -57,11 +59,10 @@ def fit_page(
     content = {
         "unit": unit,
         "equations": model_equations(fit.model),
-        "noise": fit.noise_std,
-        "noise_error": fit.noise_std / np.sqrt(2.0 * fit.samples),
+        "noise": measured(fit.noise_std, fit.noise_std / np.sqrt(2.0 * fit.samples), unit),
         "samples": fit.samples,
         "runs": len(runs),
-        "bandwidth": fit.bandwidth,
+        "bandwidth": measured(fit.bandwidth, bandwidth_std(fit), "rad/s") if fit.bandwidth else "",
         "converged": fit.converged,
         "figures": drawn,
         "parameters": [_parameter(p) for p in fit.parameters],
@@ -119,7 +120,7 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
     curves = [
         (
             curve.variable,
-            percent(max(curve.share, 0.0)),
+            percent(max(curve.share, 0.0), curve.share_std),
             figure_json(figures.curve_figure(curve, after.get(curve.variable), diagnosis.missing_before.unit)),
         )
         for curve in diagnosis.missing_before.curves
@@ -147,11 +148,7 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
         "nameless": [] if diagnosis.causes else [_reason(diagnosis, reason) for reason in explanation.reasons],
         "gain_figure": None
         if gain is None
-        else figure_json(
-            figures.gain_figure(
-                gain.held_out_rms_before, gain.held_out_rms_after if extended else None, gain.noise_floor, unit
-            )
-        ),
+        else figure_json(figures.gain_figure(gain, gain_errors(diagnosis), extended=extended)),
         "equations": model_equations(diagnosis.model),
         "parameters": [_parameter(p) for p in diagnosis.extended.parameters],
         "candidates": [
@@ -162,7 +159,7 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
                 "score": f"{c.score:.1f}",
                 "probability": percent(c.probability),
                 "refitted": c.refitted,
-                "size": ", ".join(f"{name} {e.value:.3g} {e.unit}" for name, e in c.parameters.items()),
+                "size": size(c.parameters.items()),
             }
             for c in sorted(diagnosis.candidates, key=lambda c: (c.round, -c.score))
         ],
@@ -171,16 +168,13 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
 
 
 def _errors(diagnosis: Diagnosis, gain: Gain, extended: bool) -> list[tuple[str, str]]:
-    """The held-out error of each model with its standard error, and the model's name."""
-    told = [("base model", gain.held_out_rms_before, [r.before for r in diagnosis.replays])]
+    """The held-out error of each model and the noise floor, with their standard errors, and what they are."""
+    error = gain_errors(diagnosis)
+    told = [(gain.held_out_rms_before, error.before, "held-out rms error, base model")]
     if extended:
-        told.append(("extended model", gain.held_out_rms_after, [r.after for r in diagnosis.replays]))
-    lines = []
-    for model, size, simulated in told:
-        missed = [(r.measured - path)[r.valid] for r, path in zip(diagnosis.replays, simulated, strict=True)]
-        scatter = f" ± {rms(np.concatenate(missed))[1]:.1g}" if missed else ""
-        lines.append((f"{size:.3g}{scatter} {gain.unit}", model))
-    return lines
+        told.append((gain.held_out_rms_after, error.after, "held-out rms error, extended model"))
+    told.append((gain.noise_floor, error.noise_floor, "noise floor"))
+    return [(measured(value, std, gain.unit), what) for value, std, what in told]
 
 
 def _cause(diagnosis: Diagnosis, cause: Cause, reason: Reason) -> dict[str, Any]:
@@ -189,7 +183,7 @@ def _cause(diagnosis: Diagnosis, cause: Cause, reason: Reason) -> dict[str, Any]
         "title": sentence_case(title_of(cause.effect, diagnosis)),
         "stage": effect.stage.value if effect else "",
         "confused": [title_of(name) for name in (effect.confused_with if effect else ())],
-        "gain": percent(cause.gain) if cause.gain > 0 else "no cut",
+        "gain": percent(cause.gain, cause.gain_std) if cause.gain > 0 else "no cut",
         "parameters": [
             (name.replace("_", " "), f"{e.value:.4g}", "" if e.std is None else f"{e.std:.2g}", e.unit)
             for name, e in cause.parameters.items()
@@ -240,7 +234,7 @@ def _trial(trial: Trial) -> dict[str, Any]:
         "title": trial.title,
         "sentences": trial.sentences(),
         "figure": figure_json(trial.figure()),
-        "numbers": [(name.replace("_", " "), value) for name, value in trial.numbers()],
+        "numbers": [(_SAID.get(name, name.replace("_", " ")), value) for name, value in trial.numbers()],
     }
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation
-from diagnosis.explanation.wording import acting, listed, percent, sentence_case, title_of
+from diagnosis.explanation.wording import acting, listed, measured, percent, sentence_case, size, title_of
+from diagnosis.holdout import gain_errors
 from diagnosis.result import Cause
 
 _ALONE = 0.9  # probability above which a name stands without its rivals
@@ -34,40 +35,42 @@ def sentences(diagnosis: Diagnosis, explanation: Explanation | None = None) -> l
     gain = diagnosis.gain
     if gain is not None:
         runs = "run" if len(gain.runs) == 1 else "runs"
-        before, after = f"{gain.held_out_rms_before:.3g}", f"{gain.held_out_rms_after:.3g}"
-        floor = f"the noise floor is {gain.noise_floor:.3g} {gain.unit}"
+        error = gain_errors(diagnosis)
+        before = measured(gain.held_out_rms_before, error.before, gain.unit)
+        after = measured(gain.held_out_rms_after, error.after, gain.unit)
+        floor = f"the noise floor is {measured(gain.noise_floor, error.noise_floor, gain.unit)}"
         what = f"On {len(gain.runs)} held-out {runs} the simulation error"
         if diagnosis.extended is diagnosis.base:
-            lines.append(f"{what} is {before} {gain.unit} rms; {floor}.")
+            lines.append(f"{what} is {before} rms; {floor}.")
         else:
             change = "falls" if gain.cut >= 0.0 else "rises"
-            lines.append(
-                f"{what} {change} from {before} to {after} {gain.unit} rms ({100.0 * abs(gain.cut):.3g} %); {floor}."
-            )
+            part = percent(abs(gain.cut), error.cut)
+            lines.append(f"{what} {change} from {before} to {after} rms ({part}); {floor}.")
     else:
         lines.append("Nothing could be held out, so the gain is not proven.")
-    error = diagnosis.torque_error
+    inverse = diagnosis.torque_error
+    shares = {name: percent(getattr(inverse, name), std) for name, std in inverse.std.items()}
     lines.append(
-        f"Relative {acting(diagnosis.missing_before.unit)} error of the inverse model (below {error.cutoff:.3g} Hz): "
-        f"{percent(error.estimation_before)} -> {percent(error.estimation_after)} on the estimation data, "
-        f"{percent(error.held_out_before)} -> {percent(error.held_out_after)} held out."
+        f"Relative {acting(diagnosis.missing_before.unit)} error of the inverse model (below {inverse.cutoff:.3g} Hz): "
+        f"{shares['estimation_before']} -> {shares['estimation_after']} on the estimation data, "
+        f"{shares['held_out_before']} -> {shares['held_out_after']} held out."
     )
     share = diagnosis.unexplained.share
     if diagnosis.verdict != "nothing_missing" and share >= 0.005:
         where = ", ".join(diagnosis.unexplained.depends_on)
-        lines.append(f"{percent(share)} of the error power remains unexplained{f' (over {where})' if where else ''}.")
+        std = None if gain is None else gain_errors(diagnosis).share
+        lines.append(
+            f"{percent(share, std)} of the error power remains unexplained{f' (over {where})' if where else ''}."
+        )
     return lines
 
 
 def _cause(cause: Cause) -> str:
-    size = ", ".join(
-        f"{name.replace('_', ' ')} {e.value:.4g}{f' ± {e.std:.1g}' if e.std is not None else ''} {e.unit}".rstrip()
-        for name, e in cause.parameters.items()
-    )
+    sizes = size(cause.parameters.items())
     rivals = ", ".join(f"{title_of(name)} {percent(p)}" for name, p in cause.alternatives[:2])
     return (
         f"{sentence_case(title_of(cause.effect))}: {percent(cause.probability)} sure"
-        f"{f' ({size})' if size else ''}{f'; next would be {rivals}' if rivals else ''}."
+        f"{f' ({sizes})' if sizes else ''}{f'; next would be {rivals}' if rivals else ''}."
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from diagnosis.candidates import Choice, chosen
 from diagnosis.curves import carried, unnamed_dependence
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.holdout import inverse_errors, measure_gain, remaining, split
+from diagnosis.holdout import cut, inverse_errors, measure_gain, remaining, split
 from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
 from diagnosis.odds import NONE, parameter_cost
@@ -25,6 +25,7 @@ from identification.fit import base_model, fit
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.stamps import evenly_timed
+from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
@@ -100,7 +101,7 @@ def diagnose(
         more = carried(outcome.fit)
     path = [null, *(addition.fit for addition in outcome.additions), *more]
     tell("measuring the gain on held-out data")
-    gain, errors, replays = measure_gain(holdout, path)
+    gain, squares, replays = measure_gain(holdout, path)
     final = path[-1]
     left = repeats(final)
     if left is not None:
@@ -110,7 +111,7 @@ def diagnose(
         warnings.append(f"Fitted to the held-out data alone, the model has {'; '.join(map(str, opinions))}.")
     return Diagnosis(
         verdict=_verdict(outcome, unnamed),
-        causes=_causes(outcome, errors),
+        causes=_causes(outcome, squares),
         gain=gain,
         torque_error=inverse_errors(log, holdout, null.model, final.model),
         unexplained=remaining(gain, depends_on),
@@ -155,17 +156,19 @@ def _verdict(outcome: Outcome, unnamed: bool) -> Verdict:
     return "named" if all(addition.clear for addition in outcome.additions) else "ambiguous"
 
 
-def _causes(outcome: Outcome, errors: list[float]) -> tuple[Cause, ...]:
+def _causes(outcome: Outcome, squares: list[Array]) -> tuple[Cause, ...]:
     """The additions as causes, the one with the largest evidence first."""
     causes = []
-    for addition, before, after in zip(outcome.additions, errors, errors[1:], strict=False):
+    for addition, before, after in zip(outcome.additions, squares, squares[1:], strict=False):
+        gain, gain_std = cut(before, after)
         causes.append(
             Cause(
                 effect=addition.effect,
                 probability=addition.odds[addition.effect],
                 alternatives=_rivals(addition),
                 parameters=estimates(outcome.fit, addition.effect),
-                gain=1.0 - after / before if before > 0.0 else 0.0,
+                gain=gain,
+                gain_std=gain_std,
                 evidence=addition.evidence,
             )
         )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.result import Gain, Replay, TorqueError, Unexplained
+from diagnosis.jackknife import BLOCKS, jackknife
+from diagnosis.result import Findings, Gain, Replay, TorqueError, Unexplained
 from identification.fit_result import Fit
-from identification.inverse import torque_error
+from identification.inverse import torque_misses
 from identification.log import Log
 from identification.predictor import Predictor
 from identification.simulation import free_simulation
@@ -16,7 +17,6 @@ from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 _SHARE = 0.3  # of a single run that is held out, at its end
-_BLOCKS = 20  # into which a log is cut to judge the scatter of a difference
 _HUGE = 1e50  # error in place of one that overflowed; its fourth power is still a number
 _WINDOW = 1.0  # seconds between restarts where nothing pulls the load back to where it was
 
@@ -102,29 +102,34 @@ def standard_errors(gained: Array) -> float:
 
     The test of Diebold and Mariano (1995) for which of two predictors is better.
     """
-    blocks = np.array([block.mean() for block in np.array_split(gained, _BLOCKS)])
-    scatter = float(blocks.std(ddof=1)) / np.sqrt(_BLOCKS)
+    blocks = np.array([block.mean() for block in np.array_split(gained, BLOCKS)])
+    scatter = float(blocks.std(ddof=1)) / np.sqrt(BLOCKS)
     return float(blocks.mean() / scatter) if scatter > 0.0 else 0.0
 
 
 def rms(errors: Array) -> tuple[float, float]:
     """Root mean square of a record (T,) and its standard error, from the scatter over blocks of the record."""
     squares = bounded(errors) ** 2
-    blocks = np.array([block.mean() for block in np.array_split(squares, min(_BLOCKS, squares.size))])
-    size = float(np.sqrt(np.mean(squares)))
-    scatter = float(blocks.std(ddof=1)) / np.sqrt(blocks.size) if blocks.size > 1 else 0.0
-    return size, scatter / (2.0 * size) if size > 0.0 else 0.0
+    return float(np.sqrt(np.mean(squares))), jackknife(np.sqrt, squares)
 
 
-def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[float], tuple[Replay, ...]]:
-    """Gain of the last fit of a path over the first, the error after each step of it, and the runs replayed."""
+def cut(before: Array, after: Array) -> tuple[float, float]:
+    """Share by which a root mean square fell, from the squares (T,) before and after, and its standard error [-]."""
+
+    def share(was: float, still: float) -> float:
+        return 1.0 - float(np.sqrt(still / was)) if was > 0.0 else 0.0
+
+    return share(float(np.mean(before)), float(np.mean(after))), jackknife(share, before, after)
+
+
+def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[Array], tuple[Replay, ...]]:
+    """Gain of the last fit of a path over the first, the squared errors after each step, and the runs replayed."""
     window = scoring_window(*path)
-    squares = [squared_errors(held_out, fit.model, window) for fit in path]
-    scored = [(float(np.sqrt(np.mean(square))), simulated) for square, simulated in squares]
-    errors = [error for error, _ in scored]
+    scored = [squared_errors(held_out, fit.model, window) for fit in path]
+    squares = [square for square, _ in scored]
     gain = Gain(
-        held_out_rms_before=errors[0],
-        held_out_rms_after=errors[-1],
+        held_out_rms_before=float(np.sqrt(np.mean(squares[0]))),
+        held_out_rms_after=float(np.sqrt(np.mean(squares[-1]))),
         noise_floor=path[-1].noise_floor,
         unit="m" if held_out.axis == "linear" else "rad",
         window=window,
@@ -134,24 +139,74 @@ def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[float], tup
         Replay(label=run.label, time=run.time, measured=run.output, before=before, after=after, valid=run.valid)
         for run, before, after in zip(held_out.runs, scored[0][1], scored[-1][1], strict=True)
     )
-    return gain, errors, replays
+    return gain, squares, replays
 
 
 def inverse_errors(estimation: Log, held_out: Log, before: ServoModel, after: ServoModel) -> TorqueError:
     """Relative error of the inverse model with both models on both logs."""
     cutoff = min(40.0, 0.1 / estimation.runs[0].sample_time)
+    found = {
+        "estimation_before": _inverse_error(estimation, before, cutoff),
+        "estimation_after": _inverse_error(estimation, after, cutoff),
+        "held_out_before": _inverse_error(held_out, before, cutoff),
+        "held_out_after": _inverse_error(held_out, after, cutoff),
+    }
     return TorqueError(
         cutoff=cutoff,
-        estimation_before=torque_error(estimation, before, cutoff=cutoff),
-        estimation_after=torque_error(estimation, after, cutoff=cutoff),
-        held_out_before=torque_error(held_out, before, cutoff=cutoff),
-        held_out_after=torque_error(held_out, after, cutoff=cutoff),
+        **{name: error for name, (error, _) in found.items()},
+        std={name: std for name, (_, std) in found.items()},
     )
+
+
+def _inverse_error(log: Log, model: ServoModel, cutoff: float) -> tuple[float, float]:
+    """Relative error of the inverse model over a log, and its standard error."""
+    squares = [record**2 for record in torque_misses(log, model, cutoff=cutoff)]
+
+    def relative(missed: float, torque: float) -> float:
+        return float(np.sqrt(missed / torque)) if torque > 0.0 else float("nan")
+
+    return relative(*(float(np.mean(square)) for square in squares)), jackknife(relative, *squares)
 
 
 def remaining(gain: Gain, depends_on: tuple[str, ...]) -> Unexplained:
     """Share of the held-out error power above the noise floor that is still there."""
-    floor = gain.noise_floor**2
-    before, after = gain.held_out_rms_before**2 - floor, gain.held_out_rms_after**2 - floor
-    share = float(np.clip(after / before, 0.0, 1.0)) if before > 0.0 else 0.0
+    share = _share(gain.held_out_rms_before**2, gain.held_out_rms_after**2, gain.noise_floor**2)
     return Unexplained(share=share, depends_on=depends_on)
+
+
+def _share(before: float, after: float, floor: float) -> float:
+    return float(np.clip((after - floor) / (before - floor), 0.0, 1.0)) if before > floor else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainErrors:
+    """Standard errors of what a diagnosis says of held-out data.
+
+    Attributes:
+        before, after: of the root mean squares with the base and the extended model [rad or m].
+        cut: of the share by which the error fell [-].
+        noise_floor: of the measurement noise that the extended model leaves [rad or m].
+        share: of the error power above the noise floor that remains [-].
+    """
+
+    before: float
+    after: float
+    cut: float
+    noise_floor: float
+    share: float
+
+
+def gain_errors(found: Findings) -> GainErrors:
+    """How surely the held-out runs of a diagnosis tell what it says of them."""
+    before, after = (
+        bounded(np.concatenate([(run.measured - path)[run.valid] for run, path in simulated])) ** 2
+        for simulated in ([(r, r.before) for r in found.replays], [(r, r.after) for r in found.replays])
+    )
+    floor = found.gain.noise_floor
+    return GainErrors(
+        before=jackknife(np.sqrt, before),
+        after=jackknife(np.sqrt, after),
+        cut=cut(before, after)[1],
+        noise_floor=floor / np.sqrt(2.0 * found.extended.samples),
+        share=jackknife(lambda was, still: _share(was, still, floor**2), before, after),
+    )

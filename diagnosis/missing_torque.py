@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.jackknife import jackknife
 from identification.fit_result import Fit
 from identification.inverse import filtered_motion, needed_torque
 from plant.effects.effect import Array, Axis
@@ -29,7 +30,8 @@ class Curve:
         variable: "velocity", "angle", "torque" or "time"; on a linear axis "position" and "force".
         unit: of the variable.
         centre, mean, band: (B,) middle of each bin, mean missing torque in it and half width of its 95 % band [N m].
-        share: of the missing torque's variance that this variable alone explains, less what chance would [-].
+        share: of the missing torque's variance that this variable alone explains, less what chance would [-], and
+            share_std its standard error.
     """
 
     variable: str
@@ -38,6 +40,7 @@ class Curve:
     mean: Array
     band: Array
     share: float
+    share_std: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,6 +91,11 @@ class MissingTorque:
     def rms(self) -> float:
         """Root mean square of the missing torque [N m]."""
         return float(np.sqrt(np.mean(self.torque**2)))
+
+    @property
+    def rms_std(self) -> float:
+        """Its standard error [N m]."""
+        return jackknife(np.sqrt, self.torque**2)
 
 
 def missing_torque(fit: Fit, cutoff: float | None = None) -> MissingTorque:
@@ -174,12 +182,18 @@ def _curve(name: str, unit: str, values: Array, torque: Array, independent: floa
     total = float(np.var(torque))
     degrees = max(torque.size * min(independent, 1.0) - used.sum(), 1.0)
     chance = (used.sum() - 1) / (degrees + used.sum())
-    explained = 1.0 - float(np.mean(residual**2)) / total if total > 0.0 else 0.0
+
+    def explained(left: float, square: float, level: float) -> float:
+        return 1.0 - left / (square - level**2) if square > level**2 else 0.0
+
+    records = (residual**2, torque**2, torque)
+    share = explained(*(float(np.mean(record)) for record in records)) if total > 0.0 else 0.0
     return Curve(
         variable=name,
         unit=unit,
         centre=(0.5 * (edges[1:] + edges[:-1]))[used],
         mean=mean,
         band=1.96 * np.sqrt(scatter / effective),
-        share=float(np.clip((explained - chance) / (1.0 - chance), 0.0, 1.0)),
+        share=float(np.clip((share - chance) / (1.0 - chance), 0.0, 1.0)),
+        share_std=jackknife(explained, *records) / (1.0 - chance),
     )

@@ -36,7 +36,7 @@ class Cause:
         probability: that this effect, and not one of the alternatives or none, is what the data show.
         alternatives: the rivals with their probabilities, the likeliest first.
         parameters: estimates by parameter name.
-        gain: share by which the held-out error fell when the effect was added [-].
+        gain: share by which the held-out error fell when the effect was added [-], and gain_std its standard error.
         evidence: rise of the log-likelihood when the effect was added.
     """
 
@@ -46,6 +46,7 @@ class Cause:
     parameters: Mapping[str, Estimate]
     gain: float
     evidence: float
+    gain_std: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +78,8 @@ class Gain:
 class TorqueError:
     """Relative error of the inverse model, |torque - needed torque| / |torque| [-], behind a low pass at `cutoff` [Hz].
 
-    It is the figure in which inverse models are published; it needs no simulation and so knows no drift.
+    It is the figure in which inverse models are published; it needs no simulation and so knows no drift. `std` has the
+    standard error of each by its name.
     """
 
     cutoff: float
@@ -85,6 +87,7 @@ class TorqueError:
     estimation_after: float
     held_out_before: float
     held_out_after: float
+    std: Mapping[str, float]
 
 
 @dataclass(frozen=True, kw_only=True)

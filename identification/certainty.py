@@ -16,6 +16,8 @@ from identification.predictor import FADING, Prediction
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
+_ASIDE = 0.1  # of ln(bandwidth), for the curvature of the likelihood
+
 
 def fit_of(objective: Objective, bandwidth: float, minimum: Minimum, evaluations: int) -> Fit:
     """The fit that a minimum of an objective at a bandwidth [rad/s] amounts to, after so many passes over the log."""
@@ -50,6 +52,24 @@ def fit_of(objective: Objective, bandwidth: float, minimum: Minimum, evaluations
         evaluations=evaluations + minimum.evaluations,
         log=objective.log,
     )
+
+
+def bandwidth_std(fit: Fit) -> float | None:
+    """Standard error of a fit's bandwidth [rad/s], all else as fitted, from the likelihood a little to either side.
+
+    The log-likelihood over ln(bandwidth) is a parabola there, whose curvature is the inverse of the variance. None
+    where the fit has no observer, or its bandwidth is no peak but an end of the range.
+    """
+    if not fit.bandwidth:
+        return None
+    objective = Objective.of(fit.log, fit.model, fixed=fit.fixed)
+    point = objective.pack(fit.model.values, fit.initial)
+    slower, here, faster = (
+        log_likelihood(objective.cost(point, fit.bandwidth * np.exp(step), 0.0), fit.samples)
+        for step in (-_ASIDE, 0.0, _ASIDE)
+    )
+    curvature = (2.0 * here - slower - faster) / _ASIDE**2
+    return float(fit.bandwidth / np.sqrt(curvature)) if curvature > 0.0 else None
 
 
 def _around(

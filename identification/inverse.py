@@ -136,6 +136,12 @@ def torque_error(log: Log, model: ServoModel, *, cutoff: float) -> float:
         model: its dry friction acts by the direction of the filtered velocity.
         cutoff: of the filter [Hz]; figures compare only at the same one.
     """
+    missed, torque = torque_misses(log, model, cutoff=cutoff)
+    return float(np.linalg.norm(missed) / np.linalg.norm(torque))
+
+
+def torque_misses(log: Log, model: ServoModel, *, cutoff: float) -> tuple[Array, Array]:
+    """(T,) torque less needed torque, and (T,) torque [N m], of all runs; arguments as in `torque_error`."""
     misses, torques = [], []
     for run in log.runs:
         m = filtered_motion(run, cutoff, model)
@@ -143,7 +149,7 @@ def torque_error(log: Log, model: ServoModel, *, cutoff: float) -> float:
         inner = slice(edge, m.time.size - edge)
         misses.append((m.torque - needed_torque(model, m))[inner])
         torques.append(m.torque[inner])
-    return float(np.linalg.norm(np.concatenate(misses)) / np.linalg.norm(np.concatenate(torques)))
+    return np.concatenate(misses), np.concatenate(torques)
 
 
 def needed_torque(model: ServoModel, motion: FilteredMotion) -> Array:

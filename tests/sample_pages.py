@@ -54,7 +54,17 @@ def sample_diagnosis(fitted: Fit) -> Diagnosis:
             runs=(HOSTILE,),
         ),
         torque_error=TorqueError(
-            cutoff=5.0, estimation_before=0.18, estimation_after=0.04, held_out_before=0.19, held_out_after=0.06
+            cutoff=5.0,
+            estimation_before=0.18,
+            estimation_after=0.04,
+            held_out_before=0.19,
+            held_out_after=0.06,
+            std={
+                "estimation_before": 0.01,
+                "estimation_after": 0.002,
+                "held_out_before": 0.01,
+                "held_out_after": 0.004,
+            },
         ),
         unexplained=Unexplained(share=0.02, depends_on=("velocity",)),
         warnings=("a warning about " + HOSTILE,),

@@ -104,7 +104,7 @@ def test_the_summary_tells_by_how_much_the_error_grew() -> None:
     np.testing.assert_array_equal(trial.table()["angle_without_loss"], whole.angle)
     drawn = {curve.name for curve in trial.figure().data}
     assert "angle, nothing lost" in drawn
-    assert any(f"{summary['error_growth']:.2g} times" in line and "is lost" in line for line in trial.sentences())
+    assert any(f"{summary['error_growth']:.4g} times" in line and "is lost" in line for line in trial.sentences())
 
 
 def test_a_loss_after_the_end_is_none() -> None:

@@ -19,7 +19,8 @@ from diagnosis.experiment.signal_families import Signal
 from diagnosis.explanation.contest import AGAIN, NAMED, Contest, contest_of
 from diagnosis.explanation.detectable import detectable
 from diagnosis.explanation.evidence_picture import gathered, shown
-from diagnosis.explanation.wording import percent, power
+from diagnosis.explanation.wording import measured, percent, power
+from diagnosis.holdout import gain_errors
 from diagnosis.odds import NONE, probabilities
 from diagnosis.result import Candidate
 from identification.log import Log
@@ -109,14 +110,18 @@ def test_size_gain_and_rest_are_the_numbers_of_the_diagnosis() -> None:
     found = friction()
     told = str(found.explain())
     size = found.causes[0].parameters["torque"]
-    assert f"torque {size.value:.4g} ± {size.std:.1g} N m" in told
-    gain = found.gain
-    assert f"cut by {percent(gain.cut)}, from {gain.held_out_rms_before:.3g} to {gain.held_out_rms_after:.3g}" in told
-    assert f"{gain.held_out_rms_after / gain.noise_floor:#.3g} times the noise floor" in told
-    assert f"lacks a torque of {found.missing_before.rms:.3g} N m rms" in told
+    assert f"torque {measured(size.value, size.std, 'N m')}" in told
+    gain, error = found.gain, gain_errors(found)
+    before = measured(gain.held_out_rms_before, error.before, "rad")
+    after = measured(gain.held_out_rms_after, error.after, "rad")
+    assert f"cut by {percent(gain.cut, error.cut)}, from {before} to {after} rms" in told
+    floor = gain.noise_floor
+    assert f"{measured(gain.held_out_rms_after / floor, error.after / floor)} times the noise floor" in told
+    missing = found.missing_before
+    assert f"lacks a torque of {measured(missing.rms, missing.rms_std, 'N m')} rms" in told
     assert f"{percent(found.whiteness)} can still be predicted" in told
     worse = replace(gain, held_out_rms_after=1.5 * gain.held_out_rms_before)
-    assert "raised by 50 %" in str(replace(found, gain=worse).explain())
+    assert "raised by 50" in str(replace(found, gain=worse).explain())
 
 
 def test_the_evidence_adds_up_and_its_moments_are_told() -> None:

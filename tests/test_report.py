@@ -20,6 +20,7 @@ from antidrive.provenance import Provenance
 from antidrive.report import diagnosis_page, fit_page
 from antidrive.thinning import LIMIT, thin
 from antidrive.words import headline, percent, sentences
+from diagnosis.explanation.wording import measured
 from identification import free_simulation
 
 
@@ -91,7 +92,7 @@ def test_the_page_reads_from_verdict_to_reproduction(outline):
         "How to reproduce",
     ]
     text = " ".join(outline.text)
-    for expected in (r"0\.05 ± \S+ rad", r"0\.01 ± \S+ rad", "97 %", "inertia", "kg m 2"):
+    for expected in (r"0\.05 rad", r"0\.01 rad", r"0\.001000 ± 0\.0\d+ rad", "97 %", "inertia", "kg m 2"):
         assert re.search(expected, text), expected
     assert re.search(r"[0-9a-f]{64}", text)
 
@@ -118,9 +119,24 @@ def test_the_error_of_a_simulation_has_its_standard_error(diagnosis):
         valid=np.ones(samples, dtype=bool),
     )
     lead = diagnosis_page(replace(diagnosis, replays=(noisy,)), Provenance.now([])).split("<h2>")[0]
-    said = [float(number) for number in re.findall(r"± (\S+) rad</b>", lead)]
+    said = re.findall(r"<b>(\S+) ± (\S+) (µ?)rad</b>", lead)
+    sizes, errors = ([float(pair[k]) * (1e-6 if pair[2] else 1.0) for pair in said] for k in (0, 1))
+    assert sizes == pytest.approx([0.05, 0.01, 0.001])  # as the diagnosis says them
     # of the rms of white noise: sigma / sqrt(2 N)
-    assert said == pytest.approx([0.01 / np.sqrt(2 * samples), 0.001 / np.sqrt(2 * samples)], rel=0.5)
+    white = [level / np.sqrt(2 * samples) for level in (0.01, 0.001)]
+    assert errors == pytest.approx([*white, 0.001 / np.sqrt(2 * diagnosis.extended.samples)], rel=0.5)
+
+
+def test_numbers_keep_the_digits_that_their_error_leaves():
+    assert measured(0.18712, 0.0153, "rad") == "0.187 ± 0.015 rad"
+    assert measured(7.93e-5, 6.8e-6, "rad") == "79 ± 7 µrad"
+    assert measured(-5.422e-8, 2.4e-10, "m") == "-54.22 ± 0.24 nm"
+    assert measured(218123.0, 18345.0, "N/m") == "218000 ± 18000 N/m"
+    assert measured(3.21e-7, 4e-8, "N m") == "(3.2 ± 0.4)e-07 N m"
+    assert measured(0.0, 0.3) == "0.0 ± 0.3"
+    assert [measured(0.18712, std, "s") for std in (None, 0.0, np.inf)] == ["0.187 s"] * 3
+    assert percent(0.788, 0.0268) == "78.8 ± 2.7 %"
+    assert percent(0.9999, 0.1) == "> 99.9 %"
 
 
 def test_a_linear_axis_lacks_a_force(diagnosis):
@@ -139,6 +155,7 @@ def test_words_look_as_in_print():
         "e<sup>-5.3</sup> to 1, F<sub>c</sub> → 2 kg m<sup>2</sup> &lt;b&gt;"
     )
     assert printed("cogging_amplitude") == "cogging_amplitude"
+    assert printed("(3.2 ± 0.4)e-07, 1e+06, 3e5") == "(3.2 ± 0.4) × 10<sup>-7</sup>, 1 × 10<sup>6</sup>, 3e5"
 
 
 def sections(page: str) -> dict[str, str]:
@@ -250,15 +267,17 @@ def test_a_fit_has_its_page(fitted):
 
 def test_words_say_how_sure(diagnosis):
     first, second, torque, third = sentences(diagnosis)
+    floor = measured(0.001, 0.001 / np.sqrt(2 * diagnosis.extended.samples), "rad")
     assert first == (
-        "Coulomb friction: 97 % sure (torque 0.4 ± 0.01 N m); next would be Stribeck friction 2 %, none 1 %."
+        "Coulomb friction: 97 % sure (torque 0.400 ± 0.010 N m); next would be Stribeck friction 2 %, none 1 %."
     )
     assert second == (
-        "On 1 held-out run the simulation error falls from 0.05 to 0.01 rad rms (80 %); the noise floor is 0.001 rad."
+        "On 1 held-out run the simulation error falls from 0.05 rad to 0.01 rad rms (80 %); "
+        f"the noise floor is {floor}."
     )
     assert torque == (
-        "Relative torque error of the inverse model (below 5 Hz): 18 % -> 4 % on the estimation data, "
-        "19 % -> 6 % held out."
+        "Relative torque error of the inverse model (below 5 Hz): 18.0 ± 1.0 % -> 4.00 ± 0.20 % on the estimation data, "
+        "19.0 ± 1.0 % -> 6.0 ± 0.4 % held out."
     )
     assert third == "2 % of the error power remains unexplained (over velocity)."
     cause = replace(diagnosis.causes[0], probability=0.6, alternatives=(("stribeck_friction", 0.39), ("none", 0.01)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,8 @@ from numpy.typing import NDArray
 import antidrive.simulation
 from antidrive.drive_loss import loop_with_drive_loss
 from antidrive.scenario import Disturbance, DriveLoss, Scenario
-from antidrive.simulation import Trial, rigid_model, run_scenario
+from antidrive.simulation import rigid_model, run_scenario
+from antidrive.trial import Trial
 from mpc import ClosedLoopResult, Controller
 from plant.errors import BadParameter
 from plant.gears import GearTrain
@@ -126,30 +126,46 @@ def test_the_table_names_every_channel_once() -> None:
 
 def test_numbers_carry_their_units() -> None:
     told = dict(trial().numbers())
-    size, scatter, unit = re.fullmatch(r"(\S+) ± (\S+) (\S+)", told["tracking_rms"]).groups()
-    assert unit == "rad"
     error = trial().result.angle - trial().result.reference
-    blocks = [np.mean(block**2) for block in np.array_split(error, 20)]
-    assert float(size) == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-3)
-    expected = np.std(blocks, ddof=1) / np.sqrt(20) / (2 * float(size))
-    assert float(scatter) == pytest.approx(expected, rel=0.1, abs=1e-12)
+    assert told["tracking_rms"] == f"{np.sqrt(np.mean(error**2)):.4g} rad"
     assert told["least_preload_margin"] == "0.5 N m"
     assert told["heat"].endswith("N² m²")
     assert told["teeth_parted"] == "no"
 
 
-def test_the_errors_after_a_loss_have_their_scatter_too() -> None:
-    intact = result(angle=0.2 + 1e-3 * np.sin(np.arange(COUNT)))
-    lossy = replace(trial(replace(SHORT, drive_loss=DriveLoss(drive=1, time=0.3))), intact=intact)
-    told = dict(lossy.numbers())
-    for name, loop in (("tracking_rms_after_loss", lossy.result), ("tracking_rms_without_loss", intact)):
-        error = (loop.angle - loop.reference)[60:]
-        blocks = [np.mean(block**2) for block in np.array_split(error, 20)]
-        size, scatter = re.fullmatch(r"(\S+) ± (\S+) rad", told[name]).groups()
-        assert float(size) == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-3)
-        assert float(scatter) == pytest.approx(np.std(blocks, ddof=1) / np.sqrt(20) / (2 * float(size)), rel=0.5)
-    late = trial(replace(SHORT, drive_loss=DriveLoss(drive=1, time=9.0)))
-    assert "tracking_rms_after_loss" not in dict(late.numbers())
+def test_numbers_of_repeated_runs_have_their_scatter() -> None:
+    flanks = result().flank_torques.copy()
+    flanks[40, 1] = 0.0
+    others = [trial(angle=0.2 + level * np.ones(COUNT), flank_torques=flanks).summary() for level in (0.1, 0.11, 0.12)]
+    told = replace(trial(angle=np.full(COUNT, 0.29)), again=tuple(others))
+    sizes = [0.09, 0.1, 0.11, 0.12]
+    assert told.scatter()["tracking_rms"] == pytest.approx(np.std(sizes, ddof=1))
+    assert told.summary()["std"] == told.scatter()
+    assert told.summary()["runs"] == 4
+    table = dict(told.numbers())
+    assert table["tracking_rms"] == "0.090 ± 0.013 rad"
+    assert table["least_preload_margin"] == "0.50 ± 0.25 N m"
+    assert table["teeth_parted"] == "no, in 1 of 4 runs"
+    assert table["samples"] == "100"
+    assert told.sentences()[0].startswith("Tracking error 0.090 ± 0.013 rad rms, 0.090 ± 0.013 rad at most")
+    assert "over 4 runs" in told.sentences()[-1]
+
+
+def test_what_one_drive_does_scatters_too() -> None:
+    one = result(angle=np.full(COUNT, 0.5))
+    both = replace(trial(), single=one)
+    other = replace(trial(), single=replace(one, angle=np.full(COUNT, 0.52)))
+    table = dict(replace(both, again=(other.summary(),)).numbers())
+    assert table["tracking_rms_single_drive"] == "0.300 ± 0.014 rad"
+
+
+def test_runs_that_are_repeated_differ_in_their_noise() -> None:
+    scenario = replace(SHORT, rig={"encoder_noise": 1e-4})
+    alone = run_scenario(scenario, seed=3)
+    again = run_scenario(scenario, seed=3, repetitions=2)
+    assert again.summary()["tracking_rms"] == alone.summary()["tracking_rms"]
+    errors = {found["tracking_rms"] for found in (alone.summary(), *again.again)}
+    assert len(errors) == 3
 
 
 # Scenarios.

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from diagnosis.experiment import Experiment
 from diagnosis.explanation.reasons import Reason, reason_for, reason_for_none
-from diagnosis.explanation.wording import acting, listed, percent
+from diagnosis.explanation.wording import acting, listed, measured, percent
+from diagnosis.holdout import gain_errors
 from diagnosis.result import Findings
+from identification.certainty import bandwidth_std
 
 _CARRIES = 0.1  # share of the missing torque's variance from which it is said to depend on a variable
 
@@ -51,21 +55,29 @@ def explain(diagnosis: Findings, experiment: Experiment | None = None) -> Explan
 def _missing(diagnosis: Findings) -> tuple[str, ...]:
     """What was missing and where it shows."""
     lacked, base, extended = diagnosis.missing_before, diagnosis.base, diagnosis.extended
-    noise = float(lacked.band.mean()) / 1.96
+    noise, inertia = float(lacked.band.mean()) / 1.96, base["inertia"]
+    doubt = np.sqrt(0.5 / base.samples + (0.0 if not inertia.std else inertia.std / base.model.inertia) ** 2)
     lines = [
-        f"Below {lacked.cutoff:.2g} Hz the base model lacks a {acting(lacked.unit)} of {lacked.rms:.3g} {lacked.unit} "
-        f"rms; measurement noise alone would make {noise:.3g} of it."
+        f"Below {lacked.cutoff:.2g} Hz the base model lacks a {acting(lacked.unit)} of "
+        f"{measured(lacked.rms, lacked.rms_std, lacked.unit)} rms; measurement noise alone would make "
+        f"{measured(noise, noise * doubt, lacked.unit)} of it."
     ]
     most = lacked.curves[0]
     if most.share >= _CARRIES:
-        lines.append(f"It depends on {most.variable}, which carries {percent(most.share)} of its variance.")
+        lines.append(
+            f"It depends on {most.variable}, which carries {percent(most.share, most.share_std)} of its variance."
+        )
     else:
-        lines.append(f"No single variable carries much of it; the most is {most.variable}, {percent(most.share)}.")
+        lines.append(
+            f"No single variable carries much of it; the most is {most.variable}, "
+            f"{percent(most.share, most.share_std)}."
+        )
     if base.bandwidth > 0.0:
-        needs = "none" if extended.bandwidth == 0.0 else f"one of {extended.bandwidth:.3g} rad/s"
+        observers = [measured(fit.bandwidth, bandwidth_std(fit), "rad/s") for fit in (base, extended)]
+        needs = "none" if extended.bandwidth == 0.0 else f"one of {observers[1]}"
         then = "" if extended is base else f"; the extended model needs {needs}"
         lines.append(
-            f"To follow the log the base model needs an observer of {base.bandwidth:.3g} rad/s, so there is more than "
+            f"To follow the log the base model needs an observer of {observers[0]}, so there is more than "
             f"noise of the measurement{then}."
         )
     return tuple(lines)
@@ -76,15 +88,21 @@ def _outcome(diagnosis: Findings) -> tuple[str, ...]:
     gain, left, lines = diagnosis.gain, diagnosis.unexplained, []
     extended = diagnosis.extended is not diagnosis.base
     if gain is not None:
-        floor = f"{gain.held_out_rms_after / gain.noise_floor:#.3g} times the noise floor" if gain.noise_floor else ""
-        change = f"{'cut' if gain.cut >= 0.0 else 'raised'} by {percent(abs(gain.cut))}, from "
-        came = f"{change}{gain.held_out_rms_before:.3g} to " if extended else ""
-        rms = f"{gain.held_out_rms_after:.3g} {gain.unit} rms"
+        error, floor = gain_errors(diagnosis), ""
+        if gain.noise_floor:
+            above = measured(gain.held_out_rms_after / gain.noise_floor, error.after / gain.noise_floor)
+            floor = f"{above} times the noise floor"
+        change = f"{'cut' if gain.cut >= 0.0 else 'raised'} by {percent(abs(gain.cut), error.cut)}, from "
+        came = f"{change}{measured(gain.held_out_rms_before, error.before, gain.unit)} to " if extended else ""
+        rms = f"{measured(gain.held_out_rms_after, error.after, gain.unit)} rms"
         lines.append(f"On held-out data the simulation error is {', '.join(filter(None, (came + rms, floor)))}.")
     if extended:
-        lines.append(f"Of the error power above the noise floor {percent(left.share)} remains.")
+        std = gain_errors(diagnosis).share if gain is not None else None
+        lines.append(f"Of the error power above the noise floor {percent(left.share, std)} remains.")
     if left.depends_on:
         lines.append(f"What has no name depends on {listed(left.depends_on)}.")
-    past = percent(diagnosis.whiteness)
+    known = diagnosis.whiteness
+    # of a squared multiple correlation from n samples (Olkin and Finn 1995)
+    past = percent(known, 2.0 * np.sqrt(known / diagnosis.extended.samples) * (1.0 - known))
     lines.append(f"Of the one-step errors that remain, {past} can still be predicted from their own past.")
     return tuple(lines)

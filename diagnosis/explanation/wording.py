@@ -9,16 +9,40 @@ import numpy as np
 from diagnosis.result import Estimate, Findings
 from plant.effects import Effect, catalogue
 
+_PREFIXED = ("rad", "m")
+_PREFIXES = {-9: "n", -6: "µ"}
+_ROUNDING = 1e-9  # relative: a smaller standard error is one of rounding
 _SPOKEN = 12.0  # log odds up to which a number says more than a power of e
 
 
-def percent(share: float) -> str:
-    """A probability or share; never rounded up to certainty."""
+def percent(share: float, std: float | None = None) -> str:
+    """A probability or share, with its standard error if it has one; never rounded up to certainty."""
     if share >= 0.9995:
         return "> 99.9 %"
     if share < 0.0005:
         return "< 0.1 %"
-    return f"{100.0 * share:.3g} %"
+    return f"{100.0 * share:.3g} %" if std is None else measured(100.0 * share, 100.0 * std, "%")
+
+
+def measured(value: float, std: float | None, unit: str = "") -> str:
+    """A number with its standard error and unit, to the digits that the standard error leaves: 79.3 ± 6.8 µrad.
+
+    The standard error has one digit, or two if the first is a 1 or a 2; far from one the unit has a prefix, or both
+    share a power of ten. Without a standard error the number has three digits.
+    """
+    if std is None or not (_ROUNDING * abs(value) < std < np.inf):
+        return f"{value:.3g} {unit}".rstrip()
+    most = int(np.floor(np.log10(max(abs(value), std))))
+    tens = most if most < -3 or most > 5 else 0
+    prefix = _PREFIXES.get(3 * (most // 3), "") if unit in _PREFIXED and tens else ""
+    tens = 3 * (most // 3) if prefix else tens
+    value, std = value / 10.0**tens, std / 10.0**tens
+    last = int(np.floor(np.log10(std)))
+    last -= f"{std:e}"[0] in "12"
+    said = f"{round(value, -last):.{max(-last, 0)}f} ± {round(std, -last):.{max(-last, 0)}f}"
+    if tens and not prefix:
+        said = f"({said})e{tens:+03d}"
+    return f"{said} {prefix}{unit}".rstrip()
 
 
 def power(log_odds: float) -> str:
@@ -31,10 +55,9 @@ def power(log_odds: float) -> str:
 
 
 def size(parameters: Iterable[tuple[str, Estimate]]) -> str:
-    """Parameters with their standard errors and units, the standard error to one digit."""
+    """Parameters with their standard errors and units."""
     return ", ".join(
-        f"{name.replace('_', ' ')} {e.value:.4g}{'' if e.std is None else f' ± {e.std:.1g}'} {e.unit}".rstrip(" -")
-        for name, e in parameters
+        f"{name.replace('_', ' ')} {measured(e.value, e.std, e.unit)}".rstrip(" -") for name, e in parameters
     )
 
 

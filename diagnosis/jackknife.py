@@ -1,0 +1,33 @@
+"""How surely a record tells what is calculated from it: by leaving out one stretch of it after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from plant.effects.effect import Array
+
+BLOCKS = 20
+"""Stretches into which a record is cut; each must be longer than its errors remember."""
+
+
+def jackknife(statistic: Callable[..., float], *records: Array) -> float:
+    """Standard error of a function of the means of records, by the jackknife over blocks (Kuensch 1989).
+
+    Unlike formulas for independent samples it holds where errors last for many samples, as those of a simulation do.
+
+    Args:
+        statistic: takes the mean of each record; of a root mean square it is the root, and the record the squares.
+        records: (T,) each, of the same samples.
+
+    Returns:
+        sqrt((B - 1) / B * sum of (statistic without block b - their mean)^2); 0 of a single sample.
+    """
+    count = min(BLOCKS, records[0].size)
+    if count < 2:
+        return 0.0
+    means = np.array([[block.mean() for block in np.array_split(record, count)] for record in records])
+    without = (means.sum(axis=1, keepdims=True) - means) / (count - 1)
+    values = np.array([statistic(*left) for left in without.T])
+    return float(np.sqrt((count - 1) * np.mean((values - values.mean()) ** 2)))
