@@ -30,11 +30,14 @@ def figure_json(figure: Any) -> Markup:
 
 
 def printed(text: str) -> Markup:
-    """Plain words as they look in print: powers raised, also those of ten, indices lowered, arrows drawn."""
+    """Plain words as they look in print: powers raised, also those of ten, indices lowered, arrows drawn,
+    and no line broken between a number and its unit.
+    """
     tens = re.sub(r"(?<=[\d)])e([+-]\d+)\b", lambda found: f" × 10^{int(found[1])}", str(escape(text)))
     raised = re.sub(r"(?<=\w)\^(-?\d+(?:\.\d+)?)", r"<sup>\1</sup>", tens)
     lowered = re.sub(r"\b([A-Za-z])_(\w)\b", r"\1<sub>\2</sub>", raised)
-    return Markup(lowered.replace(" -&gt; ", " \N{RIGHTWARDS ARROW} "))
+    joined = re.sub(r"(?<=\d) (?=±|%|[a-zA-Zµ])|(?<=±) ", "\N{NO-BREAK SPACE}", lowered)
+    return Markup(joined.replace(" -&gt; ", " \N{RIGHTWARDS ARROW} "))
 
 
 @cache

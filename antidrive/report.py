@@ -129,7 +129,7 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
     gain = diagnosis.gain
     return {
         "verdict": diagnosis.verdict.replace("_", " "),
-        "sentences": sentences(diagnosis, explanation),
+        "sentences": sentences(diagnosis, None if diagnosis.causes else explanation),
         "lacked": explanation.missing,
         "outcome": explanation.outcome,
         "extended": extended,
@@ -184,10 +184,6 @@ def _cause(diagnosis: Diagnosis, cause: Cause, reason: Reason) -> dict[str, Any]
         "stage": effect.stage.value if effect else "",
         "confused": [title_of(name) for name in (effect.confused_with if effect else ())],
         "gain": percent(cause.gain, cause.gain_std) if cause.gain > 0 else "no cut",
-        "parameters": [
-            (name.replace("_", " "), f"{e.value:.4g}", "" if e.std is None else f"{e.std:.2g}", e.unit)
-            for name, e in cause.parameters.items()
-        ],
     }
 
 
@@ -206,7 +202,7 @@ def _reason(diagnosis: Diagnosis, reason: Reason, odds: Mapping[str, float] | No
         what = f"{acting(reason.shown.torque_unit)} missing without it, with it, and what it predicts"
         drawn.append((told, f"Over {reason.shown.variable}: {what}."))
     pictures = [(figure_json(figure), caption) for figure, caption in drawn]
-    return {"title": reason.title, "sentences": reason.sentences, "pictures": pictures, "parameters": ()}
+    return {"title": reason.title, "sentences": reason.sentences, "pictures": pictures}
 
 
 def _explanation(diagnosis: Diagnosis, effect: str) -> str:
@@ -222,9 +218,7 @@ def _parameter(p: FittedParameter) -> dict[str, str]:
     effect, _, name = p.name.rpartition(".")
     return {
         "name": f"{title_of(effect)}: {name.replace('_', ' ')}" if effect else name.replace("_", " "),
-        "value": "—" if p.value is None else f"{p.value:.5g}",
-        "std": "—" if p.std is None else f"{p.std:.2g}",
-        "unit": p.unit,
+        "value": "—" if p.value is None else measured(p.value, p.std, p.unit.removesuffix("-")),
         "flags": ", ".join(flags),
     }
 

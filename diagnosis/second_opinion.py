@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.explanation.wording import measured
 from identification.certainty import fit_of
 from identification.fit_result import Fit, FittedParameter
 from identification.log import Log
@@ -33,11 +34,12 @@ class SecondOpinion:
     unit: str
 
     def __str__(self) -> str:
-        """As "presliding_hysteresis.stiffness 4.6e+05 +- 5e+04 N/m instead of 2.2e+05 +- 2e+04"."""
-        here = f"{self.held_out_value:.4g} +- {self.held_out_std:.2g} {self.unit}"
+        """As "presliding hysteresis: stiffness 465000 ± 49000 N/m instead of 218000 ± 18000 N/m"."""
+        parameter = self.parameter.replace(".", ": ").replace("_", " ")
+        here = f"{parameter} {measured(self.held_out_value, self.held_out_std, self.unit)}"
         if self.value is None:
-            return f"{self.parameter} {here}, which the fitted data cannot tell"
-        return f"{self.parameter} {here} instead of {self.value:.4g} +- {self.std:.2g}"
+            return f"{here}, which the fitted data cannot tell"
+        return f"{here} instead of {measured(self.value, self.std, self.unit)}"
 
 
 def second_opinions(fit: Fit, holdout: Log) -> tuple[SecondOpinion, ...]:

@@ -13,6 +13,8 @@ import pandas as pd
 import pytest
 from front_door import antidrive
 
+from diagnosis.explanation.wording import measured
+
 LOOPS = ("tracking", "figure7", "disturbance", "drive-loss")
 
 
@@ -24,7 +26,11 @@ def played(name: str) -> tuple[dict[str, Any], pd.DataFrame, str]:
         assert spoken.code == 0, spoken.err
         out = Path(folder)
         summary = json.loads((out / "summary.json").read_text())
-        return summary, pd.read_csv(out / "trajectory.csv"), (out / "report.html").read_text()
+        return (
+            summary,
+            pd.read_csv(out / "trajectory.csv"),
+            (out / "report.html").read_text().replace("\N{NO-BREAK SPACE}", " "),
+        )
 
 
 @pytest.mark.parametrize("name", LOOPS)
@@ -36,8 +42,8 @@ def test_it_tracks_with_the_teeth_together_and_the_page_has_its_numbers(name: st
     assert summary["largest_error"] < 1e-3
     assert 0.3 < summary["least_preload_margin"] / (0.02 * 161 / 20) < 1.0  # the rest is vibration and friction
     assert summary["degraded_samples"] == np.sum(path.status != "optimal")
-    for value in (summary["tracking_rms"], summary["least_preload_margin"]):
-        assert f"{value:.4g}" in page
+    for number, unit in (("tracking_rms", "rad"), ("least_preload_margin", "N m")):
+        assert measured(summary[number], summary["std"][number], unit) in page
 
 
 def test_one_drive_crosses_its_gap_at_each_reversal_and_two_do_not() -> None:
@@ -49,7 +55,8 @@ def test_one_drive_crosses_its_gap_at_each_reversal_and_two_do_not() -> None:
     assert summary["samples_apart"] == 0
     assert one["samples_apart"] > 0.2 * summary["samples"]
     assert one["hardest_hit_on_far_flank"] > 10.0
-    assert f"in {one['samples_apart']} with one" in page
+    apart = measured(one["samples_apart"], summary["std"]["samples_apart_single_drive"])
+    assert f"in {apart} with one" in page
 
 
 def test_a_push_is_taken_up_while_it_lasts() -> None:

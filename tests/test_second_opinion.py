@@ -8,6 +8,7 @@ from machine import Machine, excitation, record
 from scipy.signal import lfilter
 
 from diagnosis import diagnose
+from diagnosis.explanation.wording import measured
 from diagnosis.second_opinion import _compared, second_opinions
 from identification.fit import fit
 from identification.fit_result import FittedParameter
@@ -39,7 +40,9 @@ def test_a_machine_that_changed_says_what_did(fitted):
     assert opinion.parameter == "coulomb_friction.torque"
     assert opinion.value == pytest.approx(0.3, abs=0.02)
     assert opinion.held_out_value == pytest.approx(0.6, abs=0.02)
-    assert f"instead of {opinion.value:.4g}" in str(opinion)
+    then = measured(opinion.value, opinion.std, "N m")
+    now = measured(opinion.held_out_value, opinion.held_out_std, "N m")
+    assert str(opinion) == f"coulomb friction: torque {now} instead of {then}"
 
 
 @pytest.mark.parametrize(("swing", "noise", "known"), [(0.3, 0.05, True), (0.2, 1e-3, False)])
@@ -59,7 +62,7 @@ def test_a_diagnosis_says_it_and_does_not_heed_it():
     same = diagnose(log, None, log_of(rubbing(0.3), 2), candidates=asked)
     other = diagnose(log, None, log_of(rubbing(0.6), 2), candidates=asked)
     assert not any("held-out data alone" in warning for warning in same.warnings)
-    assert any("coulomb_friction.torque 0.6" in warning for warning in other.warnings)
+    assert any("coulomb friction: torque 0.6" in warning for warning in other.warnings)
     np.testing.assert_array_equal(same.model.values, other.model.values)
 
 
