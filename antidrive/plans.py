@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from antidrive.scenario import parse_scenario, scenario_text
-from antidrive.time_left import Tell
+from antidrive.time_left import Parts, Tell
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
@@ -61,6 +61,7 @@ def read_plan(name: str) -> Plan:
 
 def _experiment(name: str, content: Mapping[str, Any]) -> Plan:
     from antidrive.experiments.kinds import KINDS
+    from antidrive.experiments.scatter import with_scatter
     from antidrive.experiments.settings import read_settings
 
     kind = KINDS.get(content["kind"]) if isinstance(content["kind"], str) else None
@@ -71,6 +72,12 @@ def _experiment(name: str, content: Mapping[str, Any]) -> Plan:
     def play(model: ServoModel | None, seed: int, tell: Tell | None) -> Result:
         if model is not None:
             raise BadParameter(f"{name}: an experiment takes no --model.")
-        return kind.run(settings, seed, tell) if kind.long else kind.run(settings, seed)
+        if kind.long:
+            return kind.run(settings, seed, tell)
+        done, runs = Parts(1 + kind.again, tell).done, []
+        for other in range(1 + kind.again):
+            runs.append(kind.run(settings, seed + other))
+            done()
+        return with_scatter(runs)
 
     return Plan(name=name, play=play)

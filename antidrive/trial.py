@@ -166,7 +166,10 @@ class Trial:
             lines.append(f"{told['degraded_samples']} of {s['samples']} samples were not optimal ({first}).")
         if self.again:
             count = 1 + len(self.again)
-            lines.append(f"± is the standard deviation over {count} runs with other noise of the encoders.")
+            lines.append(
+                f"± is the standard deviation over {count} runs with other noise of the encoders; what stands without "
+                "it is the same in all of them."
+            )
         return lines
 
     def numbers(self) -> list[tuple[str, str]]:

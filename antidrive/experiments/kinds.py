@@ -26,18 +26,22 @@ from antidrive.experiments.outcome import Outcome
 
 @dataclass(frozen=True)
 class Kind:
-    """Class of the settings, and what runs them with a seed; what takes long also takes whom to tell how far it is."""
+    """Class of the settings, and what runs them with a seed; what takes long also takes whom to tell how far it is.
+
+    What noise moves is run `again` with other seeds, unless it says itself how sure its numbers are.
+    """
 
     settings: type[Any]
     run: Callable[..., Outcome]
     long: bool = False
+    again: int = 0
 
 
 KINDS: Final = {
     "gear_train": Kind(gear_train.GearTrainSettings, gear_train.run),
     "three_steps": Kind(three_steps.ThreeStepsSettings, three_steps.run),
-    "chirp_response": Kind(chirp_response.ChirpSettings, chirp_response.run),
-    "dead_zone_curve": Kind(dead_zone_curve.DeadZoneSettings, dead_zone_curve.run),
+    "chirp_response": Kind(chirp_response.ChirpSettings, chirp_response.run, again=3),
+    "dead_zone_curve": Kind(dead_zone_curve.DeadZoneSettings, dead_zone_curve.run, again=5),
     "drive_losses": Kind(drive_losses.LossSettings, drive_losses.run, long=True),
     "camera_tracking": Kind(camera_tracking.CameraSettings, camera_report.run, long=True),
     "differential": Kind(differential.DifferentialSettings, differential_report.run, long=True),

@@ -1,0 +1,53 @@
+"""An experiment run again with other noise: what differs from run to run has its standard deviation beside it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from antidrive.experiments.outcome import Outcome
+from diagnosis.explanation.wording import measured
+
+_NUMBER = re.compile(r"(?<![\w.^])[-+]?\d+(?:\.\d+)?(?:e[-+]\d+)?(?![\w.]*\d)")
+_SURE = re.compile(r"\s*(?:\+-|±)\s*")
+
+
+def with_scatter(runs: Sequence[Outcome]) -> Outcome:
+    """The first of several runs of one experiment; numbers in its words that the others have otherwise say how much."""
+    first = runs[0]
+    if len(runs) < 2:
+        return first
+    said = [_scattered(lines) for lines in zip(*(run.said for run in runs), strict=True)]
+    cells = zip(*([found for *_, found in run.comparison] for run in runs), strict=True)
+    rows = [(name, paper, _scattered(each)) for (name, paper, _), each in zip(first.comparison, cells, strict=True)]
+    if [*said, *(cell for *_, cell in rows)] != [*first.said, *(cell for *_, cell in first.comparison)]:
+        said.append(
+            f"± is the standard deviation over {len(runs)} runs with other noise; what stands without it is the same "
+            "in all of them."
+        )
+    return replace(first, said=said, comparison=rows)
+
+
+def _scattered(texts: Sequence[str]) -> str:
+    """The first of several texts that differ in numbers alone, with ± behind each number that differs.
+
+    A number that has a ± of its own keeps it; texts that differ in more than numbers are left as the first one is.
+    """
+    first = texts[0]
+    if len({_NUMBER.sub("", text) for text in texts}) > 1:
+        return first
+    parts, place = [], 0
+    for found, *others in zip(*(_NUMBER.finditer(text) for text in texts), strict=True):
+        values = [float(match[0]) for match in (found, *others)]
+        sure = _SURE.match(first, found.end()) or re.search(rf"{_SURE.pattern}$", first[: found.start()])
+        parts += [first[place : found.start()], found[0] if sure else _told(found[0], values)]
+        place = found.end()
+    return "".join([*parts, first[place:]])
+
+
+def _told(text: str, values: Sequence[float]) -> str:
+    std = float(np.std(values, ddof=1))
+    return f"{'+' if text.startswith('+') else ''}{measured(values[0], std)}" if std > 0.0 else text
