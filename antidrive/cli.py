@@ -289,12 +289,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _failed(error: Exception) -> int:
     """Say what went wrong on stderr, and return the exit code."""
+    from antidrive.voice import complain
     from plant.errors import AntidriveError
 
     if isinstance(error, AntidriveError | UsageError):
-        sentence = error.format_message() if isinstance(error, UsageError) else str(error)
-        print(f"antidrive: {' '.join(sentence.split())}", file=sys.stderr)
+        complain(error.format_message() if isinstance(error, UsageError) else str(error))
         return 2
     traceback.print_exception(error)
-    print("antidrive: this is a fault of the program, not of the input; nothing was written.", file=sys.stderr)
+    complain("this is a fault of the program, not of the input; nothing was written.")
     return 1

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -47,6 +49,15 @@ class Voice:
         watch = Watch(begin)
         with Console(stderr=True).status(watch):
             yield watch.tell
+
+
+def complain(sentence: str) -> None:
+    """Print what went wrong on stderr: in one line, or on a terminal without breaking words."""
+    sentence = f"antidrive: {' '.join(sentence.split())}"
+    if sys.stderr.isatty():
+        width = shutil.get_terminal_size().columns
+        sentence = textwrap.fill(sentence, width, break_long_words=False, break_on_hyphens=False)
+    print(sentence, file=sys.stderr)
 
 
 def _shown(text: str) -> None:

@@ -8,6 +8,7 @@ import itertools
 import json
 import os
 import pty
+import re
 import shlex
 import subprocess
 import sys
@@ -43,8 +44,8 @@ ROOT = Path(__file__).parents[1]
 HOME = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]), "COLUMNS": "80"}
 
 
-def on_a_terminal(*words: str, **variables: str) -> str:
-    """What a command writes when stdout is a terminal."""
+def on_a_terminal(*words: str, code: int = 0, **variables: str) -> str:
+    """What a command writes when it ends with that code on a terminal."""
     screen, end = pty.openpty()
     done = subprocess.Popen([*PROGRAM, *words], stdout=end, stderr=end, env={**HOME, "TERM": "xterm", **variables})
     os.close(end)
@@ -55,7 +56,7 @@ def on_a_terminal(*words: str, **variables: str) -> str:
         except OSError:  # closed at the other end
             break
     os.close(screen)
-    assert done.wait() == 0
+    assert done.wait() == code
     return written.decode()
 
 
@@ -83,6 +84,17 @@ def test_tables_fit_80_columns(monkeypatch, tmp_path):
         table = [line for line in spoken.out.splitlines() if not line.startswith("Written")]
         assert max(map(len, table)) <= 80
     assert "out of reach" in spoken.out
+
+
+@pytest.mark.parametrize(
+    ("words", "code"), [("capability", 0), ("effects cogging", 0), ("simulate nothing", 2), ("identify nothing.csv", 2)]
+)
+def test_prose_fits_80_columns_of_a_terminal(words, code, tmp_path):
+    out = [] if "effects" in words else ["--out", str(tmp_path / "out")]
+    shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", on_a_terminal(*words.split(), *out, code=code))
+    lines = [line.rstrip() for line in re.split(r"[\r\n]+", shown)]
+    assert max(map(len, lines)) <= 80
+    assert len(lines) > 2 or words.startswith("identify")
 
 
 @pytest.mark.parametrize("name", COMMANDS)
