@@ -68,7 +68,7 @@ def test_a_notebook_runs_and_ends_in_the_number_it_shows(path, capsys, monkeypat
     assert told
     assert found == pytest.approx(told, rel=0.1)
     if "seconds" in names:  # that a move of a slider takes
-        assert min(names["seconds"]) < 0.5
+        assert np.median(names["seconds"]) < 0.5
 
 
 def test_there_are_notebooks():
