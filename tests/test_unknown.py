@@ -57,6 +57,14 @@ def test_names_that_explain_clearly_less_than_a_curve_are_dropped_for_it() -> No
     assert [effect.name for effect in found.model.effects] == ["dead_zone", "curve_over_angle"]
 
 
+def test_gravity_stays_what_it_was_beside_a_curve_over_the_angle() -> None:
+    """It is such a curve itself: set free, the two run off against one another, and beyond the knots it shows."""
+    log = log_of(cable_stiffness={"stiffness": 0.1, "cubic": 0.002, "rest_angle": 0.4})
+    found = diagnose(log, candidates=["gravity_offset"])
+    assert found.model.effect("curve_over_angle") is not None
+    assert found.model.gravity == found.base.model.gravity
+
+
 def test_variables_have_the_names_of_the_axis() -> None:
     levelled = record(
         replace(Machine(), gravity=0.0).hiding(quadratic_drag={"drag": 0.03}), excitation(1, duration=30.0)

@@ -23,8 +23,8 @@ class CableStiffness(Effect):
     confused_with = ("gravity_offset", "torque_offset", "asymmetric_friction")
     contains = ("torque_offset",)
 
-    stiffness: float = parameter("{torque}/{angle}", "stiffness k_1 at the rest angle")
-    cubic: float = parameter("{torque}/{angle}^3", "cubic stiffness k_3", default=0.0)
+    stiffness: float = parameter("{torque}/{angle}", "stiffness k_1 at the rest angle", lower=0.0)
+    cubic: float = parameter("{torque}/{angle}^3", "cubic stiffness k_3", lower=0.0, default=0.0)
     rest_angle: float = parameter("{angle}", "rest angle x_0", default=0.0)
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
@@ -46,6 +46,7 @@ class CableStiffness(Effect):
             reach = 0.5 * float(np.ptp(bend)) or 1.0
             slope = c[1] if abs(c[1]) * reach > 1e-3 * abs(c[0]) else 0.0
             shift = float(np.clip(c[0] / slope, -reach, reach)) if slope else 0.0
-            return cls(stiffness=float(c[1]), cubic=float(c[2]), rest_angle=middle + shift)
+            return cls(stiffness=max(float(c[1]), 0.0), cubic=max(float(c[2]), 0.0), rest_angle=middle + shift)
 
-        yield Trace(columns=np.column_stack((np.ones_like(bend), -bend, -(bend**3))), start=start)
+        columns = np.column_stack((np.ones_like(bend), -bend, -(bend**3)))
+        yield Trace(columns=columns, positive=(False, True, True), start=start)

@@ -101,6 +101,11 @@ class CurveOverAngle(Curve):
     title = "curve over angle"
     over = "angle"
 
+    @classmethod
+    def shape(cls) -> tuple[str, ...]:
+        """Also gravity, which is itself such a curve."""
+        return (*super().shape(), "gravity")
+
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOverTorque(Curve):
