@@ -45,7 +45,7 @@ def _simplest_that_does(fit: Fit, effect: Effect) -> tuple[Effect | None, Fit] |
     variants: list[tuple[Effect | None, ServoModel]] = [(None, without)]
     variants += [(special, without.with_effect(special)) for special in effect.reduced()]
     for special, model in variants:
-        if _falls_short(model, fit):
+        if falls_short(model, fit):
             continue
         leaner = fitted_near(fit, model)
         says_no_less = special is not None and is_its_special_case(fit, effect.name)
@@ -54,7 +54,7 @@ def _simplest_that_does(fit: Fit, effect: Effect) -> tuple[Effect | None, Fit] |
     return None
 
 
-def _falls_short(model: ServoModel, fit: Fit) -> bool:
+def falls_short(model: ServoModel, fit: Fit) -> bool:
     """Whether a model in place of a fit loses so much after a few iterations that no descent makes it good.
 
     It is also looked at behind a slow observer, which may take over what it lacks.
@@ -91,7 +91,7 @@ def with_best_names(additions: list[Addition], progress: Callable[[str], None] |
             rival.effect.name: rival
             for rival in addition.contest
             if rival.effect.name == addition.effect
-            or (_fits_in(rest, rival.effect) and not _falls_short(rest.with_effect(rival.effect), final))
+            or (fits_in(rest, rival.effect) and not falls_short(rest.with_effect(rival.effect), final))
         }
         if name not in rivals:
             continue
@@ -114,6 +114,6 @@ def with_best_names(additions: list[Addition], progress: Callable[[str], None] |
     return additions
 
 
-def _fits_in(model: ServoModel, effect: Effect) -> bool:
+def fits_in(model: ServoModel, effect: Effect) -> bool:
     """Whether an effect can be added without anything else having to go."""
     return len(model.with_effect(effect).effects) == len(model.effects) + 1

@@ -20,6 +20,7 @@ from diagnosis.result import Cause, Verdict
 from diagnosis.round import Addition
 from diagnosis.search import Outcome, search
 from diagnosis.second_opinion import second_opinions
+from diagnosis.surface import beside_surface, gave_way
 from identification.errors import Unidentifiable
 from identification.fit import base_model, fit
 from identification.fit_result import Fit
@@ -93,6 +94,9 @@ def diagnose(
         )
     tell("looking for what has no name")
     outcome, more = _believed(outcome)
+    surely = beside_surface(outcome.additions, null, progress)
+    warnings.extend(gave_way(outcome.additions, surely))
+    outcome = replace(outcome, additions=surely)
     missing = missing_torque(outcome.fit)
     depends_on = _depends_on(outcome.fit, missing)
     again = repeats(outcome.fit)

@@ -1,0 +1,123 @@
+"""Names beside a torque that may be any smooth function of the state: a change in time has to be one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis import diagnose, surface
+from diagnosis.refit import refit
+from diagnosis.round import Contestant
+from diagnosis.search import Outcome, search
+from diagnosis.surface import beside_surface, surface_evidence
+from identification.fit import fit
+from identification.fit_result import Fit
+from identification.log import Log
+from plant.effects import CableStiffness, CoulombFriction, PayloadChange, PreslidingHysteresis
+
+CHANGES = {"payload_change": {"time": 9.3, "inertia": 0.15, "gravity": 0.1}}
+PULLS = {"cable_stiffness": {"stiffness": 0.1, "cubic": 0.05, "rest_angle": 0.3}}
+GIVES = {"presliding_hysteresis": {"torque": 0.5, "stiffness": 2.0}}
+
+
+def sweep(hidden: dict[str, dict[str, float]]) -> Log:
+    """Four seconds of small motion, and then one sweep over and over."""
+    time = np.arange(0.0, 30.0, 0.005)
+    command = np.where(time < 4.0, np.sin(1.2 * np.pi * time), 5.0 * np.sin(0.5 * np.pi * (time - 4.0)))
+    return record(replace(Machine(), gravity=1.5).hiding(**hidden), command, seed=3).log()
+
+
+@cache
+def asked(effect: str) -> Outcome:
+    """What the search makes of a sweep with an effect if it knows of payload changes only."""
+    return search(fit(sweep(CHANGES if effect == "payload_change" else GIVES)), {"payload_change": PayloadChange})
+
+
+def test_a_payload_that_changed_stays() -> None:
+    outcome = asked("payload_change")
+    (found,) = beside_surface(outcome.additions, outcome.base)
+    assert found.effect == "payload_change"
+    assert found.odds["payload_change"] > 0.99
+    assert instant(found.fit) == pytest.approx(9.3, abs=0.05)
+
+
+def instant(found: Fit) -> float:
+    (change,) = (effect for effect in found.model.effects if isinstance(effect, PayloadChange))
+    return change.time
+
+
+def test_what_only_looks_like_a_payload_where_the_sweep_begins_goes() -> None:
+    """Contacts that give leave an error that the small motion has and the sweep has not."""
+    outcome = asked("presliding_hysteresis")
+    (found,) = outcome.additions
+    assert found.odds["payload_change"] > 0.99
+    assert instant(found.fit) == pytest.approx(4.0, abs=0.5)
+    assert beside_surface(outcome.additions, outcome.base) == ()
+
+
+def test_the_name_that_says_more_than_the_function_takes_its_place() -> None:
+    outcome = asked("presliding_hysteresis")
+    (found,) = outcome.additions
+    gives = Contestant(effect=PreslidingHysteresis(torque=0.3, stiffness=1.0), coefficients=2, charge=4.0)
+    (better,) = beside_surface((replace(found, contest=(*found.contest, gives)),), outcome.base)
+    assert better.effect == "presliding_hysteresis"
+    assert better.odds["presliding_hysteresis"] > 0.99
+    assert [effect.name for effect in better.fit.model.effects] == ["dead_zone", "presliding_hysteresis"]
+
+
+def test_a_name_that_stays_is_fitted_without_the_one_that_goes() -> None:
+    log = sweep({**GIVES, **PULLS})
+    outcome = search(fit(log), {"payload_change": PayloadChange, "cable_stiffness": CableStiffness})
+    assert {addition.effect for addition in outcome.additions} == {"payload_change", "cable_stiffness"}
+    (left,) = beside_surface(outcome.additions, outcome.base)
+    assert left.effect == "cable_stiffness"
+    assert left.fit.model.effect("payload_change") is None
+    again = refit(outcome.base, CableStiffness(stiffness=0.1))
+    assert left.fit.log_likelihood == pytest.approx(again.log_likelihood, abs=0.5)
+
+
+def test_every_step_of_the_way_is_fitted_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The gain of each name is measured from step to step."""
+    outcome = search(fit(sweep({**GIVES, **PULLS})), {"cable_stiffness": CableStiffness})
+    (first,) = outcome.additions
+    second = replace(
+        first, effect="payload_change", fit=refit(first.fit, PayloadChange(time=4.0, inertia=0.1, gravity=0.1))
+    )
+    third = replace(
+        first, effect="presliding_hysteresis", fit=refit(second.fit, PreslidingHysteresis(torque=0.3, stiffness=1.0))
+    )
+    names = [Contestant(effect=e, coefficients=2, charge=4.0) for e in third.fit.model.effects if e.name != "dead_zone"]
+    additions = tuple(
+        replace(addition, contest=tuple(name for name in names if name.effect.name == addition.effect))
+        for addition in (first, second, third)
+    )
+    monkeypatch.setattr(surface, "surface_evidence", lambda fit: 99.0 if fit.model.effect("payload_change") else 999.0)
+    left = beside_surface(additions, outcome.base)
+    steps = [{effect.name for effect in addition.fit.model.effects} - {"dead_zone"} for addition in left]
+    assert steps == [{"cable_stiffness"}, {"cable_stiffness", "presliding_hysteresis"}]
+
+
+def test_a_diagnosis_says_which_name_it_has_dropped() -> None:
+    hidden = {**GIVES, **PULLS}
+    found = diagnose(sweep(hidden), None, sweep(hidden), candidates=["payload_change", "cable_stiffness"])
+    assert [cause.effect for cause in found.causes] == ["cable_stiffness"]
+    (dropped,) = (warning for warning in found.warnings if "would fit too" in warning)
+    assert dropped.startswith("Payload change")
+
+
+def test_a_complete_model_leaves_nothing_to_the_function() -> None:
+    commands = excitation(4, duration=15.0)
+    complete = record(Machine(), commands, seed=4).log()
+    assert surface_evidence(fit(complete)) < 1.0
+    assert surface_evidence(fit(sweep(PULLS))) > 20.0
+
+
+def test_names_of_a_model_that_leaves_nothing_are_not_touched() -> None:
+    log = record(Machine().hiding(coulomb_friction={"torque": 0.1}), excitation(4, duration=15.0), seed=4).log()
+    outcome = search(fit(log), {"coulomb_friction": CoulombFriction})
+    assert [addition.effect for addition in outcome.additions] == ["coulomb_friction"]
+    assert beside_surface(outcome.additions, outcome.base) is outcome.additions
