@@ -19,6 +19,7 @@ from antidrive.experiments.targets import least_jerk
 from antidrive.figures import AFTER, BEFORE, MEASURED
 from antidrive.simulation import rigid_model
 from antidrive.time_left import Parts, Tell
+from diagnosis.explanation.wording import measured
 from mpc import ClosedLoopResult, Controller
 from plant.effects import CoulombFriction
 from plant.errors import BadParameter
@@ -193,6 +194,12 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
+def _mean(runs: Array, unit: str = "") -> str:
+    """The mean over runs with its standard error."""
+    std = float(np.std(runs, ddof=1)) / np.sqrt(runs.size) if runs.size > 1 else None
+    return measured(float(np.mean(runs)), std, unit)
+
+
 def run(settings: LossSettings, seed: int, tell: Tell | None = None) -> Outcome:
     """Losses of a drive, told."""
     found = experiment(settings, seed, tell)
@@ -228,12 +235,12 @@ def run(settings: LossSettings, seed: int, tell: Tell | None = None) -> Outcome:
         ),
         comparison=[
             (
-                f"drive {case['drive']} lost {case['moment']}: error after, without [rad rms]",
+                f"drive {d + 1} lost {moment}: rms error after, without; mean of {settings.runs} runs",
                 "“can continue to function”",
-                f"{case['tracking_rms_after_loss']:.3g}, {case['tracking_rms_without_loss']:.3g}: "
-                f"times {case['error_growth']:.2f}",
+                f"{_mean(found.rms[d, m], 'rad')}, {_mean(found.intact[d, m], 'rad')}: "
+                f"times {_mean(found.rms[d, m] / found.intact[d, m])}",
             )
-            for case in cases
+            for d, (m, moment) in product(range(2), enumerate(MOMENTS))
         ],
         found={
             "cases": cases,
