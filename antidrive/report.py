@@ -224,9 +224,11 @@ def _parameter(p: FittedParameter) -> dict[str, str]:
 
 
 def _trial(trial: Trial) -> dict[str, Any]:
+    told = trial.sentences()
     return {
         "title": trial.title,
-        "sentences": trial.sentences(),
+        "note": told.pop() if trial.again else "",
+        "sentences": told,
         "figure": figure_json(trial.figure()),
         "numbers": [(_SAID.get(name, name.replace("_", " ")), value) for name, value in trial.numbers()],
     }

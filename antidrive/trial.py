@@ -177,11 +177,13 @@ class Trial:
         units = {"heat": "N² m²", "tracking": "rad", "largest": "rad", "final": "rad", "least": "N m", "hardest": "N m"}
         scatter, rows = self.scatter(), []
         for name, value in flat(self._one_summary()).items():
+            if name in ("schema", "synthetic"):
+                continue
             if isinstance(value, bool):
                 agree = sum(value == flat(run)[name] for run in self.again) + 1
-                over = f", in {agree} of {1 + len(self.again)} runs" if self.again and name != "synthetic" else ""
+                over = f", in {agree} of {1 + len(self.again)} runs" if self.again else ""
                 rows.append((name, ("yes" if value else "no") + over))
-            elif isinstance(value, float | int) and name != "schema":
+            elif isinstance(value, float | int):
                 std = scatter.get(name)
                 exact = f"{value:.4g} {units.get(name.split('_')[0], '')}".strip()
                 rows.append((name, measured(value, std, units.get(name.split("_")[0], "")) if std else exact))
