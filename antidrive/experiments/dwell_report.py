@@ -68,6 +68,7 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
             f"not give. Here one drive stands {found.samples[slow, one, 1 + widest]:.0f} samples and drive/anti-drive "
             f"{found.samples[slow, planned, 1 + widest]:.0f}, and {found.samples[slow, planned, 0]:.0f} where there is "
             "no gap at all: what is left of it is the reversal itself.",
+            "All this is of one draw of the encoders' noise. Another moves a dwell by a sample or two.",
         ),
         comparison=(
             ("samples, one actuator and drive/anti-drive", f"{PAPER[0]} and {PAPER[1]}", "no gap, each gap; heat:"),
