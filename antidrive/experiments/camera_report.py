@@ -13,6 +13,7 @@ from antidrive.experiments.preload_laws import LAWS, ONE, PLANNED, SHAPED, SIZED
 from antidrive.experiments.targets import TARGETS
 from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, THIRD
 from antidrive.time_left import Tell
+from diagnosis.explanation.wording import measured
 
 COLOURS = {ONE: MEASURED, SIZED: BEFORE, WARM: THIRD, SHAPED: SECOND, PLANNED: AFTER}
 MICRO = 1e6  # microradians in a radian
@@ -30,6 +31,10 @@ class Mean:
         """Of values (S,) that are independent and about normal."""
         spread = float(np.std(values, ddof=1)) / np.sqrt(values.size)
         return cls(value=float(np.mean(values)), half=float(student.ppf(0.975, values.size - 1)) * spread)
+
+    def told(self, unit: str) -> str:
+        """With as many digits as the interval leaves."""
+        return measured(self.value, self.half, unit)
 
     def __str__(self) -> str:
         """In microradians."""
@@ -59,6 +64,7 @@ def told(settings: CameraSettings, found: Tracked) -> Outcome:
     """Results in sentences, tables and figures."""
     kinds = list(TARGETS)
     errors = {(law, kind): Mean.of(found.rms[a, b]) for a, law in enumerate(LAWS) for b, kind in enumerate(kinds)}
+    heats = {(law, kind): Mean.of(found.watts[a, b]) for a, law in enumerate(LAWS) for b, kind in enumerate(kinds)}
     watts = dict(zip(LAWS, found.watts.mean(axis=(1, 2)).tolist(), strict=True))
     overall = dict(zip(LAWS, np.sqrt(np.mean(found.rms**2, axis=(1, 2))).tolist(), strict=True))
     least = dict(zip(LAWS, found.least.min(axis=(1, 2)).tolist(), strict=True))
@@ -83,7 +89,7 @@ def told(settings: CameraSettings, found: Tracked) -> Outcome:
             "harder than they need be; the controller knows the mean friction of each.",
         ),
         comparison=[
-            (f"{law}, {kind} target", "", f"{errors[law, kind]}, {found.watts[a, b].mean():.3f} W")
+            (f"{law}, {kind} target", "", f"{errors[law, kind]}, {heats[law, kind].told('W')}")
             for a, law in enumerate(LAWS)
             for b, kind in enumerate(kinds)
         ],
@@ -116,7 +122,8 @@ def told(settings: CameraSettings, found: Tracked) -> Outcome:
         },
         pictures=(
             Picture(
-                caption="Tracking error and heat, a point for each kind of target.",
+                caption="Tracking error and heat, a point for each kind of target. In the table ± is the 95 % interval of "
+                "the mean over targets.",
                 x="heat in the windings [W]",
                 y="tracking error [rad rms]",
                 curves=[
