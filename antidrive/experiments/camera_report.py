@@ -122,8 +122,8 @@ def told(settings: CameraSettings, found: Tracked) -> Outcome:
         },
         pictures=(
             Picture(
-                caption="Tracking error and heat, a point for each kind of target. In the table ± is the 95 % interval of "
-                "the mean over targets.",
+                caption="Tracking error and heat, a point for each kind of target. In the table ± is the 95 % interval "
+                "of the mean over targets.",
                 x="heat in the windings [W]",
                 y="tracking error [rad rms]",
                 curves=[
