@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
+from scipy.signal import butter, sosfiltfilt
 
 from diagnosis import diagnose
 from identification.datasets import load_dataset
@@ -173,6 +175,53 @@ def test_ur10e_current_drives_the_joint(joint):
     if joint > 1:  # the angle is counted from the horizon, as eq. (4) has it
         assert alpha > 4
         assert abs(beside) < 0.02 * alpha
+
+
+def test_ur10e_put_down_no_load_where_its_sweep_begins():
+    """Before the sweep joint 3 moves as it never does later: a payload change fits, but nobody would believe it."""
+    dataset = load_dataset("ur10e", folder("ur10e"), joint=3)
+    names = ["payload_change", "presliding_hysteresis", "asymmetric_friction", "load_dependent_friction"]
+    found = diagnose(dataset.estimation, dataset.base, dataset.holdout, candidates=names)
+    assert any(candidate.effect == "payload_change" and candidate.probability > 0.5 for candidate in found.candidates)
+    assert {"presliding_hysteresis", "load_dependent_friction"} <= {cause.effect for cause in found.causes}
+    assert "payload_change" not in {cause.effect for cause in found.causes}
+    assert any("Payload change would fit too" in warning for warning in found.warnings)
+    assert found.torque_error.held_out_after < 0.02  # a regression with Coulomb friction leaves 0.032
+
+
+def test_hsm150s_own_torque_is_the_one_with_which_its_runs_agree():
+    """Inertia, viscous friction and one level of dry friction in each run, behind a low pass of 3 Hz."""
+    spread = {}
+    for column, name in ((4, "input"), (5, "measured")):
+        values = []
+        for file in sorted(folder("hsm150").glob("*.mat")):
+            data = loadmat(file)["data"]
+            smooth = butter(2, 3.0, fs=1000.0, output="sos")
+            angle, torque = (sosfiltfilt(smooth, data[:, place]) for place in (2, column))
+            velocity = np.gradient(angle, 1e-3)
+            columns = np.column_stack((np.gradient(velocity, 1e-3), velocity, np.ones_like(velocity)))[300:-300]
+            values.append(np.linalg.lstsq(columns, torque[300:-300], rcond=None)[0][:2])
+        spread[name] = np.array(values)
+    assert np.ptp(spread["input"], axis=0) / spread["input"].mean(axis=0) == pytest.approx([0.84, 0.71], abs=0.05)
+    inertia, viscous = spread["measured"].T
+    assert inertia == pytest.approx(1.04e-4, abs=0.18e-4)  # catalogue 1.2e-4
+    assert viscous == pytest.approx(6.8e-5, abs=0.4e-5)  # catalogue 7.03e-5
+
+
+def test_bams_register_shows_the_duty_of_the_law():
+    """The law is not what is missing: the pulse width that the servo reports is the computed one, a moment later."""
+    dataset = load_dataset("bam", folder("bam"))
+    runs = [*dataset.estimation.runs, *dataset.holdout.runs]
+    for run, file in zip(runs, sorted(folder("bam").glob("*.json")), strict=True):
+        entries = json.loads(file.read_text())["entries"]
+        register = np.array([entry["load"] for entry in entries], dtype=float)[: len(run)]
+        register = np.where(register > 2**15, register - 2**16, register) / 885.0
+        duty = (run.command - run.servo_gain * run.output) / run.command_limit
+        free = np.abs(duty) < 0.95
+        columns = np.column_stack((duty, np.gradient(run.output, run.time)))[free]
+        (share, moment), *_ = np.linalg.lstsq(columns, register[free], rcond=None)
+        assert share == pytest.approx(1.0, abs=0.012)
+        assert register[free] == pytest.approx(columns @ (share, moment), abs=0.05)
 
 
 def test_hsm150_turns_with_its_torque():
