@@ -15,15 +15,17 @@ if TYPE_CHECKING:
 
 _ROUNDS = 6  # of a diagnosis, at most
 _DIAGNOSIS = (
-    ("round 1: asking", 0.12),
-    ("round 1: refitting", 0.16),
+    *(("observer", share) for share in (0.02, 0.025, 0.03, 0.035)),
+    ("round 1: asking", 0.06),
+    ("round 1: refitting", 0.08),
     *(
-        (f"round {number}: {doing}", share)
+        (f"round {number}: {doing}", share + 0.1 * number)
         for number in range(2, _ROUNDS + 1)
-        for doing, share in (("asking", 0.38), ("refitting", 0.42))
+        for doing, share in (("asking", 0.05), ("refitting", 0.08))
     ),
     ("is it still", 0.65),
-    ("looking for what has no name", 0.85),
+    ("looking for what has no name", 0.8),
+    ("or is it not", 0.82),
     ("measuring the gain", 0.95),
 )
 COURSES: Mapping[str, tuple[tuple[str, float], ...]] = {

@@ -71,7 +71,7 @@ def diagnose(
     if holdout is None:
         log, holdout, *said = split(log)
     tell("fitting the base model")
-    null = fit(log, base_model(log) if base is None else base, fixed=fixed)
+    null = fit(log, base_model(log) if base is None else base, fixed=fixed, progress=progress)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
     log, holdout = null.log, evenly_timed(holdout) if null.log.evenly_timed else holdout
