@@ -21,11 +21,11 @@ _DIAGNOSIS = (
     *(
         (f"round {number}: {doing}", share + 0.1 * number)
         for number in range(2, _ROUNDS + 1)
-        for doing, share in (("asking", 0.05), ("refitting", 0.08))
+        for doing, share in (("asking", 0.02), ("refitting", 0.05))
     ),
     ("is it still", 0.65),
-    ("looking for what has no name", 0.8),
-    ("or is it not", 0.82),
+    ("looking for what has no name", 0.75),
+    ("or is it not", 0.78),
     ("measuring the gain", 0.95),
 )
 COURSES: Mapping[str, tuple[tuple[str, float], ...]] = {

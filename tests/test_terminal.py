@@ -167,16 +167,16 @@ def test_the_time_left_follows_from_the_share_that_is_done():
     assert str(watch) == "diagnosing"
     now[0] = 6.0
     watch.tell("round 2: asking 23 effects")
-    assert str(watch) == "round 2: asking 23 effects (6 s, about 18 s left)"
+    assert str(watch) == "round 2: asking 23 effects (6 s, about 21 s left)"
     now[0] = 8.0
-    assert str(watch).endswith("(8 s, about 16 s left)")
+    assert str(watch).endswith("(8 s, about 19 s left)")
     now[0] = 50.0
     assert str(watch).endswith("(50 s, about 5 s left)")  # overdue: a tenth of the time that has passed
     watch.tell("round 4: asking 21 effects")
-    assert str(watch).endswith("(50 s, about 61 s left)")  # each effect more takes a round more
+    assert str(watch).endswith("(50 s, about 69 s left)")  # each effect more takes a round more
     now[0] = 85.0
     watch.tell("looking for what has no name")
-    assert str(watch).endswith("(85 s, about 21 s left)")
+    assert str(watch).endswith("(85 s, about 28 s left)")
 
 
 def test_the_courses_are_those_that_tasks_run():
@@ -200,7 +200,7 @@ def test_a_long_line_leaves_room_for_the_time_left():
     Console(file=screen, width=80).print(watch)
     (line,) = screen.getvalue().splitlines()
     assert line.startswith("round 2: refitting with friction, friction")
-    assert line.endswith("... (6 s, about 15 s left)")
+    assert line.endswith("... (6 s, about 18 s left)")
     assert len(line) <= 80
 
 
@@ -264,7 +264,7 @@ def test_progress_is_shown_where_somebody_watches(monkeypatch):
     monkeypatch.setenv("TERM", "xterm")
     with Voice().progress("diagnosing [log]") as tell:
         time.sleep(0.2)
-        tell("round 1: asking 24 effects")
+        tell("measuring the gain on held-out data")
         time.sleep(0.2)
     assert "diagnosing [log]" in screen.getvalue()
     assert "about 1 s left" in screen.getvalue()
