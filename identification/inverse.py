@@ -12,6 +12,7 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 from scipy import optimize, signal
 
 from identification.log import Log, Run
@@ -30,6 +31,7 @@ class FilteredMotion:
 
     Attributes:
         time, angle, velocity, acceleration, torque: (T,) [s, rad, rad/s, rad/s^2, N m]; a linear axis has m and N.
+        still: (T,) whether the load moves by less than a count of its encoder in a period of the low pass.
     """
 
     time: Array
@@ -37,6 +39,7 @@ class FilteredMotion:
     velocity: Array
     acceleration: Array
     torque: Array
+    still: NDArray[np.bool_]
 
 
 def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) -> FilteredMotion:
@@ -55,7 +58,14 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
         velocity=velocity,
         acceleration=np.gradient(velocity, dt),
         torque=_smooth(_mean_torque(run, model, velocity), cutoff, dt),
+        still=np.abs(velocity) < _count(run) * cutoff,
     )
+
+
+def _count(run: Run) -> float:
+    """Smallest step of a reading, that of its encoder unless noise is finer [rad or m]."""
+    steps = np.abs(np.diff(run.output[run.valid]))
+    return float(np.min(steps, where=steps > 0.0, initial=np.max(steps, initial=0.0)))
 
 
 def _smooth(values: Array, cutoff: float, dt: float) -> Array:
@@ -153,9 +163,14 @@ def torque_misses(log: Log, model: ServoModel, *, cutoff: float) -> tuple[Array,
 
 
 def needed_torque(model: ServoModel, motion: FilteredMotion) -> Array:
-    """(T,) torque behind the actuator that the motion needs [N m]: eq. (4) solved for it, the drivetrain rigid."""
+    """(T,) torque behind the actuator that the motion needs [N m]: eq. (4) solved for it, the drivetrain rigid.
+
+    A load that stands still by dry friction needs none in particular: of those that friction holds, the nearest.
+    """
     travels = np.diff(motion.angle, prepend=motion.angle[0])
-    rows = np.column_stack((motion.angle, motion.velocity, motion.time, motion.torque, travels))
+    rows = np.column_stack(
+        (motion.angle, motion.velocity, motion.time, motion.torque, travels, motion.still.astype(float))
+    )
     step = np.array([motion.time[1] - motion.time[0]])
     _, (torque, inertia) = _passive(Structure(model))((np.zeros(len(model.states)),), rows, model.values, step)
     return inertia[:, 0] * motion.acceleration + torque[:, 0]
@@ -166,15 +181,16 @@ def _passive(structure: Structure) -> Recursion:
     """(state), rows of motion, parameters, time step -> torque that the motion needs without acceleration, inertia."""
     template = structure.model
     state, parameters = ca.SX.sym("state", len(template.states)), ca.SX.sym("parameters", len(template.names))
-    row, dt, model = ca.SX.sym("row", 5), ca.SX.sym("dt"), template.bound(parameters)
-    x, v, t, torque, travel = ca.vertsplit(row)
+    row, dt, model = ca.SX.sym("row", 6), ca.SX.sym("dt"), template.bound(parameters)
+    x, v, t, torque, travel, stands = ca.vertsplit(row)
     own = model.own_states(state)
     at = Moment(angle=x, velocity=v, torque=torque, time=t, travel=travel, step=dt)
     still = replace(at, torque=0.0)
     free = -model.load_inertia(still) * model.smooth_acceleration(still, own)
     levels = model.dry_friction(at)
     if levels is not None:
-        free += ca.if_else(v > 0, levels[0], -levels[1]) * ca.fabs(ca.sign(v))
+        holds = ca.fmax(ca.fmin(torque - free, levels[0]), -levels[1])
+        free += ca.if_else(stands, holds, ca.if_else(v > 0, levels[0], -levels[1]) * ca.fabs(ca.sign(v)))
     inertia = model.inertia + sum((effect.added_inertia(still) for effect in model.effects), start=0.0)
     slid = [
         effect.slide(own[effect.name][i], travel) if kind is State.RELAXED else own[effect.name][i]

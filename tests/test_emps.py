@@ -84,5 +84,5 @@ def test_the_diagnosis_names_the_friction_and_the_screw(emps):
     assert found.gain.held_out_rms_after < 0.4 * found.gain.held_out_rms_before
     # The force pulses shake the contacts, which are then stiffer than slow reversals have them; the screw was turned.
     (other,) = (warning for warning in found.warnings if "held-out data alone" in warning)
-    assert "presliding_hysteresis.stiffness" in other
-    assert "cogging.phase" in other
+    assert "presliding hysteresis: stiffness" in other
+    assert "cogging: phase" in other

@@ -76,3 +76,16 @@ def test_the_torque_error_knows_the_direction_of_friction() -> None:
     assert errors[1] > 2.5 * errors[0]
     assert errors[2] > 1.8 * errors[1]
     assert torque_error(recorded(RIGID), RIGID, cutoff=10.0) < 2e-3
+
+
+def test_a_load_that_friction_holds_lacks_no_torque() -> None:
+    """Until the torque exceeds friction and gravity nothing moves, and any smaller one is as good."""
+    rubs = RIGID.with_effect(AsymmetricFriction(forward=1.5, backward=1.0))
+    log = recorded(rubs)
+    (run,) = log.runs
+    counted = replace(log, runs=(replace(run, output=np.round(run.output / 1e-4) * 1e-4),))
+    motion = filtered_motion(counted.runs[0], 15.0)
+    assert 0.2 < np.mean(motion.still) < 0.8
+    assert torque_error(counted, rubs, cutoff=15.0) < 0.1
+    weaker = RIGID.with_effect(AsymmetricFriction(forward=0.5, backward=0.3))
+    assert torque_error(counted, weaker, cutoff=15.0) > 0.3
