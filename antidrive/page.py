@@ -36,7 +36,7 @@ def printed(text: str) -> Markup:
     tens = re.sub(r"(?<=[\d)])e([+-]\d+)\b", lambda found: f" × 10^{int(found[1])}", str(escape(text)))
     raised = re.sub(r"(?<=\w)\^(-?\d+(?:\.\d+)?)", r"<sup>\1</sup>", tens)
     lowered = re.sub(r"\b([A-Za-z])_(\w)\b", r"\1<sub>\2</sub>", raised)
-    joined = re.sub(r"(?<=\d) (?=±|%|[a-zA-Zµ])|(?<=±) ", "\N{NO-BREAK SPACE}", lowered)
+    joined = re.sub(r"(?<=\d) (?=±|%|[a-zA-Zµ])|(?<=±) |(?<=\bN) (?=m\b)", "\N{NO-BREAK SPACE}", lowered)
     return Markup(joined.replace(" -&gt; ", " \N{RIGHTWARDS ARROW} "))
 
 
