@@ -73,14 +73,19 @@ def gave_way(before: tuple[Addition, ...], after: tuple[Addition, ...]) -> list[
 
 
 def _once_more(addition: Addition, fit: Fit) -> tuple[Addition | None, Fit]:
-    """An addition by its best name beside the function, None if it no longer pays; and the fit that then holds."""
-    rest = fit.model.without_effect(addition.effect)
+    """An addition by its best name beside the function, None if it no longer pays; and the fit that then holds.
+
+    A function of the state leaves what depends on time alone, which is no reason to prefer it to one of the state.
+    """
+    own, rest = fit.model.effect(addition.effect), fit.model.without_effect(addition.effect)
+    timeless = own is None or not own.clocked
     less = fitted_near(fit, rest)
     alone = surface_evidence(less)
     fits, scores, visible = {}, {}, {}
     for rival in addition.contest:
         name, model = rival.effect.name, rest.with_effect(rival.effect)
-        if name != addition.effect and (not fits_in(rest, rival.effect) or falls_short(model, fit)):
+        strange = timeless and rival.effect.clocked
+        if name != addition.effect and (strange or not fits_in(rest, rival.effect) or falls_short(model, fit)):
             continue
         tried = fit if name == addition.effect else fitted_near(fit, model)
         more = surface_evidence(tried) - alone

@@ -11,17 +11,21 @@ from machine import Machine, excitation, record
 
 from diagnosis import diagnose, surface
 from diagnosis.refit import refit
-from diagnosis.round import Contestant
+from diagnosis.round import Addition, Contestant
 from diagnosis.search import Outcome, search
 from diagnosis.surface import beside_surface, surface_evidence
 from identification.fit import fit
 from identification.fit_result import Fit
 from identification.log import Log
-from plant.effects import CableStiffness, CoulombFriction, PayloadChange, PreslidingHysteresis
+from plant import Effect
+from plant.effects import CableStiffness, CoulombFriction, FrictionDrift, PayloadChange, PreslidingHysteresis
 
 CHANGES = {"payload_change": {"time": 9.3, "inertia": 0.15, "gravity": 0.1}}
 PULLS = {"cable_stiffness": {"stiffness": 0.1, "cubic": 0.05, "rest_angle": 0.3}}
 GIVES = {"presliding_hysteresis": {"torque": 0.5, "stiffness": 2.0}}
+GIVING = PreslidingHysteresis(torque=0.3, stiffness=1.0)
+CHANGING = PayloadChange(time=4.0, inertia=0.1, gravity=0.1)
+DRIFTING = FrictionDrift(viscous_rate=0.01, coulomb_rate=0.01)
 
 
 def sweep(hidden: dict[str, dict[str, float]]) -> Log:
@@ -62,7 +66,7 @@ def test_what_only_looks_like_a_payload_where_the_sweep_begins_goes() -> None:
 def test_the_name_that_says_more_than_the_function_takes_its_place() -> None:
     outcome = asked("presliding_hysteresis")
     (found,) = outcome.additions
-    gives = Contestant(effect=PreslidingHysteresis(torque=0.3, stiffness=1.0), coefficients=2, charge=4.0)
+    gives = Contestant(effect=GIVING, coefficients=2, charge=4.0)
     (better,) = beside_surface((replace(found, contest=(*found.contest, gives)),), outcome.base)
     assert better.effect == "presliding_hysteresis"
     assert better.odds["presliding_hysteresis"] > 0.99
@@ -84,12 +88,8 @@ def test_every_step_of_the_way_is_fitted_anew(monkeypatch: pytest.MonkeyPatch) -
     """The gain of each name is measured from step to step."""
     outcome = search(fit(sweep({**GIVES, **PULLS})), {"cable_stiffness": CableStiffness})
     (first,) = outcome.additions
-    second = replace(
-        first, effect="payload_change", fit=refit(first.fit, PayloadChange(time=4.0, inertia=0.1, gravity=0.1))
-    )
-    third = replace(
-        first, effect="presliding_hysteresis", fit=refit(second.fit, PreslidingHysteresis(torque=0.3, stiffness=1.0))
-    )
+    second = replace(first, effect="payload_change", fit=refit(first.fit, CHANGING))
+    third = replace(first, effect="presliding_hysteresis", fit=refit(second.fit, GIVING))
     names = [Contestant(effect=e, coefficients=2, charge=4.0) for e in third.fit.model.effects if e.name != "dead_zone"]
     additions = tuple(
         replace(addition, contest=tuple(name for name in names if name.effect.name == addition.effect))
@@ -99,6 +99,20 @@ def test_every_step_of_the_way_is_fitted_anew(monkeypatch: pytest.MonkeyPatch) -
     left = beside_surface(additions, outcome.base)
     steps = [{effect.name for effect in addition.fit.model.effects} - {"dead_zone"} for addition in left]
     assert steps == [{"cable_stiffness"}, {"cable_stiffness", "presliding_hysteresis"}]
+
+
+@pytest.mark.parametrize(("first", "last"), [(GIVING, GIVING), (CHANGING, DRIFTING)], ids=["state", "time"])
+def test_a_change_in_time_takes_the_place_of_another_only(
+    monkeypatch: pytest.MonkeyPatch, first: Effect, last: Effect
+) -> None:
+    """However little the function takes of it."""
+    base = asked("presliding_hysteresis").base
+    monkeypatch.setattr(surface, "surface_evidence", lambda fit: 999.0 if fit.model.effect("friction_drift") else 99.0)
+    monkeypatch.setattr(surface, "holds_up", lambda before, after: True)
+    names = tuple(Contestant(effect=effect, coefficients=2, charge=4.0) for effect in (first, DRIFTING))
+    found = refit(base, first)
+    addition = Addition(effect=first.name, fit=found, odds={first.name: 1.0}, evidence=9.0, contest=names)
+    assert [left.effect for left in beside_surface((addition,), base)] == [last.name]
 
 
 def test_a_diagnosis_says_which_name_it_has_dropped() -> None:
