@@ -109,6 +109,7 @@ def test_a_change_in_time_takes_the_place_of_another_only(
     base = asked("presliding_hysteresis").base
     monkeypatch.setattr(surface, "surface_evidence", lambda fit: 999.0 if fit.model.effect("friction_drift") else 99.0)
     monkeypatch.setattr(surface, "holds_up", lambda before, after: True)
+    monkeypatch.setattr(surface, "falls_short", lambda model, fit: False)
     names = tuple(Contestant(effect=effect, coefficients=2, charge=4.0) for effect in (first, DRIFTING))
     found = refit(base, first)
     addition = Addition(effect=first.name, fit=found, odds={first.name: 1.0}, evidence=9.0, contest=names)
