@@ -31,12 +31,12 @@ def figure_json(figure: Any) -> Markup:
 
 def printed(text: str) -> Markup:
     """Plain words as they look in print: powers raised, also those of ten, indices lowered, arrows drawn,
-    and no line broken between a number and its unit.
+    and no line broken between a number and its ±.
     """
     tens = re.sub(r"(?<=[\d)])e([+-]\d+)\b", lambda found: f" × 10^{int(found[1])}", str(escape(text)))
     raised = re.sub(r"(?<=\w)\^(-?\d+(?:\.\d+)?)", r"<sup>\1</sup>", tens)
     lowered = re.sub(r"\b([A-Za-z])_(\w)\b", r"\1<sub>\2</sub>", raised)
-    joined = re.sub(r"(?<=\d) (?=±|%|[a-zA-Zµ])|(?<=±) |(?<=\bN) (?=m\b)", "\N{NO-BREAK SPACE}", lowered)
+    joined = lowered.replace(" +- ", " ± ").replace(" ± ", "\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}")
     return Markup(joined.replace(" -&gt; ", " \N{RIGHTWARDS ARROW} "))
 
 

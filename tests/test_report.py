@@ -152,8 +152,9 @@ def test_a_linear_axis_lacks_a_force(diagnosis):
 
 def test_words_look_as_in_print():
     assert printed("e^-5.3 to 1, F_c -> 2 kg m^2 <b>") == (
-        "e<sup>-5.3</sup> to 1, F<sub>c</sub> → 2\N{NO-BREAK SPACE}kg m<sup>2</sup> &lt;b&gt;"
+        "e<sup>-5.3</sup> to 1, F<sub>c</sub> → 2 kg m<sup>2</sup> &lt;b&gt;"
     )
+    assert printed("1 +- 0.2") == "1_±_0.2".replace("_", "\N{NO-BREAK SPACE}")
     assert printed("cogging_amplitude") == "cogging_amplitude"
     assert printed("(3.2 ± 0.4)e-07, 1e+06, 3e5") == "(3.2_±_0.4) × 10<sup>-7</sup>, 1 × 10<sup>6</sup>, 3e5".replace(
         "_", "\N{NO-BREAK SPACE}"

@@ -100,6 +100,7 @@ def test_it_reads_well_on_a_phone(browser, pages, kind):
         assert reader.ask(CUT) == []
         tables = "[...document.querySelectorAll('section > .wide, .pair > .wide')]"
         assert reader.ask(f"{tables}.filter(table => table.scrollWidth > table.clientWidth).length") == 0
+        assert reader.ask("[...document.querySelectorAll('.tile')].every(t => t.scrollWidth <= t.clientWidth)")
         # a finger on a plot scrolls the page
         assert reader.ask("document.querySelector('.plot')._fullLayout.dragmode") is False
 
