@@ -6,6 +6,7 @@ from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation
 from diagnosis.explanation.wording import acting, listed, measured, percent, sentence_case, size, title_of
 from diagnosis.holdout import gain_errors
+from diagnosis.repeated_runs import repeated_pairs
 from diagnosis.result import Cause
 
 _ALONE = 0.9  # probability above which a name stands without its rivals
@@ -15,6 +16,11 @@ def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence."""
     causes = diagnosis.causes
     if diagnosis.verdict == "nothing_missing":
+        if diagnosis.extended.bandwidth > 0.0 and not repeated_pairs(diagnosis.extended.log):
+            return (
+                "Nothing that has a name is missing, but something pushes the load, at random as far as this log "
+                "tells; record the same run twice to see whether it comes again."
+            )
         return "Nothing is missing: what remains is what the noise accounts for."
     if diagnosis.verdict == "unknown" or not causes:
         where = ", ".join(diagnosis.unexplained.depends_on)

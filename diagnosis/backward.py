@@ -57,8 +57,11 @@ def _simplest_that_does(fit: Fit, effect: Effect) -> tuple[Effect | None, Fit] |
 def falls_short(model: ServoModel, fit: Fit) -> bool:
     """Whether a model in place of a fit loses so much after a few iterations that no descent makes it good.
 
-    It is also looked at behind a slow observer, which may take over what it lacks.
+    It is also looked at behind a slow observer, which may take over what it lacks. Of a chaotic model no first look
+    tells.
     """
+    if model.chaotic:
+        return False
     problem = problem_near(fit, model)
     slow = 4.0 / max(run.duration for run in fit.log.runs)
     cost = min(problem.glance(fit, bandwidth) for bandwidth in {fit.bandwidth, max(fit.bandwidth, slow)})

@@ -49,7 +49,7 @@ def scoring_window(*path: Fit) -> float | None:
     constant, and for effects that are chaotic.
     """
     log, model = path[0].log, path[0].model
-    if any(effect.chaotic for fit in path for effect in fit.model.effects):
+    if any(fit.model.chaotic for fit in path):
         return _WINDOW
     closed = any(np.any(run.servo_gain) for run in log.runs)
     torque = np.concatenate([run.command for run in log.runs])

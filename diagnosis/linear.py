@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from identification.log import Run
 from identification.noise import whiten
-from identification.predictor import PIECE, Prediction, moves_with, run_inputs
+from identification.predictor import PIECE, Prediction, forgetful, moves_with, run_inputs
 from plant.discrete import INPUTS, Structure, sample_reading
 from plant.effects.effect import Array, Effect, Expression, Moment, parameter
 from plant.recursion import Recursion
@@ -187,7 +187,8 @@ def _slopes(structure: Structure, substeps: int) -> Recursion:
     step = step_with_slopes(probe, (torque,), 1 + n, substeps=substeps)
     kind: Any = ca.SX if step.is_a("SXFunction") else ca.MX
     row, parameters = kind.sym("row", n + len(INPUTS)), kind.sym("parameters", len(probe.names))
-    _, slopes = step(row[:n], kind(np.hstack((np.zeros((n, 1)), np.eye(n)))), row[n:], parameters)
+    followed = forgetful(probe, kind(np.hstack((np.zeros((n, 1)), np.eye(n)))), row[n + INPUTS.index("dt")])
+    _, slopes = step(row[:n], followed, row[n:], parameters)
     state, own = ca.SX.sym("state", n), ca.SX.sym("parameters", len(probe.names))
     shown = ca.densify(ca.jacobian(sample_reading(probe)(state, own), state))
     seen = ca.Function("seen", [state, own], [shown])(row[:n], parameters)

@@ -59,9 +59,14 @@ def evidence_of(fit: Fit, than: Fit, *, over: float | None = None) -> float:
 
     Where innovations have a colour, a likelihood ratio counts too much. It is divided by the fit's `widening`, or by
     `over`: rivals are compared with one and the same.
+
+    Where both are chaotic each stands on a peak of a mountain range, and which one it climbed is chance. The rise
+    counts as far as it also shows where the range is smooth: behind an observer that holds them.
     """
     charge = 0.5 * float(np.log(fit.samples))
     rise = fit.log_likelihood - than.log_likelihood - charge * ((fit.bandwidth > 0.0) - (than.bandwidth > 0.0))
+    if fit.held_log_likelihood is not None and than.held_log_likelihood is not None:
+        rise = min(rise, fit.held_log_likelihood - than.held_log_likelihood)
     return rise if rise <= 0.0 else rise / (widening(fit, than) if over is None else over)
 
 

@@ -53,7 +53,8 @@ def _needed(addition: Addition, fit: Fit, less: Fit) -> float:
     own = next((rival for rival in addition.contest if rival.effect.name == addition.effect), None)
     if own is None or fit.model.effect(addition.effect) is None:
         return 1.0
-    return float(expit(own.visible(fit, less)))
+    # An observer that holds a gap also follows a load that wanders: there the two are not to be compared.
+    return float(expit(own.visible(fit, replace(less, held_log_likelihood=None))))
 
 
 def _less_sure(addition: Addition, needed: float) -> Addition:

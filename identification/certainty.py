@@ -80,8 +80,7 @@ def _around(
     Where a model is chaotic the likelihood at a low bandwidth is a mountain range, and the curvature of its highest
     peak says nothing of the others. An observer that is faster than the chaos smooths it.
     """
-    chaotic = any(effect.chaotic for effect in objective.model.effects)
-    if not chaotic or bandwidth >= FADING:
+    if not objective.model.chaotic or bandwidth >= FADING:
         return here
     return objective.predictor.predict(values, initial, bandwidth=FADING, width=0.0)
 

@@ -50,6 +50,7 @@ class Fit:
         converged: whether the last iteration ended because nothing was left to gain.
         evaluations: passes over the log.
         log: what was fitted.
+        held_log_likelihood: of a chaotic model fitted behind an observer that holds it.
     """
 
     model: ServoModel
@@ -67,6 +68,7 @@ class Fit:
     converged: bool
     evaluations: int
     log: Log
+    held_log_likelihood: float | None = None
 
     @property
     def unidentifiable(self) -> tuple[str, ...]:

@@ -70,6 +70,9 @@ def _third_order_gain(bandwidth: float, dt: Array) -> Array:
 FADING = 30.0
 """Rate at which slopes fade where they grow without bound [1/s]."""
 
+HELD = 0.5 * FADING
+"""Bandwidth of an observer behind which a chaotic model stays with the log [rad/s]."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
@@ -242,7 +245,7 @@ def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: in
         error_slopes -= ca.horzcat(ca.jacobian(shown, parameters[list(free)]), ca.SX(1, 2))
     correction = ca.mtimes(ca.DM(moved_by), row[len(INPUTS) + 1 :])
     followed = slopes + ca.mtimes(correction, error_slopes)
-    corrected = [state + correction * error, _forgetful(model, followed, row[INPUTS.index("dt")])]
+    corrected = [state + correction * error, forgetful(model, followed, row[INPUTS.index("dt")])]
     outputs = [ca.densify(value) for value in (*corrected, error, error_slopes, state)]
     correct = ca.Function("correct", [state, slopes, row, parameters], outputs, {"cse": True})
 
@@ -254,7 +257,7 @@ def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: in
     return Recursion(ca.Function("predict", entering, outputs, {"cse": kind is ca.SX}), carried=2)
 
 
-def _forgetful(model: ServoModel, slopes: Any, dt: Any) -> Any:
+def forgetful(model: ServoModel, slopes: Any, dt: Any) -> Any:
     """Slopes (n, columns) in which those of a chaotic drivetrain fade.
 
     Behind a few impacts in quick succession the exact slopes are astronomical and point nowhere. What a parameter does

@@ -21,6 +21,7 @@ from identification.least_squares import Minimum, minimise
 from identification.log import Log
 from identification.noise import log_likelihood, short_autoregression
 from identification.objective import Objective
+from identification.predictor import HELD
 from plant.effects.effect import Array
 
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
@@ -88,7 +89,7 @@ class Problem(Objective):
             bandwidth: self._trial(minimum.point, bandwidth, 4) if smoothed else self._judged(minimum, bandwidth)
             for bandwidth, minimum in visited
         }
-        return fit_of(self, *self._refined(trials), sum(m.evaluations for _, m in visited))
+        return self._held(fit_of(self, *self._refined(trials), sum(m.evaluations for _, m in visited)))
 
     def _plausible(self, minimum: Minimum) -> bool:
         return bool(np.isfinite(minimum.equations.cost))
@@ -110,7 +111,10 @@ class Problem(Objective):
         Args:
             start: parameters of the same name and initial states are taken over; new ones start at the model's values.
         """
-        point, bandwidth = self._taken_over(start), start.bandwidth
+        point, highest = self._taken_over(start), start.bandwidth
+        if self.model.chaotic:  # where no observer holds it, the likelihood is a mountain range
+            highest = max(highest, HELD)
+        bandwidth = highest
         if self.model.slides and not start.model.slides:
             for width in self.widths()[1:3]:
                 point = self.minimise(point, bandwidth, width, iterations=3).point
@@ -128,11 +132,11 @@ class Problem(Objective):
             best = max(trials.values(), key=lambda trial: trial.score).minimum
             if not self.is_hopeless(best, 0.0):
                 trials[0.0] = self._trial(best.point, 0.0, iterations=10)
-        if not start.bandwidth and trials[0.0].score < start.log_likelihood:
+        if not highest and trials[0.0].score < start.log_likelihood:
             self._risen(trials, 4.0 * slowest)
         evaluations = sum(trial.minimum.evaluations for trial in trials.values())
         found = fit_of(self, *self._refined(trials), evaluations)
-        return self.recoloured(found) if self.log.colour else found
+        return self._held(self.recoloured(found) if self.log.colour else found)
 
     def recoloured(self, fit: Fit) -> Fit:
         """The fit with the colour that the reading's noise has by its own errors, and that of the next, and so on."""
@@ -146,6 +150,15 @@ class Problem(Objective):
             problem = replace(self, log=log, predictor=predictor)
             fit = fit_of(problem, fit.bandwidth, problem.minimise(point, fit.bandwidth, 0.0, 10), fit.evaluations)
         return fit
+
+    def _held(self, fit: Fit) -> Fit:
+        """The fit with its likelihood behind an observer that holds it, where it is chaotic without one."""
+        if not self.model.chaotic:
+            return fit
+        problem = replace(self, log=fit.log, predictor=replace(self.predictor, colour=fit.log.colour))
+        point = problem.pack(fit.model.values, fit.initial)
+        cost = problem.minimise(point, HELD, 0.0, iterations=6).equations.cost
+        return replace(fit, held_log_likelihood=log_likelihood(cost, self.samples))
 
     def _risen(self, trials: dict[float, _Trial], bandwidth: float) -> None:
         """Raise the bandwidth as far as it pays: what a model says less than its start did, an observer takes over."""

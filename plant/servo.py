@@ -225,6 +225,11 @@ class ServoModel:
         """Whether there is dry friction."""
         return self.dry_friction(Moment()) is not None
 
+    @property
+    def chaotic(self) -> bool:
+        """Whether two motions that begin side by side may part for good."""
+        return any(effect.chaotic for effect in self.effects)
+
     def reading(self, state: Any) -> Expression:
         """What the sensor shows in a state (n,) [rad]."""
         own, shown = self.own_states(state), state[0]

@@ -296,6 +296,15 @@ def test_words_say_how_sure(diagnosis):
     assert headline(lost).endswith("explains; it depends on velocity.")
 
 
+def test_an_observer_that_takes_over_is_not_called_nothing(diagnosis):
+    still, held = (replace(diagnosis.base, bandwidth=bandwidth) for bandwidth in (0.0, 12.0))
+    bare = replace(diagnosis, verdict="nothing_missing", causes=(), base=still, extended=still)
+    assert headline(bare) == "Nothing is missing: what remains is what the noise accounts for."
+    pushed = headline(replace(bare, base=held, extended=held))
+    assert "at random" in pushed
+    assert "twice" in pushed
+
+
 def test_nothing_is_certain_and_nothing_impossible():
     assert [percent(p) for p in (1.0, 0.9999, 0.5, 0.001, 0.0)] == ["> 99.9 %", "> 99.9 %", "50 %", "0.1 %", "< 0.1 %"]
 

@@ -12,12 +12,13 @@ from test_over_runs import dense
 
 from diagnosis.nuisance import Nuisance
 from diagnosis.screen import Screen
+from identification.certainty import fit_of
 from identification.fit import fit
 from identification.predictor import Prediction
 from identification.problem import Problem
 from identification.side_by_side import side_by_side
 from plant import ServoModel
-from plant.effects import CoulombFriction, Motion, Trace, catalogue
+from plant.effects import Backlash, CoulombFriction, Motion, TorqueOffset, Trace, catalogue
 
 
 def prediction(rng: np.random.Generator, samples: int, free: int) -> Prediction:
@@ -98,3 +99,21 @@ def test_the_colour_of_the_noise_does_not_move_the_load() -> None:
     plain, coloured = motion(()), motion((0.8, -0.1))
     for name in ("angle", "velocity", "acceleration"):
         np.testing.assert_array_equal(getattr(coloured, name), getattr(plain, name))
+
+
+@pytest.mark.parametrize("seed", [4, 7])
+def test_a_gap_in_the_model_does_not_hide_what_was_seen_without_it(seed: int) -> None:
+    """Behind a few impacts exact slopes are astronomical; followed by them nothing was seen any more."""
+    machine = Machine().hiding(backlash={"gap": 0.005, "motor_share": 0.3}, torque_offset={"torque": 0.15})
+    log = record(machine, excitation(seed, duration=30.0), seed=1, noise=1e-3).log()
+    base = fit(log)
+    problem = Problem.of(log, base.model.with_effect(Backlash(gap=0.0045, motor_share=0.35)))
+    start = problem.pack(problem.model.values, base.initial)
+    loose = fit_of(problem, base.bandwidth, problem.minimise(start, base.bandwidth, 0.0, iterations=6), 0)
+    seen = {}
+    for found in (base, loose):
+        screen = Screen.of(found, Problem.of(log, found.model), bandwidth=found.bandwidth)
+        (suspect,) = screen.ask({"torque_offset": TorqueOffset})
+        seen[found.model] = suspect.evidence
+    assert loose.log_likelihood > base.log_likelihood + 50.0
+    assert seen[loose.model] > 0.7 * seen[base.model] > 20.0

@@ -58,3 +58,14 @@ def test_a_name_goes_that_has_nothing_left_to_explain_beside_a_better_first_name
     won = {candidate.effect for candidate in found.candidates if candidate.probability > 0.9}
     assert {"cable_stiffness", "payload_change"} <= won
     assert (found.verdict, [cause.effect for cause in found.causes]) == ("named", ["end_stop"])
+
+
+def test_what_is_missing_beside_a_gap_is_found_and_nothing_else() -> None:
+    """The gap hid the offset, and the first to come along was named for a better gap that its refit had met."""
+    hidden = {"backlash": {"gap": 0.005, "motor_share": 0.3}, "gravity_offset": {"beta": 0.17}}
+    log = log_of(14002, **hidden)
+    found = diagnose(log, candidates=["backlash", "gravity_offset", "back_emf", "compliance"])
+    assert found.verdict == "named"
+    assert named(found) == {"backlash", "gravity_offset"}
+    gap = found.extended.model.effect("backlash")
+    assert (gap.gap, gap.motor_share) == pytest.approx((0.005, 0.3), rel=0.1)

@@ -1,5 +1,6 @@
 """A load that wanders at random is noise and not a cause, and does not hide one."""
 
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
@@ -83,10 +84,19 @@ def test_a_name_is_no_surer_than_it_is_beside_a_wandering_load():
 RUBS, PUSHES = CoulombFriction(torque=0.1), TorqueOffset(torque=0.1)
 
 
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """What is asked of a fit."""
+
+    model: ServoModel
+    log_likelihood: float
+    bandwidth: float
+    log: Any = field(default_factory=lambda: SimpleNamespace(sample_time=DT))
+    held_log_likelihood: float | None = None
+
+
 def fitted(model: ServoModel, log_likelihood: float, bandwidth: float = 2.0) -> Any:
-    return SimpleNamespace(
-        model=model, log_likelihood=log_likelihood, bandwidth=bandwidth, log=SimpleNamespace(sample_time=DT)
-    )
+    return Fitted(model, log_likelihood, bandwidth)
 
 
 def addition(effect: Effect, fit: Any, evidence: float, none: float = 0.0) -> Addition:
