@@ -9,7 +9,8 @@ function draw(printing) {
   for (const place of document.querySelectorAll(".plot")) {
     const figure = JSON.parse(place.nextElementSibling.textContent);
     figure.layout.font = { color: ink, size: narrow ? 11 : 12.5, family: "system-ui, sans-serif" };
-    if (printing) Object.assign(figure.layout, { width: place.clientWidth, height: 0.8 * figure.layout.height });
+    const height = figure.layout.height * (figure.layout.height > 400 ? 0.7 : 0.8);  // so that a section fits a sheet
+    if (printing) Object.assign(figure.layout, { width: place.clientWidth, height });
     if (finger.matches) figure.layout.dragmode = false;
     if (narrow) figure.layout.margin.l = 48;
     for (const name of Object.keys(figure.layout).filter(key => /^[xy]axis/.test(key)))
