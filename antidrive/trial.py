@@ -72,7 +72,7 @@ class Trial:
     def scatter(self) -> dict[str, float]:
         """Standard deviation of each number over all runs, which differ in the noise of the encoders."""
         runs = [flat(found) for found in (self._one_summary(), *self.again)]
-        names = [name for name, value in runs[0].items() if _is_number(value)]
+        names = [name for name, value in runs[0].items() if name != "schema" and _is_number(value)]
         columns = {name: [run.get(name) for run in runs] for name in names}
         return {
             name: float(np.std(np.array(column, dtype=float), ddof=1))

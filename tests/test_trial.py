@@ -142,6 +142,7 @@ def test_numbers_of_repeated_runs_have_their_scatter() -> None:
     assert told.scatter()["tracking_rms"] == pytest.approx(np.std(sizes, ddof=1))
     assert told.summary()["std"] == told.scatter()
     assert told.summary()["runs"] == 4
+    assert "schema" not in told.scatter()
     table = dict(told.numbers())
     assert table["tracking_rms"] == "0.090 ± 0.013 rad"
     assert table["least_preload_margin"] == "0.50 ± 0.25 N m"
