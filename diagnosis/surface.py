@@ -90,7 +90,9 @@ def _once_more(addition: Addition, fit: Fit) -> tuple[Addition | None, Fit]:
         tried = fit if name == addition.effect else fitted_near(fit, model)
         more = surface_evidence(tried) - alone
         fits[name] = tried
-        scores[name] = -np.inf if is_its_special_case(tried, name) else rival.score(tried, less, over=1.0) + more
+        found = tried.model.effect(name)
+        said = found is not None and found.plausible() and not is_its_special_case(tried, name)
+        scores[name] = rival.score(tried, less, over=1.0) + more if said else -np.inf
         visible[name] = rival.visible(tried, less, over=1.0) + more
     if addition.effect not in fits:
         return addition, fit

@@ -18,7 +18,14 @@ from identification.fit import fit
 from identification.fit_result import Fit
 from identification.log import Log
 from plant import Effect
-from plant.effects import CableStiffness, CoulombFriction, FrictionDrift, PayloadChange, PreslidingHysteresis
+from plant.effects import (
+    CableStiffness,
+    CoulombFriction,
+    FrictionDrift,
+    GravityOffset,
+    PayloadChange,
+    PreslidingHysteresis,
+)
 
 CHANGES = {"payload_change": {"time": 9.3, "inertia": 0.15, "gravity": 0.1}}
 PULLS = {"cable_stiffness": {"stiffness": 0.1, "cubic": 0.05, "rest_angle": 0.3}}
@@ -114,6 +121,18 @@ def test_a_change_in_time_takes_the_place_of_another_only(
     found = refit(base, first)
     addition = Addition(effect=first.name, fit=found, odds={first.name: 1.0}, evidence=9.0, contest=names)
     assert [left.effect for left in beside_surface((addition,), base)] == [last.name]
+
+
+@pytest.mark.parametrize(("stiffness", "name"), [(0.1, "cable_stiffness"), (-0.1, "gravity_offset")])
+def test_a_spring_that_pushes_away_is_no_cable(monkeypatch: pytest.MonkeyPatch, stiffness: float, name: str) -> None:
+    for part, answer in (("surface_evidence", 99.0), ("holds_up", True), ("falls_short", False)):
+        monkeypatch.setattr(surface, part, lambda *_, answer=answer: answer)
+    base = fit(sweep({"cable_stiffness": {"stiffness": stiffness, "cubic": 0.0, "rest_angle": 0.3}}))
+    beside, pulls = GravityOffset(beta=-0.1), CableStiffness(stiffness=stiffness)
+    names = tuple(Contestant(effect=effect, coefficients=1, charge=4.0) for effect in (beside, pulls))
+    found = refit(base, beside)
+    addition = Addition(effect=beside.name, fit=found, odds={beside.name: 1.0}, evidence=9.0, contest=names)
+    assert [left.effect for left in beside_surface((addition,), base)] == [name]
 
 
 def test_a_diagnosis_says_which_name_it_has_dropped() -> None:

@@ -23,14 +23,18 @@ class CableStiffness(Effect):
     confused_with = ("gravity_offset", "torque_offset", "asymmetric_friction")
     contains = ("torque_offset",)
 
-    stiffness: float = parameter("{torque}/{angle}", "stiffness k_1 at the rest angle", lower=0.0)
-    cubic: float = parameter("{torque}/{angle}^3", "cubic stiffness k_3", lower=0.0, default=0.0)
+    stiffness: float = parameter("{torque}/{angle}", "stiffness k_1 at the rest angle")
+    cubic: float = parameter("{torque}/{angle}^3", "cubic stiffness k_3", default=0.0)
     rest_angle: float = parameter("{angle}", "rest angle x_0", default=0.0)
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
         """Back to the rest angle."""
         bend = at.angle - self.rest_angle
         return -self.stiffness * bend - self.cubic * bend**3
+
+    def plausible(self) -> bool:
+        """A cable pulls back."""
+        return bool(self.stiffness >= 0.0)
 
     def reduced(self) -> tuple[Effect, ...]:
         """Soft and far away it is an offset."""
@@ -46,7 +50,6 @@ class CableStiffness(Effect):
             reach = 0.5 * float(np.ptp(bend)) or 1.0
             slope = c[1] if abs(c[1]) * reach > 1e-3 * abs(c[0]) else 0.0
             shift = float(np.clip(c[0] / slope, -reach, reach)) if slope else 0.0
-            return cls(stiffness=max(float(c[1]), 0.0), cubic=max(float(c[2]), 0.0), rest_angle=middle + shift)
+            return cls(stiffness=float(c[1]), cubic=float(c[2]), rest_angle=middle + shift)
 
-        columns = np.column_stack((np.ones_like(bend), -bend, -(bend**3)))
-        yield Trace(columns=columns, positive=(False, True, True), start=start)
+        yield Trace(columns=np.column_stack((np.ones_like(bend), -bend, -(bend**3))), start=start)

@@ -240,6 +240,10 @@ class Effect:
         """Whether, in a log of that typical speed [rad/s], nothing shows that a simpler effect would not show too."""
         return False
 
+    def plausible(self) -> bool:
+        """Whether the values are such as the cause can have; a search may pass through others."""
+        return True
+
     # How its trace looks.
 
     @classmethod
