@@ -27,6 +27,7 @@ from plant.effects import Effect
 
 _REFITS = 5  # effects refitted in one round because they are close to the leader of the screen
 _WORTH = 0.2  # share of the leader's evidence that counts as close
+_CHANCE = 1.0  # evidence that a parameter which means nothing seldom has
 _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
 
 
@@ -109,12 +110,18 @@ def one_round(
     scores = {s.name: s.evidence - schwarz_cost(s.columns, fit.samples) - charge[s.name] for s in suspects}
     refits: dict[str, Fit] = {}
     contest: dict[str, Contestant] = {}
-    for some in _worth_a_refit(suspects, scores, refits, observed=fit.bandwidth > 0.0):
+
+    def ask(some: list[Suspect]) -> None:
         tell(f"round {number}: refitting with {', '.join(suspect.starts[0].title for suspect in some)}")
-        for suspect, tried in zip(some, side_by_side(lambda each: refit(fit, *each.starts), some), strict=True):
-            own = Contestant.of(tried, suspect.name, coefficients=suspect.columns, charge=charge[suspect.name])
-            refits[suspect.name], contest[suspect.name] = tried, own
-            scores[suspect.name] = own.score(tried, fit)
+        for suspect, found in zip(some, side_by_side(lambda each: refit(fit, *each.starts), some), strict=True):
+            own = Contestant.of(found, suspect.name, coefficients=suspect.columns, charge=charge[suspect.name])
+            refits[suspect.name], contest[suspect.name] = found, own
+            scores[suspect.name] = own.score(found, fit)
+
+    for some in _worth_a_refit(suspects, scores, refits, observed=fit.bandwidth > 0.0):
+        ask(some)
+    while neighbours := _neighbours(suspects, scores, refits):
+        ask(neighbours)
     for name, simpler in _reduced_leaders(fit, asked, refits, scores):
         plain = search_charge(searched=1, catalogue=len(asked))
         own = Contestant.of(simpler, name, coefficients=len(asked[name].parameters()), charge=plain)
@@ -187,6 +194,21 @@ def _worth_a_refit(
             together.append(suspect)
     if together:
         yield together
+
+
+def _neighbours(suspects: list[Suspect], scores: Mapping[str, float], refits: Mapping[str, Fit]) -> list[Suspect]:
+    """Suspects that the leader is known to be confused with, and that the screen had made too little of for a refit."""
+    if not refits:
+        return []
+    leader = max(refits, key=lambda name: scores[name])
+    kinds = {suspect.name: type(suspect.starts[0]) for suspect in suspects}
+    return [
+        suspect
+        for suspect in suspects
+        if suspect.name not in refits
+        and suspect.evidence > _CHANCE
+        and (suspect.name in kinds[leader].confused_with or leader in kinds[suspect.name].confused_with)
+    ]
 
 
 def _reduced_leaders(

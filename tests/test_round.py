@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diagnosis import search
-from diagnosis.round import _PROMISING, _REFITS, _WORTH, Addition, _worth_a_refit
+from diagnosis.round import _PROMISING, _REFITS, _WORTH, Addition, _neighbours, _worth_a_refit
 from diagnosis.screen import Suspect
-from plant.effects import CoulombFriction
+from plant.effects import CableStiffness, CoulombFriction, EndStop, TorqueOffset
 
 
 def one_by_one(suspects: list[Suspect], promised: dict[str, float], delivered: dict[str, float]) -> list[str]:
@@ -87,3 +87,23 @@ def test_a_better_null_repeats_the_round_only_where_a_rival_could_win_from_it(
     assert outcome.base is better
     assert [addition.effect for addition in outcome.additions] == ["a"]
     assert outcome.additions[0].evidence == (90.0 if len(rounds) == 2 else 100.0)
+
+
+def test_whom_the_leader_is_known_to_be_confused_with_is_asked_though_the_screen_made_little_of_it() -> None:
+    """Behind an observer a soft cable is all but gone from the screen, and a stop that acts in one place is not."""
+    starts = {
+        "end_stop": EndStop(angle=3.0, stiffness=1.0),
+        "cable_stiffness": CableStiffness(stiffness=0.1, cubic=0.0, rest_angle=0.0),
+        "torque_offset": TorqueOffset(torque=0.1),
+        "coulomb_friction": CoulombFriction(torque=0.1),
+    }
+    seen = {"end_stop": 60.0, "cable_stiffness": 11.0, "torque_offset": 0.4, "coulomb_friction": 9.0}
+    suspects = [
+        Suspect(name=name, evidence=evidence, columns=1, searched=1, starts=(starts[name],))
+        for name, evidence in seen.items()
+    ]
+    refits: dict[str, Any] = {"end_stop": None}
+    (asked,) = _neighbours(suspects, {"end_stop": 55.0}, refits)
+    assert asked.name == "cable_stiffness"
+    refits["cable_stiffness"] = None
+    assert _neighbours(suspects, {"end_stop": 55.0, "cable_stiffness": 70.0}, refits) == []  # an offset is not there
