@@ -29,14 +29,18 @@ def figure_json(figure: Any) -> Markup:
     return Markup(figure.to_json().replace("<", "\u003c"))
 
 
+_UNIT = re.compile(r"(?<=\d) (?=(?:[µmk]?(?:rad|m|s|N|W|A|V|Hz|g)|arcmin)\b|%)|(?<=\bN) (?=m\b)")
+
+
 def printed(text: str) -> Markup:
     """Plain words as they look in print: powers raised, also those of ten, indices lowered, arrows drawn,
-    and no line broken between a number and its ±.
+    and no line broken between a number, its ± and its unit.
     """
     tens = re.sub(r"(?<=[\d)])e([+-]\d+)\b", lambda found: f" × 10^{int(found[1])}", str(escape(text)))
     raised = re.sub(r"(?<=\w)\^(-?\d+(?:\.\d+)?)", r"<sup>\1</sup>", tens)
     lowered = re.sub(r"\b([A-Za-z])_(\w)\b", r"\1<sub>\2</sub>", raised)
     joined = lowered.replace(" +- ", " ± ").replace(" ± ", "\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}")
+    joined = _UNIT.sub("\N{NO-BREAK SPACE}", joined)
     return Markup(joined.replace(" -&gt; ", " \N{RIGHTWARDS ARROW} "))
 
 

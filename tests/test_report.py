@@ -152,7 +152,10 @@ def test_a_linear_axis_lacks_a_force(diagnosis):
 
 def test_words_look_as_in_print():
     assert printed("e^-5.3 to 1, F_c -> 2 kg m^2 <b>") == (
-        "e<sup>-5.3</sup> to 1, F<sub>c</sub> → 2 kg m<sup>2</sup> &lt;b&gt;"
+        "e<sup>-5.3</sup> to 1, F<sub>c</sub> → 2\N{NO-BREAK SPACE}kg m<sup>2</sup> &lt;b&gt;"
+    )
+    assert printed("0.063 N m at 4 rad/s, 5 % of 3 more") == "0.063_N_m at 4_rad/s, 5_% of 3 more".replace(
+        "_", "\N{NO-BREAK SPACE}"
     )
     assert printed("1 +- 0.2") == "1_±_0.2".replace("_", "\N{NO-BREAK SPACE}")
     assert printed("cogging_amplitude") == "cogging_amplitude"
