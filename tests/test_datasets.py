@@ -208,6 +208,17 @@ def test_hsm150s_own_torque_is_the_one_with_which_its_runs_agree():
     assert viscous == pytest.approx(6.8e-5, abs=0.4e-5)  # catalogue 7.03e-5
 
 
+def test_bam_stands_by_friction_that_grows_with_the_load():
+    """The screen makes less of it than of Stribeck friction, the fit far more."""
+    dataset = load_dataset("bam", folder("bam"))
+    names = ["stribeck_friction", "friction_drift", "payload_change", "asymmetric_friction", "coulomb_friction"]
+    names += ["load_dependent_friction", "torque_saturation"]
+    found = diagnose(dataset.estimation, dataset.base, dataset.holdout, candidates=names)
+    assert [cause.effect for cause in found.causes] == ["load_dependent_friction"]
+    assert found.gain.held_out_rms_after < 0.95 * found.gain.held_out_rms_before
+    assert found.torque_error.held_out_after < found.torque_error.held_out_before
+
+
 def test_bams_register_shows_the_duty_of_the_law():
     """The law is not what is missing: the pulse width that the servo reports is the computed one, a moment later."""
     dataset = load_dataset("bam", folder("bam"))

@@ -20,7 +20,7 @@ class LoadDependentFriction(Effect):
     stage = Stage.DRIVETRAIN
     equation = r"\tau_f \in -\mu\,|\tau_l|\,\mathrm{sgn}(\dot x)"
     trace = "friction differs between loaded and unloaded motion"
-    confused_with = ("coulomb_friction", "dead_zone", "torque_saturation")
+    confused_with = ("coulomb_friction", "stribeck_friction", "dead_zone", "torque_saturation")
 
     coefficient: float = parameter("-", "friction per torque mu", lower=0.0, upper=1.0)
 
