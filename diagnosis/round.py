@@ -157,14 +157,19 @@ def one_round(
 
 
 def _screened(fit: Fit, asked: Mapping[str, type[Effect]]) -> list[Suspect]:
-    """What the screen says at the fit's bandwidth and of the free simulation, whichever promises more."""
+    """What the screen says at the fit's bandwidth and of the free simulation, whichever promises more.
+
+    The starts of both are followed: what an observer leaves of an effect may be too little to tell its shape.
+    """
     (screen, _), *more = Screen.views(fit)
     suspects = screen.ask(asked)
     lead = {suspect.name: suspect for suspect in suspects}
     for free, loss in more:
-        for suspect in free.ask(asked):
-            if suspect.evidence - loss > lead[suspect.name].evidence:
-                lead[suspect.name] = replace(suspect, evidence=suspect.evidence - loss)
+        for seen in free.ask(asked):
+            first, second = replace(seen, evidence=seen.evidence - loss), lead[seen.name]
+            if first.evidence <= second.evidence:
+                first, second = second, first
+            lead[seen.name] = replace(first, starts=(*first.starts, second.starts[0]))
     return sorted(lead.values(), key=lambda suspect: -suspect.score)
 
 

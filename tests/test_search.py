@@ -69,3 +69,13 @@ def test_what_is_missing_beside_a_gap_is_found_and_nothing_else() -> None:
     assert named(found) == {"backlash", "gravity_offset"}
     gap = found.extended.model.effect("backlash")
     assert (gap.gap, gap.motor_share) == pytest.approx((0.005, 0.3), rel=0.1)
+
+
+def test_a_soft_cable_is_followed_from_where_the_free_simulation_sees_it() -> None:
+    """What an observer leaves of it is too little to tell its shape; from there its refit went astray."""
+    cable = {"stiffness": 2.115e-4, "cubic": 4.23e-6, "rest_angle": 0.4}
+    machine = Machine().hiding(cable_stiffness=cable)
+    log = record(machine, excitation(16002, duration=30.0), seed=8001, noise=1e-3).log()
+    found = diagnose(log, None, log, candidates=["cable_stiffness", "end_stop", "torque_offset"])
+    assert found.causes[0].effect == "cable_stiffness"
+    assert found.causes[0].parameters["cubic"].value == pytest.approx(4.23e-6, rel=0.15)

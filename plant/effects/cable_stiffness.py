@@ -48,8 +48,11 @@ class CableStiffness(Effect):
 
         def start(c: np.ndarray) -> Effect:
             reach = 0.5 * float(np.ptp(bend)) or 1.0
-            slope = c[1] if abs(c[1]) * reach > 1e-3 * abs(c[0]) else 0.0
-            shift = float(np.clip(c[0] / slope, -reach, reach)) if slope else 0.0
+            if c[1] * reach > 1e-3 * abs(c[0]):
+                shift = float(np.clip(c[0] / c[1], -reach, reach))
+            else:
+                shift = float(np.clip(np.cbrt(c[0] / c[2]), -reach, reach)) if c[2] > 0.0 else 0.0
             return cls(stiffness=float(c[1]), cubic=float(c[2]), rest_angle=middle + shift)
 
-        yield Trace(columns=np.column_stack((np.ones_like(bend), -bend, -(bend**3))), start=start)
+        columns = np.column_stack((np.ones_like(bend), -bend, -(bend**3)))
+        yield Trace(columns=columns, positive=(False, True, True), start=start)
