@@ -13,7 +13,7 @@ from plant.effects.torque_offset import TorqueOffset
 
 @dataclass(frozen=True, kw_only=True)
 class CableStiffness(Effect):
-    """A spring to a rest angle, linear and cubic: cables, hoses, seals, flexures."""
+    """A spring to a rest angle that grows stiffer as it bends: cables, hoses, seals, flexures."""
 
     name = "cable_stiffness"
     title = "cable stiffness"
@@ -24,7 +24,7 @@ class CableStiffness(Effect):
     contains = ("torque_offset",)
 
     stiffness: float = parameter("{torque}/{angle}", "stiffness k_1 at the rest angle")
-    cubic: float = parameter("{torque}/{angle}^3", "cubic stiffness k_3", default=0.0)
+    cubic: float = parameter("{torque}/{angle}^3", "cubic stiffness k_3", default=0.0, lower=0.0)
     rest_angle: float = parameter("{angle}", "rest angle x_0", default=0.0)
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
