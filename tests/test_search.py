@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import Diagnosis, diagnose
+from diagnosis.backward import falls_short
+from identification.fit import fit
 from identification.log import Log
+from identification.predictor import HELD
+from identification.problem import Problem
+from plant import BadParameter
+from plant.effects import Backlash, CableStiffness
 
 
 def log_of(seed: int, **hidden: dict[str, float]) -> Log:
@@ -79,3 +88,30 @@ def test_a_soft_cable_is_followed_from_where_the_free_simulation_sees_it() -> No
     found = diagnose(log, None, log, candidates=["cable_stiffness", "end_stop", "torque_offset"])
     assert found.causes[0].effect == "cable_stiffness"
     assert found.causes[0].parameters["cubic"].value == pytest.approx(4.23e-6, rel=0.15)
+
+
+def test_a_loose_model_is_followed_down_from_an_observer_that_holds_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a free simulation its likelihood is a mountain range; no first look there tells what a descent would."""
+    log = record(Machine(), excitation(1, duration=5.0)).log()
+    stiff = fit(log)
+    loose = stiff.model.with_effect(Backlash(gap=0.01, motor_share=0.3))
+    begun: list[float] = []
+
+    def stopped(self: Problem, point: Any, bandwidth: float, iterations: int) -> Any:
+        begun.append(bandwidth)
+        raise StopIteration
+
+    monkeypatch.setattr(Problem, "_trial", stopped)
+    monkeypatch.setattr(Problem, "glance", lambda *_: 1e9)  # as bad as can be
+    for model in (stiff.model, loose):
+        with pytest.raises(StopIteration):
+            Problem.of(log, model).descend(replace(stiff, bandwidth=0.0))
+    assert begun == [0.0, HELD]
+    assert falls_short(stiff.model, stiff)
+    assert not falls_short(loose, stiff)
+
+
+def test_a_cable_that_gives_way_as_it_bends_is_refused() -> None:
+    """It would run off once it is bent far enough."""
+    with pytest.raises(BadParameter, match="cubic"):
+        CableStiffness(stiffness=1.0, cubic=-0.1)
