@@ -26,10 +26,16 @@ def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
     problems = [problem(start) for start in starts]
     if len(problems) > _DESCENTS:
         problems = _most_promising(problems, fit, fit.bandwidth)[:_DESCENTS]
-    best = max(side_by_side(lambda each: each.descend(fit), problems), key=lambda found: found.log_likelihood)
+    return max(side_by_side(lambda each: each.descend(fit), problems), key=lambda found: found.log_likelihood)
+
+
+def refined(fit: Fit, found: Fit, name: str) -> Fit:
+    """What a refit of a fit with one effect more found, or better: the best among the shapes that look alike."""
+    best = found
     for stage in range(_STAGES):
-        (found,) = (effect for effect in best.model.effects if effect.name == starts[0].name)
-        alike = [problem(other) for other in found.look_alikes(stage)]
+        effect = best.model.effect(name)
+        others = effect.look_alikes(stage) if effect is not None else ()
+        alike = [problem_near(fit, fit.model.with_effect(other)) for other in others]
         if not alike:
             break
         at = max(best.bandwidth, _SMOOTHER * fit.bandwidth)

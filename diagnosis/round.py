@@ -17,7 +17,7 @@ from diagnosis.odds import (
     search_charge,
     visibility_cost,
 )
-from diagnosis.refit import estimates, evidence_of, is_its_special_case, refit, widening
+from diagnosis.refit import estimates, evidence_of, is_its_special_case, refined, refit, widening
 from diagnosis.result import Candidate
 from diagnosis.screen import Screen, Suspect
 from identification.fit_result import Fit
@@ -113,7 +113,11 @@ def one_round(
 
     def ask(some: list[Suspect]) -> None:
         tell(f"round {number}: refitting with {', '.join(suspect.starts[0].title for suspect in some)}")
-        for suspect, found in zip(some, side_by_side(lambda each: refit(fit, *each.starts), some), strict=True):
+        found_here = side_by_side(lambda each: refit(fit, *each.starts), some)
+        most = max(evidence_of(found, fit) for found in (*found_here, *refits.values()))
+        for suspect, found in zip(some, found_here, strict=True):
+            if evidence_of(found, fit) >= _WORTH * most:  # of a shape far behind no look-alike wins
+                found = refined(fit, found, suspect.name)
             own = Contestant.of(found, suspect.name, coefficients=suspect.columns, charge=charge[suspect.name])
             refits[suspect.name], contest[suspect.name] = found, own
             scores[suspect.name] = own.score(found, fit)

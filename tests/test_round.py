@@ -9,11 +9,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from machine import Machine, excitation, record
 
+from diagnosis import round as rounds
 from diagnosis import search
+from diagnosis.result import Candidate
 from diagnosis.round import _PROMISING, _REFITS, _WORTH, Addition, _neighbours, _worth_a_refit
 from diagnosis.screen import Suspect
-from plant.effects import CableStiffness, CoulombFriction, EndStop, TorqueOffset
+from identification.fit import fit
+from identification.fit_result import Fit
+from plant import ServoModel
+from plant.effects import Backlash, CableStiffness, CoulombFriction, EndStop, RateLimit, TorqueOffset
 
 
 def one_by_one(suspects: list[Suspect], promised: dict[str, float], delivered: dict[str, float]) -> list[str]:
@@ -107,3 +113,20 @@ def test_whom_the_leader_is_known_to_be_confused_with_is_asked_though_the_screen
     assert asked.name == "cable_stiffness"
     refits["cable_stiffness"] = None
     assert _neighbours(suspects, {"end_stop": 55.0, "cable_stiffness": 70.0}, refits) == []  # an offset is not there
+
+
+def test_shapes_that_look_alike_are_searched_of_close_rivals_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gap has many of them and each costs a fit; of a gap far behind the leader none would win."""
+    log = record(Machine().hiding(rate_limit={"rate": 500.0}), excitation(22, duration=10.0), seed=22).log()
+    base, searched, tried = fit(log, ServoModel.paper()), list[str](), list[Candidate]()
+
+    def noted(at: Fit, found: Fit, name: str) -> Fit:
+        searched.append(name)
+        return found
+
+    monkeypatch.setattr(rounds, "refined", noted)
+    found = rounds.one_round(base, {kind.name: kind for kind in (RateLimit, Backlash)}, 1, tried, None)
+    assert found is not None
+    assert found.effect == "rate_limit"
+    assert searched == ["rate_limit"]
+    assert {candidate.effect for candidate in tried if candidate.refitted} == {"rate_limit", "backlash"}
