@@ -61,6 +61,8 @@ def advance(machine: Machine, state: State, command: Array, load_torque: Array, 
         kinks.append(change["time"] - time)
     if limit := _limit(machine):
         kinks.append(np.abs(command - state.slewed) / limit["rate"])
+        if not machine.is_servo and "actuator_lag" not in machine.effects:
+            kinks += [_passing(state.slewed, command, corner, limit["rate"]) for corner in machine.corners]
     elif lag := machine.effects.get("actuator_lag"):
         kinks += [_fading(state.lagged, command, corner, lag["time_constant"]) for corner in machine.corners]
     if stop := machine.effects.get("end_stop"):
@@ -127,6 +129,12 @@ def _fading(start: Array, goal: Array, to: Array, time_constant: ArrayLike) -> A
     away, left = start - goal, to - goal
     passes = (away * left > 0.0) & (np.abs(away) > np.abs(left))
     return np.where(passes, time_constant * np.log(np.where(passes, away, 1.0) / np.where(passes, left, 1.0)), -1.0)
+
+
+def _passing(start: Array, goal: Array, to: Array, rate: ArrayLike) -> Array:
+    """When a ramp towards a goal passes a value, -1 where it never does."""
+    passes = (to - start) * (goal - to) > 0.0
+    return np.where(passes, np.abs(to - start) / rate, -1.0)
 
 
 def _ramp(start: Array, goal: Array, rate: ArrayLike, t: Array) -> Array:

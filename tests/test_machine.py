@@ -446,3 +446,11 @@ def test_a_lag_that_fades_through_the_dead_zone_is_followed_closely(lag: float) 
     machine = Machine().hiding(actuator_lag={"time_constant": lag}, torque_saturation={"limit": 2.0})
     usual, fine = (record(machine, command, noise=0.0, bits=None, steps=steps).angle for steps in (4, 64))
     np.testing.assert_allclose(usual, fine, atol=1e-7)
+
+
+@pytest.mark.parametrize("rate", [300.0, 2800.0])
+def test_a_ramp_through_the_dead_zone_is_followed_closely(rate: float) -> None:
+    command = excitation(14002, duration=1.0)
+    machine = Machine().hiding(rate_limit={"rate": rate}, torque_saturation={"limit": 2.0})
+    usual, fine = (record(machine, command, noise=0.0, bits=None, steps=steps).angle for steps in (4, 64))
+    np.testing.assert_allclose(usual, fine, atol=1e-7)
