@@ -24,5 +24,7 @@ def parabola_top(scores: Mapping[float, float], top: float) -> float | None:
     if top not in scores or not below or not above:
         return None
     points = np.array([max(below), top, min(above)])
+    if not np.isfinite([scores[b] for b in points]).all():
+        return None
     curvature, slope, _ = np.polyfit(np.log(points / top), [scores[b] - scores[top] for b in points], 2)
     return float(top * np.exp(-slope / (2.0 * curvature))) if curvature < 0.0 else None

@@ -54,6 +54,30 @@ def fit_of(objective: Objective, bandwidth: float, minimum: Minimum, evaluations
     )
 
 
+def run_off(objective: Objective, initial: Array, bandwidth: float, evaluations: int) -> Fit:
+    """What is said of a model whose motion grows without bound wherever a fit of it was tried: it is worth nothing."""
+    count = len(objective.free)
+    nothing = np.zeros((count, count))
+    return Fit(
+        model=objective.model,
+        parameters=_lines(objective, objective.model, nothing, np.ones(count, dtype=bool)),
+        free=objective.free,
+        covariance=nothing,
+        white_covariance=nothing,
+        initial=initial,
+        bandwidth=bandwidth,
+        noise_std=np.inf,
+        log_likelihood=-np.inf,
+        samples=objective.samples,
+        innovations=np.zeros(sum(len(run) for run in objective.log.runs)),
+        substeps=objective.predictor.substeps,
+        converged=False,
+        evaluations=evaluations,
+        log=objective.log,
+        held_log_likelihood=-np.inf if objective.model.chaotic else None,
+    )
+
+
 def bandwidth_std(fit: Fit) -> float | None:
     """Standard error of a fit's bandwidth [rad/s], all else as fitted, from the likelihood a little to either side.
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.bandwidth import between, neighbours, parabola_top
-from identification.certainty import fit_of
+from identification.certainty import fit_of, run_off
 from identification.fit_result import Fit
 from identification.inverse import starting_values
 from identification.least_squares import Minimum, minimise
@@ -135,6 +135,9 @@ class Problem(Objective):
         if not highest and trials[0.0].score < start.log_likelihood:
             self._risen(trials, 4.0 * slowest)
         evaluations = sum(trial.minimum.evaluations for trial in trials.values())
+        trials = {at: trial for at, trial in trials.items() if self._plausible(trial.minimum)}
+        if not trials:
+            return run_off(self, start.initial, highest, evaluations)
         found = fit_of(self, *self._refined(trials), evaluations)
         return self._held(self.recoloured(found) if self.log.colour else found)
 
@@ -198,6 +201,8 @@ class Problem(Objective):
 
     def is_hopeless(self, minimum: Minimum, bandwidth: float) -> bool:
         """Whether the point of a minimum is so bad at another bandwidth that a fit there is not worth the time."""
+        if not self._plausible(minimum):
+            return False  # nowhere is it worse
         loss = 0.5 * np.log(self.cost(minimum.point, bandwidth, 0.0) / max(minimum.equations.cost, 1e-300))
         return bool(loss > _HOPELESS)
 

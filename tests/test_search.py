@@ -5,17 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import Diagnosis, diagnose
 from diagnosis.backward import falls_short
+from diagnosis.refit import evidence_of
 from identification.fit import fit
 from identification.log import Log
 from identification.predictor import HELD
 from identification.problem import Problem
-from plant import BadParameter
-from plant.effects import Backlash, CableStiffness
+from plant import BadParameter, ServoModel
+from plant.effects import Backlash, CableStiffness, PayloadChange
 
 
 def log_of(seed: int, **hidden: dict[str, float]) -> Log:
@@ -115,3 +117,16 @@ def test_a_cable_that_gives_way_as_it_bends_is_refused() -> None:
     """It would run off once it is bent far enough."""
     with pytest.raises(BadParameter, match="cubic"):
         CableStiffness(stiffness=1.0, cubic=-0.1)
+
+
+def test_a_rival_that_runs_off_wherever_it_is_tried_is_worth_nothing() -> None:
+    """A payload that takes more inertia than the load behind a gap has: the motion grows without bound."""
+    log = log_of(10004)
+    base = fit(log, ServoModel.paper())
+    light = PayloadChange(time=-1.0, inertia=-0.9 * base.model.inertia, gravity=0.0)
+    model = base.model.with_effect(light).with_effect(Backlash(gap=0.003, motor_share=0.9))
+    fixed = [name for name in model.names if name not in ("gravity", "viscous_friction")]
+    found = Problem.of(log, model, fixed=fixed).descend(base)
+    assert found.log_likelihood == -np.inf
+    assert evidence_of(found, base) == -np.inf
+    assert found["gravity"].value is None
