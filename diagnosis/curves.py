@@ -1,6 +1,10 @@
-"""What has no name: curves over one variable compete on the catalogue's footing, and carry the gain without a name."""
+"""What has no name: curves and ripples compete on the catalogue's footing, and carry the gain without a name."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from itertools import chain
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -9,56 +13,83 @@ from diagnosis.odds import schwarz_cost, search_charge
 from diagnosis.refit import evidence_of, refit
 from diagnosis.screen import Screen
 from diagnosis.unseen import holds_up
+from diagnosis.wandering import if_it_wanders, may_wander
 from identification.fit_result import Fit
-from plant.effects import CoulombFriction, Trace
-from plant.effects.curve import KNOTS, Curve, curves
+from identification.side_by_side import side_by_side
+from plant.effects import Trace
+from plant.effects.curve import CurveOverVelocity, Unnamed
+from plant.effects.unnamed import plain, unnamed
 
-_CLEARS = np.log(1000.0)  # score that a curve needs before it is believed
+_CLEARS = float(np.log(1000.0))  # score that a curve needs before it is believed
 _MOST = 2  # curves that a model may carry
+_PROMISING = -5.0  # score from which a refit may still clear the bar, where an observer hides what it would bring
+_TRIES = 3  # refits in search of one that does
+_KNOTS_LEAVE = 0.2  # share of what the first brought that a second must bring: less may be how coarse the first is
 
 
-def unnamed_dependence(fit: Fit) -> tuple[tuple[str, float, Curve], ...]:
-    """Variables over which a curve of missing torque would explain more than chance: with its score and the curve.
+def kinds_worth_asking(fit: Fit) -> Mapping[str, type[Unnamed]]:
+    """Curves over one variable; all kinds where an observer, or a colour of the noise, had to take something over."""
+    return unnamed if fit.bandwidth or fit.log.colour else plain
 
-    Over velocity the curve has a jump at zero besides, so that dry friction does not pass for a smooth curve's failure.
+
+def unnamed_dependence(
+    fit: Fit, kinds: Mapping[str, type[Unnamed]] | None = None, *, bar: float = _CLEARS
+) -> tuple[tuple[Unnamed, float], ...]:
+    """What without a name would explain more than chance, the best of each kind with its score, the highest first.
+
+    Over velocity a curve has a jump at zero besides, so that dry friction does not pass for a smooth curve's failure.
     """
     held = {effect.name for effect in fit.model.effects}
-    asked = {variable: kind for variable, kind in curves.items() if kind.name not in held}
-    found: dict[str, tuple[float, Curve]] = {}
+    asked = [kind for name, kind in (kinds or kinds_worth_asking(fit)).items() if name not in held]
+    asked = [kind for kind in asked if fit.model.axis in kind.axes]
+    found: dict[str, tuple[Unnamed, float]] = {}
     for screen, loss in Screen.views(fit):
-        traces = [(variable, trace) for variable, kind in asked.items() for trace in kind.traces(screen.motion)]
-        tried = [_with_jump(trace, screen) if variable == "velocity" else trace for variable, trace in traces]
-        answers = screen.regress(tried, discounted=True)
-        for (variable, trace), (_, evidence, coefficients) in zip(traces, answers, strict=True):
-            value = evidence - loss - search_charge(searched=1, catalogue=len(asked))
-            curve = trace.start(coefficients[: trace.columns.shape[1]])
-            if value > max(_CLEARS, found[variable][0] if variable in found else 0.0) and isinstance(curve, Curve):
-                found[variable] = value, curve
-    ranked = sorted(found.items(), key=lambda item: -item[1][0])
-    return tuple((variable, value, curve) for variable, (value, curve) in ranked)
+        for start, value in chain(*side_by_side(partial(_asked, screen), asked)):
+            score = value - loss - search_charge(searched=1, catalogue=len(asked))
+            if score > max(bar, found[start.name][1] if start.name in found else bar):
+                found[start.name] = start, score
+    return tuple(sorted(found.values(), key=lambda item: -item[1]))
+
+
+def _asked(screen: Screen, kind: type[Unnamed]) -> list[tuple[Unnamed, float]]:
+    """What one kind suggests, with its evidence less the charge for the search along it."""
+    traces = kind.traces(screen.motion)
+    tried = (_with_jump(trace, screen) if kind is CurveOverVelocity else trace for trace in traces)
+    return [
+        (start, evidence - search_charge(searched=trace.searched, catalogue=1))
+        for trace, evidence, coefficients in screen.regress(tried, discounted=True)
+        if isinstance(start := trace.start(coefficients), Unnamed)
+    ]
 
 
 def _with_jump(trace: Trace, screen: Screen) -> Trace:
     columns = np.column_stack((trace.columns, screen.motion.sign))
     prior = None if trace.prior is None else block_diag(trace.prior, np.eye(1))
-    return Trace(columns=columns, prior=prior, start=lambda c: CoulombFriction(torque=0.0))
+    return Trace(columns=columns, prior=prior, start=lambda c: trace.start(c[:-1]))
 
 
-def carried(fit: Fit) -> tuple[Fit, ...]:
-    """The fit with an unnamed curve more, and another, as long as they pay and hold up unseen."""
+def carried(fit: Fit, kinds: Mapping[str, type[Unnamed]] | None = None) -> tuple[Fit, ...]:
+    """The fit with something unnamed more, and another, as long as they pay and hold up unseen.
+
+    As a name has to, each says more than a load torque that wanders at random.
+    """
     path: list[Fit] = []
     while len(path) < _MOST:
         at = path[-1] if path else fit
-        longer = _one_more(at)
-        if longer is None:
+        longer = _one_more(at, kinds)
+        if longer is None or (path and evidence_of(longer, at) < _KNOTS_LEAVE * evidence_of(path[0], fit)):
             break
         path.append(longer)
     return tuple(path)
 
 
-def _one_more(fit: Fit) -> Fit | None:
-    for _, _, curve in unnamed_dependence(fit):
-        after = refit(fit, curve, fixed=curve.shape())
-        if evidence_of(after, fit) > _CLEARS + schwarz_cost(KNOTS, fit.samples) and holds_up(fit, after):
+def _one_more(fit: Fit, kinds: Mapping[str, type[Unnamed]] | None) -> Fit | None:
+    bar = _PROMISING if fit.bandwidth else _CLEARS
+    tried = unnamed_dependence(fit, kinds, bar=bar)[:_TRIES]
+    random = max(evidence_of(if_it_wanders(fit), fit), 0.0) if tried and may_wander(fit) else 0.0
+    for start, _ in tried:
+        after = refit(fit, start, fixed=start.shape())
+        cost = schwarz_cost(len(after.free) - len(fit.free), fit.samples)
+        if evidence_of(after, fit) - random > _CLEARS + cost and holds_up(fit, after):
             return after
     return None

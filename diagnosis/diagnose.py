@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.candidates import Choice, chosen
-from diagnosis.curves import carried, unnamed_dependence
+from diagnosis.curves import carried, kinds_worth_asking, unnamed_dependence
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.holdout import cut, inverse_errors, measure_gain, remaining, split
 from diagnosis.identifiability import blind_spots, standstill
@@ -26,7 +26,9 @@ from identification.fit import base_model, fit
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.stamps import evenly_timed
+from plant.effects.curve import Unnamed
 from plant.effects.effect import Array
+from plant.effects.unnamed import plain
 from plant.servo import ServoModel
 
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
@@ -93,16 +95,13 @@ def diagnose(
             "a longer log or a repeated run would tell."
         )
     tell("looking for what has no name")
-    outcome, more = _believed(outcome)
     surely = beside_surface(outcome.additions, null, progress)
     warnings.extend(gave_way(outcome.additions, surely))
-    outcome = replace(outcome, additions=surely)
+    outcome, more = _believed(replace(outcome, additions=surely))
     missing = missing_torque(outcome.fit)
-    depends_on = _depends_on(outcome.fit, missing)
     again = repeats(outcome.fit)
+    depends_on = _depends_on(outcome.fit, missing, more)
     unnamed = bool(more or depends_on) or missing.excess > _NOISE or (again is not None and again.deterministic)
-    if unnamed and not more:
-        more = carried(outcome.fit)
     path = [null, *(addition.fit for addition in outcome.additions), *more]
     tell("measuring the gain on held-out data")
     gain, squares, replays = measure_gain(holdout, path)
@@ -131,14 +130,17 @@ def diagnose(
 
 
 def _believed(outcome: Outcome) -> tuple[Outcome, tuple[Fit, ...]]:
-    """What the search found, without names if they explain clearly less than curves without a name, which then follow.
+    """What the search found, and what is then carried without a name.
 
-    Such names only stand near the cause; what carries the gain is what the log shows.
+    Names beside which something is left only stand near the cause where what has no name explains clearly more by
+    itself: then it is carried alone.
     """
-    nameless = carried(outcome.base) if outcome.additions else ()
-    if nameless and _charged(nameless[-1], outcome.base) > (1.0 + _CLEARLY) * _charged(outcome.fit, outcome.base):
-        return replace(outcome, additions=()), nameless
-    return outcome, ()
+    more = carried(outcome.fit)
+    if outcome.additions and (more or kinds_worth_asking(outcome.fit) is not plain):
+        nameless = carried(outcome.base)
+        if nameless and _charged(nameless[-1], outcome.base) > (1.0 + _CLEARLY) * _charged(outcome.fit, outcome.base):
+            return replace(outcome, additions=()), nameless
+    return outcome, more
 
 
 def _charged(fit: Fit, than: Fit) -> float:
@@ -146,11 +148,13 @@ def _charged(fit: Fit, than: Fit) -> float:
     return evidence_of(fit, than) - parameter_cost(fit, than)
 
 
-def _depends_on(final: Fit, missing: MissingTorque) -> tuple[str, ...]:
-    """Variables on which what remains depends: by the test of curves or, where much is missing, by the picture."""
-    tested = unnamed_dependence(final)
+def _depends_on(final: Fit, missing: MissingTorque, more: tuple[Fit, ...]) -> tuple[str, ...]:
+    """Variables of what is carried without a name, else of what would pay; where much is missing, by the picture."""
+    carried_on = [effect for fit in more[-1:] for effect in fit.model.effects if isinstance(effect, Unnamed)]
+    tested = carried_on or [found for found, _ in unnamed_dependence(final)]
     if tested or missing.excess <= _NOISE:
-        return tuple(named_on(name, final.log.axis) for name, _, _ in tested)
+        variables = dict.fromkeys(variable for found in tested for variable in found.variables)
+        return tuple(named_on(name, final.log.axis) for name in variables)
     return tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
 
 

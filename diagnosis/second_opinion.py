@@ -16,6 +16,7 @@ from identification.fit_result import Fit, FittedParameter
 from identification.log import Log
 from identification.problem import Problem, first_states
 from plant.effects.effect import Array
+from plant.effects.unnamed import unnamed
 
 _APART = 4.0  # standard errors from which two estimates differ
 _MATTERS = 0.05  # of the estimate, or in rad of a phase; less is of no use to anybody
@@ -68,7 +69,7 @@ def _starts(fit: Fit) -> list[Array]:
 
 
 def _compared(here: FittedParameter, there: FittedParameter) -> SecondOpinion | None:
-    if here.fixed or here.name.startswith("curve_over") or there.value is None or there.std is None or there.at_bound:
+    if here.fixed or here.name.split(".")[0] in unnamed or there.value is None or there.std is None or there.at_bound:
         return None
     value = there.value
     if here.value is not None and here.std is not None:

@@ -21,15 +21,25 @@ from plant.effects.wandering_load import WanderingLoad
 _SLOW = 0.1  # bandwidth of an observer over the sampling rate, from which it follows anything
 
 
+def may_wander(fit: Fit) -> bool:
+    """Whether a slow observer is needed, as it is where the load torque wanders."""
+    return 0.0 < fit.bandwidth * fit.log.sample_time < _SLOW
+
+
+def if_it_wanders(fit: Fit) -> Fit:
+    """The fit with a load torque that wanders at random."""
+    return fitted_near(fit, fit.model.with_effect(WanderingLoad()))
+
+
 def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[str], None] | None) -> list[Addition]:
     """The additions that still pay if the load may wander, fitted anew where one had to go."""
     final = additions[-1].fit if additions else base
-    if not 0.0 < final.bandwidth * final.log.sample_time < _SLOW:
+    if not may_wander(final):
         return additions
     if progress is not None:
         progress("or does the load only wander?")
     needed = {addition.effect: 1.0 for addition in additions}
-    beside = fitted_near(final, final.model.with_effect(WanderingLoad()))
+    beside = if_it_wanders(final)
     at_hand = max(final, beside, key=lambda fit: fit.log_likelihood)
     for addition in sorted(additions, key=lambda addition: addition.evidence):
         less = fitted_near(at_hand, at_hand.model.without_effect(addition.effect).with_effect(WanderingLoad()))

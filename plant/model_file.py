@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from plant.effects import Effect, catalogue
-from plant.effects.curve import curves
 from plant.effects.effect import parameters_of
+from plant.effects.unnamed import unnamed
 from plant.errors import AntidriveError, BadModelFile
 from plant.servo import ServoModel
 
@@ -88,7 +88,7 @@ def _parse(content: Any) -> ModelFile:
     std: dict[str, float | None] = {}
     own = _numbers(_mapping(content.get("parameters"), "parameters"), parameters_of(ServoModel), "parameters", "", std)
     effects: list[Effect] = []
-    known: dict[str, type[Effect]] = {**catalogue, **{curve.name: curve for curve in curves.values()}}
+    known: dict[str, type[Effect]] = {**catalogue, **unnamed}
     listed = content.get("effects", [])
     if not isinstance(listed, list):
         raise BadModelFile("effects must be a list.")

@@ -16,9 +16,14 @@ from diagnosis.missing_torque import named_on
 from diagnosis.odds import smooth_evidence
 from identification.log import Log
 from plant import BadParameter, Effect, ModelFile, ServoModel, catalogue, read_model, simulate
-from plant.effects import Motion, Stage, Trace
-from plant.effects.curve import KNOTS, CurveOverVelocity, curves
+from plant.effects import DeadZone, Motion, Stage, Trace
+from plant.effects.curve import CurveOverVelocity, Unnamed, curves
 from plant.effects.effect import Expression, Moment, parameter
+from plant.effects.ripple import RippleOverAngle
+from plant.effects.unnamed import unnamed
+from plant.effects.varying import FrictionOverTurn, TorqueOverTurn
+
+TURN = {"low": 0.0, "high": 2.0 * np.pi}
 
 
 def log_of(**hidden: dict[str, float]) -> Log:
@@ -83,11 +88,80 @@ def test_a_clean_log_carries_no_curve() -> None:
     assert [effect.name for effect in found.model.effects] == ["dead_zone"]
 
 
-def test_a_curve_is_saved_with_the_model(tmp_path) -> None:
-    curve = CurveOverVelocity(low=-3.0, high=4.0, **{f"c{k}": 0.1 * k for k in range(KNOTS)})
-    model = diagnose(log_of(), candidates=["coulomb_friction"]).model.with_effect(curve)
+def example(kind: type[Unnamed]) -> Unnamed:
+    """Every coefficient another, none negative."""
+    first = {"low": -3.0, "high": 4.0, "rate": 2.0}
+    values = {spec.name: first.get(spec.name, 0.1 * place) for place, spec in enumerate(kind.parameters())}
+    return kind(**values)
+
+
+@pytest.mark.parametrize("kind", unnamed.values(), ids=lambda kind: kind.name)
+def test_it_is_saved_with_the_model(kind: type[Unnamed], tmp_path) -> None:
+    model = ServoModel.paper().with_effect(example(kind))
     ModelFile(model=model, std={}).write(tmp_path / "model.json")
     assert read_model(tmp_path / "model.json").model == model
+
+
+@pytest.mark.parametrize("kind", unnamed.values(), ids=lambda kind: kind.name)
+def test_its_trace_is_what_it_does(kind: type[Unnamed]) -> None:
+    """Columns times coefficients: the torque, the friction against the motion, or the error of the reading."""
+    rng = np.random.default_rng(3)
+    time, velocity = 0.005 * np.arange(400), rng.normal(size=400)
+    angle, torque = 5.0 * np.sin(3.0 * time) + 2.0 * rng.normal(size=400), rng.normal(size=400)
+    motion = Motion(
+        time=time,
+        angle=angle,
+        velocity=velocity,
+        acceleration=np.zeros(400),
+        command=torque,
+        servo_gain=np.zeros(400),
+        torque=torque,
+        score=np.sin(9.0 * angle) ** 2 + np.sin(60.0 * time) ** 2,
+        reading_score=np.sin(9.0 * angle) ** 2,
+        run=np.zeros(400, dtype=int),
+        inertia=1.0,
+        velocity_resolution=1e-9,
+    )
+    trace = next(iter(kind.traces(motion)))
+    coefficients = rng.uniform(0.1, 1.0, trace.columns.shape[1])
+    effect = trace.start(coefficients)
+    at = Moment(angle=angle, velocity=velocity, torque=torque, time=time + (0.0025 if "ripple" in kind.name else 0.0))
+    friction = effect.dry_friction(at)
+    does = [
+        np.broadcast_to(np.array(effect.load_torque(at, 0.0)).ravel(), 400),
+        np.zeros(400) if friction is None else -np.sign(velocity) * np.array(friction[0]).ravel(),
+        np.array(effect.reading(angle, 0.0)).ravel() - angle,
+    ]
+    assert trace.acts_on == ("reading" if kind.stage == Stage.SENSOR else "torque")
+    np.testing.assert_allclose(trace.columns @ coefficients, sum(does), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("effect", "variables"),
+    [
+        (FrictionOverTurn(**TURN, c0=0.1, c1=0.2, c2=0.3, c3=0.2, c4=0.1), ("angle", "velocity")),
+        (TorqueOverTurn(**TURN, c1=0.1, c2=0.15, c3=0.1, c6=-0.1, c7=-0.1), ("angle", "torque")),
+        (RippleOverAngle(rate=7.0, s1=0.1, c2=0.1, c3=0.1), ("angle",)),
+    ],
+    ids=lambda given: getattr(given, "name", ""),
+)
+def test_a_cause_that_nobody_listed_takes_no_name(effect: Unnamed, variables: tuple[str, ...]) -> None:
+    """Each can be had in part under a name: as dry friction, an eccentric encoder, a stop beside cogging."""
+    truth = ServoModel.paper().with_effect(DeadZone(half_width=0.5)).with_effect(effect)
+    logs = []
+    for number, duration in enumerate((30.0, 15.0)):
+        command = excitation(2 + number, duration=duration)
+        moved = simulate(truth, command=command, dt=0.005, substeps=4)[: command.size, 0]
+        measured = moved + 1e-3 * np.random.default_rng(number).standard_normal(command.size)
+        run = record(Machine(), command[:2]).run()
+        time, still = 0.005 * np.arange(command.size), np.zeros(command.size)
+        run = replace(run, time=time, command=command, output=measured, valid=still == 0.0, servo_gain=still)
+        logs.append(Log(runs=(run,), axis="rotary"))
+    found = diagnose(logs[0], None, logs[1])
+    assert found.verdict == "unknown"
+    assert found.unexplained.depends_on[: len(variables)] == variables
+    assert effect.name in [kind.name for kind in found.model.effects]
+    assert found.gain.held_out_rms_after < 0.1 * found.gain.held_out_rms_before
 
 
 def test_a_curve_is_flat_outside_its_range_and_passes_its_knots() -> None:

@@ -24,8 +24,9 @@ from plant.effects import (
     StribeckFriction,
     TorqueOffset,
 )
-from plant.effects.curve import CurveOverTime, curves
+from plant.effects.curve import CurveOverTime
 from plant.effects.effect import parameter
+from plant.effects.unnamed import unnamed
 
 RIGID = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
 FLEXIBLE = Compliance(frequency=40.0, damping=0.1, motor_share=0.3)
@@ -35,7 +36,7 @@ DRIFT = FrictionDrift(viscous_rate=0.004, coulomb_rate=0.002)
 COURSE = CurveOverTime(low=0.0, high=60.0, c4=0.3, c8=-0.2)
 EXAMPLES = [
     *(catalogue[case.effect](**case.at(case.sizes[2])) for case in CASES),
-    *(curve(low=0.0, high=1.0, c1=0.2) for curve in curves.values()),
+    *(kind(**{spec.name: 0.1 * k for k, spec in enumerate(kind.parameters(), 1)}) for kind in unnamed.values()),
 ]
 
 

@@ -5,47 +5,72 @@ These are no causes and not in the catalogue; a diagnosis adds one where it answ
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar
 
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Stage, Trace, parameter
 
 KNOTS = 9
 _REACH = 2.5  # knots over which a curve keeps its course
-_APART = np.subtract.outer(np.arange(KNOTS), np.arange(KNOTS)) / _REACH
-_SMOOTH = np.exp(-0.5 * _APART**2) + 1e-6 * np.eye(KNOTS)  # covariance of the knots before anything is seen
 _DENSE = 0.05  # share of the range of velocity, about zero, within which the knots lie densest
 
 
+def smooth(knots: int, *, closed: bool = False) -> Array:
+    """(knots, knots) covariance of the knots before anything is seen; `closed` if the last is beside the first."""
+    apart = np.subtract.outer(np.arange(knots), np.arange(knots))
+    turns = knots * np.arange(-2, 3) if closed else (0,)
+    return np.asarray(sum(np.exp(-0.5 * ((apart + turn) / _REACH) ** 2) for turn in turns) + 1e-6 * np.eye(knots))
+
+
 @dataclass(frozen=True, kw_only=True)
-class Curve(Effect):
+class Unnamed(Effect):
+    """Base of what has no name, only variables on which it depends."""
+
+    variables: ClassVar[tuple[str, ...]]
+    size: ClassVar[str] = "{torque}"
+    """Unit of its coefficients."""
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """The parameters, the coefficients in the unit that they have here."""
+        return tuple(replace(spec, unit=spec.unit.replace("{size}", cls.size)) for spec in super().parameters())
+
+    @classmethod
+    def shape(cls) -> tuple[str, ...]:
+        """Names of the parameters that are not fitted beside it: of its own, and of the model if it could be those."""
+        return ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve(Unnamed):
     """A piecewise linear curve through nine knots between `low` and `high`, constant outside: it never extrapolates."""
 
     stage = Stage.LOAD
     equation = r"\tau_u = f(\cdot)"
     trace = "a smooth dependence of the missing torque"
     over: ClassVar[str]
+    prior: ClassVar[Array] = smooth(KNOTS)
 
     low: float = parameter("-", "lower end of the range")
     high: float = parameter("-", "upper end of the range")
-    c0: float = parameter("{torque}", "torque at the lower end", default=0.0)
-    c1: float = parameter("{torque}", "torque at knot 1", default=0.0)
-    c2: float = parameter("{torque}", "torque at knot 2", default=0.0)
-    c3: float = parameter("{torque}", "torque at knot 3", default=0.0)
-    c4: float = parameter("{torque}", "torque at knot 4", default=0.0)
-    c5: float = parameter("{torque}", "torque at knot 5", default=0.0)
-    c6: float = parameter("{torque}", "torque at knot 6", default=0.0)
-    c7: float = parameter("{torque}", "torque at knot 7", default=0.0)
-    c8: float = parameter("{torque}", "torque at the upper end", default=0.0)
+    c0: float = parameter("{size}", "height at the lower end", default=0.0)
+    c1: float = parameter("{size}", "height at knot 1", default=0.0)
+    c2: float = parameter("{size}", "height at knot 2", default=0.0)
+    c3: float = parameter("{size}", "height at knot 3", default=0.0)
+    c4: float = parameter("{size}", "height at knot 4", default=0.0)
+    c5: float = parameter("{size}", "height at knot 5", default=0.0)
+    c6: float = parameter("{size}", "height at knot 6", default=0.0)
+    c7: float = parameter("{size}", "height at knot 7", default=0.0)
+    c8: float = parameter("{size}", "height at the upper end", default=0.0)
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
-        """Names of the parameters that say where the knots are; they are not fitted."""
+        """Where the knots are is not fitted."""
         return (f"{cls.name}.low", f"{cls.name}.high")
 
     @classmethod
@@ -53,29 +78,48 @@ class Curve(Effect):
         """Where a value lies among the knots, from 0 to 8."""
         return ca.fmax(ca.fmin((value - low) / (high - low), 1), 0) * (KNOTS - 1)
 
+    @classmethod
+    def hats(cls, value: Expression, low: Expression, high: Expression) -> list[Expression]:
+        """How much each knot counts at a value."""
+        place = cls.place(value, low, high)
+        return [ca.fmax(1 - ca.fabs(place - k), 0) for k in range(KNOTS)]
+
+    def height(self, at: Moment) -> Expression:
+        """Of the curve at the load's variable."""
+        hats = self.hats(getattr(at, self.over), self.low, self.high)
+        return sum(value * hat for value, hat in zip(self.values[2:], hats, strict=True))
+
     def load_torque(self, at: Moment, state: Expression) -> Expression:
-        """The curve at the load's variable."""
-        place = self.place(getattr(at, self.over), self.low, self.high)
-        return sum(value * ca.fmax(1 - ca.fabs(place - k), 0) for k, value in enumerate(self.values[2:]))
+        """The curve itself."""
+        return self.height(at)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """One column for each knot."""
-        values = cls.along(motion)
-        low, high = (float(end) for end in np.quantile(values, [0.005, 0.995]))
+        low, high = cls.reach(motion)
         if high > low:
-            place = np.array(cls.place(ca.DM(values), low, high)).ravel()
-            hats = np.maximum(1.0 - np.abs(place[:, None] - np.arange(KNOTS)), 0.0)
+            hats = np.column_stack([np.array(hat) for hat in cls.hats(ca.DM(cls.along(motion)), low, high)])
             yield Trace(
-                columns=hats,
-                prior=_SMOOTH,
+                columns=hats * cls.factor(motion)[:, None],
+                prior=cls.prior,
                 start=lambda c: cls(low=low, high=high, **{f"c{k}": float(value) for k, value in enumerate(c)}),
             )
 
     @classmethod
+    def reach(cls, motion: Motion) -> tuple[float, float]:
+        """The ends between which the knots lie."""
+        low, high = np.quantile(cls.along(motion), [0.005, 0.995])
+        return float(low), float(high)
+
+    @classmethod
     def along(cls, motion: Motion) -> Array:
         """(T,) the variable over a motion."""
-        return np.asarray(getattr(motion, cls.over))
+        return np.asarray(motion.arriving(motion.torque) if cls.over == "torque" else getattr(motion, cls.over))
+
+    @classmethod
+    def factor(cls, motion: Motion) -> Array:
+        """(T,) by what the curve is multiplied to be a torque on the load."""
+        return np.ones_like(motion.time)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +129,7 @@ class CurveOverVelocity(Curve):
     name = "curve_over_velocity"
     title = "curve over velocity"
     over = "velocity"
+    variables = ("velocity",)
 
     @classmethod
     def place(cls, value: Expression, low: Expression, high: Expression) -> Expression:
@@ -100,6 +145,7 @@ class CurveOverAngle(Curve):
     name = "curve_over_angle"
     title = "curve over angle"
     over = "angle"
+    variables = ("angle",)
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
@@ -114,16 +160,12 @@ class CurveOverTorque(Curve):
     name = "curve_over_torque"
     title = "curve over torque"
     over = "torque"
+    variables = ("torque",)
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
         """Also the inertia: beside a free curve of the torque only something of known size holds the scale."""
         return (*super().shape(), "inertia")
-
-    @classmethod
-    def along(cls, motion: Motion) -> Array:
-        """(T,) what arrives of the torque."""
-        return motion.arriving(motion.torque)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,9 +176,10 @@ class CurveOverTime(Curve):
     title = "curve over time"
     clocked = True
     over = "time"
+    variables = ("time",)
 
 
-curves: MappingProxyType[str, type[Curve]] = MappingProxyType(
+curves: Mapping[str, type[Curve]] = MappingProxyType(
     {cls.over: cls for cls in (CurveOverVelocity, CurveOverAngle, CurveOverTorque, CurveOverTime)}
 )
 """The curves by the variable that they run over."""

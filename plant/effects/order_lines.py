@@ -6,9 +6,11 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from plant.effects.motion import Array, Motion
+from plant.effects.returns import returning
 
 _NEIGHBOURHOOD = 101  # grid points, a quarter of a resolvable line each, whose median is the background of a peak
 _LONGEST = 4000  # lines that a search may reach
+_RETURNS = 0.7  # mean agreement of a wave's phases between visits to a state, from which it is taken for the state's
 
 
 def lines_over_angle(motion: Motion, score: Array) -> tuple[list[float], int]:
@@ -20,6 +22,15 @@ def lines_over_angle(motion: Motion, score: Array) -> tuple[list[float], int]:
     if speed <= 0.0:
         return [], 1
     return strongest_lines(motion.angle, score, 2.0 * np.pi / (4.0 * speed * motion.sample_time))
+
+
+def lines_over_time(motion: Motion) -> tuple[list[float], int]:
+    """Rates [rad/s] at which a wave in time would improve the fit most, if the motion does not repeat in them.
+
+    Of a repeated motion, a wave that comes back with it is any torque that depends on angle and velocity.
+    """
+    rates, searched = strongest_lines(motion.time, motion.score, 2.0 * np.pi / (4.0 * motion.sample_time))
+    return [rate for rate in rates if returning(motion, np.exp(1j * rate * motion.time)) <= _RETURNS], searched
 
 
 def waves(place: Array, rate: float) -> Array:

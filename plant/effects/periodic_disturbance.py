@@ -9,10 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import as_wave, eight_periods, strongest_lines, waves
-from plant.effects.returns import returning
-
-_RETURNS = 0.7  # mean agreement of a wave's phases between visits to a state, from which it is taken for the state's
+from plant.effects.order_lines import as_wave, eight_periods, lines_over_time, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,15 +38,10 @@ class PeriodicDisturbance(Effect):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """Sine and cosine at the frequencies that would improve the fit most, if the motion does not repeat in them.
-
-        Of a repeated motion, a wave that comes back with it is any torque that depends on angle and velocity.
-        """
-        rates, searched = strongest_lines(motion.time, motion.score, 2.0 * np.pi / (4.0 * motion.sample_time))
+        """Sine and cosine at the frequencies that would improve the fit most, if the motion does not repeat in them."""
+        rates, searched = lines_over_time(motion)
         middle = motion.time + 0.5 * motion.sample_time  # of the sample over which the torque acts
         for rate in rates:
-            if returning(motion, np.exp(1j * rate * motion.time)) > _RETURNS:
-                continue
             yield Trace(
                 columns=waves(middle, rate),
                 start=lambda c, rate=rate: cls(  # type: ignore[misc]
