@@ -9,11 +9,12 @@ from itertools import chain
 import numpy as np
 from scipy.linalg import block_diag
 
-from diagnosis.odds import schwarz_cost, search_charge
-from diagnosis.refit import evidence_of, refit
+from diagnosis.odds import MISSING, parameter_cost, schwarz_cost, search_charge
+from diagnosis.refit import evidence_of, fitted_near, refit
+from diagnosis.round import Addition
 from diagnosis.screen import Screen
 from diagnosis.unseen import holds_up
-from diagnosis.wandering import if_it_wanders, may_wander
+from diagnosis.wandering import follows_anything, if_it_wanders, may_wander, needed_with, refitted
 from identification.fit_result import Fit
 from identification.side_by_side import side_by_side
 from plant.effects import Trace
@@ -21,26 +22,22 @@ from plant.effects.curve import CurveOverVelocity, Unnamed
 from plant.effects.unnamed import plain, unnamed
 
 _CLEARS = float(np.log(1000.0))  # score that a curve needs before it is believed
+CLEARLY = 0.1  # share by which what is richer, or has no name, must explain more than what is not to be preferred
 _MOST = 2  # curves that a model may carry
 _PROMISING = -5.0  # score from which a refit may still clear the bar, where an observer hides what it would bring
 _TRIES = 3  # refits in search of one that does
 _KNOTS_LEAVE = 0.2  # share of what the first brought that a second must bring: less may be how coarse the first is
 
 
-def kinds_worth_asking(fit: Fit) -> Mapping[str, type[Unnamed]]:
-    """Curves over one variable; all kinds where an observer, or a colour of the noise, had to take something over."""
-    return unnamed if fit.bandwidth or fit.log.colour else plain
-
-
 def unnamed_dependence(
-    fit: Fit, kinds: Mapping[str, type[Unnamed]] | None = None, *, bar: float = _CLEARS
+    fit: Fit, kinds: Mapping[str, type[Unnamed]] = plain, *, bar: float = _CLEARS
 ) -> tuple[tuple[Unnamed, float], ...]:
     """What without a name would explain more than chance, the best of each kind with its score, the highest first.
 
     Over velocity a curve has a jump at zero besides, so that dry friction does not pass for a smooth curve's failure.
     """
     held = {effect.name for effect in fit.model.effects}
-    asked = [kind for name, kind in (kinds or kinds_worth_asking(fit)).items() if name not in held]
+    asked = [kind for name, kind in kinds.items() if name not in held]
     asked = [kind for kind in asked if fit.model.axis in kind.axes]
     found: dict[str, tuple[Unnamed, float]] = {}
     for screen, loss in Screen.views(fit):
@@ -71,8 +68,28 @@ def _with_jump(trace: Trace, screen: Screen) -> Trace:
 def carried(fit: Fit, kinds: Mapping[str, type[Unnamed]] | None = None) -> tuple[Fit, ...]:
     """The fit with something unnamed more, and another, as long as they pay and hold up unseen.
 
-    As a name has to, each says more than a load torque that wanders at random.
+    As a name has to, each says more than a load torque that wanders at random. By default a curve over one variable,
+    unless what is richer says clearly more and leaves no work for a fast observer.
     """
+    if kinds is not None:
+        return _carried(fit, kinds)
+    simple, rich = _carried(fit, plain), _carried(fit, unnamed) if _hides_something(fit) else ()
+    if rich and not follows_anything(rich[-1]) and charged(rich, fit) > (1.0 + CLEARLY) * charged(simple, fit):
+        return rich
+    return simple
+
+
+def charged(path: tuple[Fit, ...], than: Fit) -> float:
+    """Evidence of the end of a path of fits over a simpler one, less the cost of its parameters."""
+    return evidence_of(path[-1], than) - parameter_cost(path[-1], than) if path else 0.0
+
+
+def _hides_something(fit: Fit) -> bool:
+    """Whether an observer, or a colour of the noise, had to take something over."""
+    return bool(fit.bandwidth or fit.log.colour)
+
+
+def _carried(fit: Fit, kinds: Mapping[str, type[Unnamed]]) -> tuple[Fit, ...]:
     path: list[Fit] = []
     while len(path) < _MOST:
         at = path[-1] if path else fit
@@ -83,13 +100,35 @@ def carried(fit: Fit, kinds: Mapping[str, type[Unnamed]] | None = None) -> tuple
     return tuple(path)
 
 
-def _one_more(fit: Fit, kinds: Mapping[str, type[Unnamed]] | None) -> Fit | None:
-    bar = _PROMISING if fit.bandwidth else _CLEARS
-    tried = unnamed_dependence(fit, kinds, bar=bar)[:_TRIES]
+def _one_more(fit: Fit, kinds: Mapping[str, type[Unnamed]]) -> Fit | None:
+    bar = _PROMISING if fit.bandwidth and kinds is not plain else _CLEARS
+    found = unnamed_dependence(fit, kinds, bar=bar)
+    tried = found[: max(_TRIES, sum(score > _CLEARS for _, score in found))]
     random = max(evidence_of(if_it_wanders(fit), fit), 0.0) if tried and may_wander(fit) else 0.0
     for start, _ in tried:
         after = refit(fit, start, fixed=start.shape())
         cost = schwarz_cost(len(after.free) - len(fit.free), fit.samples)
-        if evidence_of(after, fit) - random > _CLEARS + cost and holds_up(fit, after):
+        if evidence_of(after, fit) - random > _CLEARS + cost and holds_up(fit, after, must_show=True):
             return after
     return None
+
+
+def beside_unnamed(base: Fit, additions: tuple[Addition, ...]) -> tuple[tuple[Addition, ...], tuple[Fit, ...]]:
+    """Additions to a base that still pay beside what is carried without a name, and the fits with that.
+
+    A law that varies over the turn passes for the nearest that does not, and a ripple of any shape for a sine and a
+    stop: such names only stood near the cause.
+    """
+    final = additions[-1].fit if additions else base
+    more = carried(final)
+    if not more:
+        return additions, more
+    at, kept = more[-1], list(additions)
+    for addition in sorted(additions, key=lambda addition: addition.evidence):
+        less = fitted_near(at, at.model.without_effect(addition.effect))
+        if needed_with(addition, at, less) < MISSING:
+            at = less
+            kept.remove(addition)
+    if len(kept) == len(additions):
+        return additions, more
+    return tuple(refitted(base, kept, at)), (at,)

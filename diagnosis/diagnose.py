@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.candidates import Choice, chosen
-from diagnosis.curves import carried, kinds_worth_asking, unnamed_dependence
+from diagnosis.curves import CLEARLY, beside_unnamed, carried, charged, unnamed_dependence
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.holdout import cut, inverse_errors, measure_gain, remaining, split
 from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
-from diagnosis.odds import NONE, parameter_cost
-from diagnosis.refit import estimates, evidence_of
+from diagnosis.odds import NONE
+from diagnosis.refit import estimates
 from diagnosis.repeated_runs import repeats
 from diagnosis.result import Cause, Verdict
 from diagnosis.round import Addition
@@ -33,7 +33,6 @@ from plant.servo import ServoModel
 
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
 _TELLING = 0.2  # share of the missing torque's variance from which a variable is said to carry it
-_CLEARLY = 0.1  # share by which a curve must explain more than names do, for the names to be dropped
 _MENTION = 1e-4  # probability from which a rival is listed
 
 
@@ -130,22 +129,16 @@ def diagnose(
 
 
 def _believed(outcome: Outcome) -> tuple[Outcome, tuple[Fit, ...]]:
-    """What the search found, and what is then carried without a name.
+    """What the search found, as far as it is to be believed, and what is carried without a name beside it.
 
-    Names beside which something is left only stand near the cause where what has no name explains clearly more by
-    itself: then it is carried alone.
+    Names that explain clearly less than curves do by themselves only stand near the cause: what carries the gain is
+    what the log shows.
     """
-    more = carried(outcome.fit)
-    if outcome.additions and (more or kinds_worth_asking(outcome.fit) is not plain):
-        nameless = carried(outcome.base)
-        if nameless and _charged(nameless[-1], outcome.base) > (1.0 + _CLEARLY) * _charged(outcome.fit, outcome.base):
-            return replace(outcome, additions=()), nameless
-    return outcome, more
-
-
-def _charged(fit: Fit, than: Fit) -> float:
-    """Evidence of a fit over a simpler one, less the cost of its parameters."""
-    return evidence_of(fit, than) - parameter_cost(fit, than)
+    nameless = carried(outcome.base, plain) if outcome.additions else ()
+    if nameless and charged(nameless, outcome.base) > (1.0 + CLEARLY) * charged((outcome.fit,), outcome.base):
+        return replace(outcome, additions=()), nameless
+    additions, more = beside_unnamed(outcome.base, outcome.additions)
+    return replace(outcome, additions=additions), more
 
 
 def _depends_on(final: Fit, missing: MissingTorque, more: tuple[Fit, ...]) -> tuple[str, ...]:

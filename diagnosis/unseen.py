@@ -16,13 +16,14 @@ _LOUD = 100.0  # rise of the log-likelihood of which a quarter should show in a 
 _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
 
 
-def holds_up(before: Fit, after: Fit) -> bool:
+def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     """Whether an extended model stands beside its predecessor on what neither was chosen by.
 
     The odds have decided on one-step predictions of the whole record. The free simulation must not get significantly
     worse; and predictions of the last part of each run, after a fit to the first part, neither, unless the simulation
     gets significantly better. An effect for which the record speaks loudly must show there too: one of the two must get
-    significantly better, or, since an effect may act in a few places only, the simulation's error must be halved.
+    significantly better, or, since an effect may act in a few places only, the simulation's error must be halved. So
+    must what has no name to speak for it (`must_show`).
     """
     simulation, left = simulation_gain(before, after)
     if simulation < -_SIGNIFICANT:
@@ -31,7 +32,7 @@ def holds_up(before: Fit, after: Fit) -> bool:
         return True
     bandwidth = max(before.bandwidth, after.bandwidth)
     unseen = standard_errors(_unseen(after, bandwidth) - _unseen(before, bandwidth))
-    loud = after.log_likelihood - before.log_likelihood > _LOUD
+    loud = must_show or after.log_likelihood - before.log_likelihood > _LOUD
     return unseen > (_SIGNIFICANT if loud else -_SIGNIFICANT)
 
 

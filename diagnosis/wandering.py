@@ -23,7 +23,12 @@ _SLOW = 0.1  # bandwidth of an observer over the sampling rate, from which it fo
 
 def may_wander(fit: Fit) -> bool:
     """Whether a slow observer is needed, as it is where the load torque wanders."""
-    return 0.0 < fit.bandwidth * fit.log.sample_time < _SLOW
+    return fit.bandwidth > 0.0 and not follows_anything(fit)
+
+
+def follows_anything(fit: Fit) -> bool:
+    """Whether the observer is nearly as fast as the sampling."""
+    return fit.bandwidth * fit.log.sample_time >= _SLOW
 
 
 def if_it_wanders(fit: Fit) -> Fit:
@@ -43,22 +48,25 @@ def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[
     at_hand = max(final, beside, key=lambda fit: fit.log_likelihood)
     for addition in sorted(additions, key=lambda addition: addition.evidence):
         less = fitted_near(at_hand, at_hand.model.without_effect(addition.effect).with_effect(WanderingLoad()))
-        needed[addition.effect] = _needed(addition, at_hand, less)
+        needed[addition.effect] = needed_with(addition, at_hand, less)
         if needed[addition.effect] < MISSING:
             at_hand = less
     sure = [(addition, needed[addition.effect]) for addition in additions]
     kept = [_less_sure(addition, probability) for addition, probability in sure if probability >= MISSING]
-    if len(kept) == len(additions):
-        return kept
-    fitted, at = [], base
-    for addition in kept:
+    return kept if len(kept) == len(additions) else refitted(base, kept, final)
+
+
+def refitted(base: Fit, additions: list[Addition], final: Fit) -> list[Addition]:
+    """Additions to a base that follow on one another anew, from where a fit with all of them has their values."""
+    path, at = [], base
+    for addition in additions:
         effect = final.model.effect(addition.effect)
         at = fitted_near(final, at.model.with_effect(effect) if effect is not None else at.model)
-        fitted.append(replace(addition, fit=at))
-    return fitted
+        path.append(replace(addition, fit=at))
+    return path
 
 
-def _needed(addition: Addition, fit: Fit, less: Fit) -> float:
+def needed_with(addition: Addition, fit: Fit, less: Fit) -> float:
     """Probability, by one-step predictions, that something is missing without it though the load may wander."""
     own = next((rival for rival in addition.contest if rival.effect.name == addition.effect), None)
     if own is None or fit.model.effect(addition.effect) is None:

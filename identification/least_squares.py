@@ -159,9 +159,11 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
     lost = eigenvalues < 1e-12 * max(float(eigenvalues.max(initial=0.0)), 1e-300)
     inverse = (vectors[:, ~lost] / eigenvalues[~lost]) @ vectors[:, ~lost].T
     size = np.outer(scale, scale)
+    with np.errstate(over="ignore", invalid="ignore"):
+        covariance, white = inverse @ (coloured / size) @ inverse / size, variance * inverse / size
     return Uncertainty(
-        covariance=inverse @ (coloured / size) @ inverse / size,
-        white=variance * inverse / size,
+        covariance=covariance,
+        white=white,
         undetermined=(np.abs(vectors[:, lost]) > 1e-3).any(axis=1) | (diagonal <= 0.0),
     )
 

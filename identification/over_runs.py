@@ -43,7 +43,8 @@ def informations(predictions: Sequence[Prediction]) -> tuple[Array, Array]:
         own = np.ix_(_places(p, run), _places(p, run))
         white[own] += p.jacobian.T @ p.jacobian
         backwards = colour(p.jacobian[::-1], coefficients)
-        coloured[own] += variance * (backwards.T @ backwards)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a model that all but runs off nothing is known
+            coloured[own] += variance * (backwards.T @ backwards)
     return white, coloured
 
 

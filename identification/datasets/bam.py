@@ -43,9 +43,7 @@ def read(files: list[Path]) -> Dataset:
     for held in (False, True):
         places = [place for place in range(len(files)) if held_out[place] is held]
         sources = [source(files[place]) for place in places]
-        logs.append(
-            Log.from_recordings([runs[p] for p in places], axis="rotary", sources=sources, command_unit="V")
-        )
+        logs.append(Log.from_recordings([runs[p] for p in places], axis="rotary", sources=sources, command_unit="V"))
     base = ServoModel(inertia=0.02, gravity=1.0, viscous_friction=0.5)
     return Dataset(estimation=logs[0], holdout=logs[1], base=base, notes=_NOTES)
 

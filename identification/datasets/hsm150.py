@@ -34,12 +34,8 @@ def read(files: list[Path]) -> Dataset:
             if table.ndim != 2 or table.shape[1] != 7:
                 raise MalformedLog(f"{file.name}: 'data' has shape {table.shape}, expected seven columns.")
             runs.append(
-                recording(
-                    label=file.name, number=number, time=table[:, 0], command=table[:, 4], output=table[:, 2]
-                )
+                recording(label=file.name, number=number, time=table[:, 0], command=table[:, 4], output=table[:, 2])
             )
-        logs.append(
-            Log.from_recordings(runs, axis="rotary", sources=[source(f) for f in part], command_unit="N m")
-        )
+        logs.append(Log.from_recordings(runs, axis="rotary", sources=[source(f) for f in part], command_unit="N m"))
     base = ServoModel(inertia=1e-3, gravity=0.0, viscous_friction=1e-4)
     return Dataset(estimation=logs[0], holdout=logs[1], base=base, fixed=("gravity",), notes=_NOTES)

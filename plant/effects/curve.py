@@ -102,8 +102,13 @@ class Curve(Unnamed):
             yield Trace(
                 columns=hats * cls.factor(motion)[:, None],
                 prior=cls.prior,
-                start=lambda c: cls(low=low, high=high, **{f"c{k}": float(value) for k, value in enumerate(c)}),
+                start=lambda c: cls(low=low, high=high, **{f"c{k}": float(v) for k, v in enumerate(cls.begun(c))}),
             )
+
+    @classmethod
+    def begun(cls, heights: Array) -> Array:
+        """Heights to begin a fit from, given those (9,) that a regression suggests."""
+        return heights
 
     @classmethod
     def reach(cls, motion: Motion) -> tuple[float, float]:

@@ -56,6 +56,11 @@ class VaryingFriction(Curve):
         return level, level
 
     @classmethod
+    def begun(cls, heights: Array) -> Array:
+        """Lifted until none is below zero, where it would do nothing; a friction that does not vary gives way."""
+        return heights - min(float(heights.min()), 0.0)
+
+    @classmethod
     def factor(cls, motion: Motion) -> Array:
         """Against the motion."""
         return -motion.sign
