@@ -5,8 +5,9 @@ parameters is expected to be worth about `_VISIBLE` in lambda, twice the log-lik
 *And what is it?* Among the names, what a parameter costs lies half-way between that and the share of its plausible
 range that the estimate still leaves open (Laplace), which is at most half a log(samples) (Schwarz 1978): by the latter
 alone the simpler law would win too often where an effect is barely visible, by the former too seldom where it is plain.
-In both questions a search over shapes costs twice the log of their number and the catalogue the log of its own
-(extended BIC, Chen and Chen 2008).
+In both questions a search over shapes costs twice the log of their number, for the peaks of what no model has right are
+higher than those of white noise, and the catalogue the log of its own (extended BIC, Chen and Chen 2008). Charged once,
+periodic causes are seen at lambda 30, and a log of the rig shows one that is not there.
 
 The probability of a name is that something is missing, times the name's share among the names.
 """
