@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 
@@ -65,18 +66,35 @@ def _with_jump(trace: Trace, screen: Screen) -> Trace:
     return Trace(columns=columns, prior=prior, start=lambda c: trace.start(c[:-1]))
 
 
-def carried(fit: Fit, kinds: Mapping[str, type[Unnamed]] | None = None) -> tuple[Fit, ...]:
-    """The fit with something unnamed more, and another, as long as they pay and hold up unseen.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Carried:
+    """What a fit is given without a name.
 
-    As a name has to, each says more than a load torque that wanders at random. By default a curve over one variable,
-    unless what is richer says clearly more and leaves no work for a fast observer.
+    Attributes:
+        path: the fit with something unnamed more, and with another; empty if nothing pays and holds up unseen.
+        seen: curves over one variable that would explain more than chance, paying or not.
     """
-    if kinds is not None:
-        return _carried(fit, kinds)
-    simple, rich = _carried(fit, plain), _carried(fit, unnamed) if _hides_something(fit) else ()
-    if rich and not follows_anything(rich[-1]) and charged(rich, fit) > (1.0 + CLEARLY) * charged(simple, fit):
-        return rich
-    return simple
+
+    path: tuple[Fit, ...]
+    seen: tuple[Unnamed, ...]
+
+
+def carried(fit: Fit) -> Carried:
+    """What a fit may carry: a curve over one variable, unless what is richer says clearly more.
+
+    As a name has to, each says more than a load torque that wanders at random; and what is richer leaves no work for a
+    fast observer.
+    """
+    seen = unnamed_dependence(fit)
+    simple = nameless(fit) if seen else ()
+    rich = _path(fit, unnamed) if _hides_something(fit) else ()
+    better = rich and not follows_anything(rich[-1]) and charged(rich, fit) > (1.0 + CLEARLY) * charged(simple, fit)
+    return Carried(path=rich if better else simple, seen=tuple(curve for curve, _ in seen))
+
+
+def nameless(fit: Fit) -> tuple[Fit, ...]:
+    """The fit with a curve over one variable more, and another, as long as they pay and hold up unseen."""
+    return _path(fit, plain)
 
 
 def charged(path: tuple[Fit, ...], than: Fit) -> float:
@@ -89,7 +107,7 @@ def _hides_something(fit: Fit) -> bool:
     return bool(fit.bandwidth or fit.log.colour)
 
 
-def _carried(fit: Fit, kinds: Mapping[str, type[Unnamed]]) -> tuple[Fit, ...]:
+def _path(fit: Fit, kinds: Mapping[str, type[Unnamed]]) -> tuple[Fit, ...]:
     path: list[Fit] = []
     while len(path) < _MOST:
         at = path[-1] if path else fit
@@ -113,17 +131,16 @@ def _one_more(fit: Fit, kinds: Mapping[str, type[Unnamed]]) -> Fit | None:
     return None
 
 
-def beside_unnamed(base: Fit, additions: tuple[Addition, ...]) -> tuple[tuple[Addition, ...], tuple[Fit, ...]]:
-    """Additions to a base that still pay beside what is carried without a name, and the fits with that.
+def beside_unnamed(base: Fit, additions: tuple[Addition, ...]) -> tuple[tuple[Addition, ...], Carried]:
+    """Additions to a base that still pay beside what is carried without a name, and that.
 
     A law that varies over the turn passes for the nearest that does not, and a ripple of any shape for a sine and a
     stop: such names only stood near the cause.
     """
-    final = additions[-1].fit if additions else base
-    more = carried(final)
-    if not more:
+    more = carried(additions[-1].fit if additions else base)
+    if not more.path:
         return additions, more
-    at, kept = more[-1], list(additions)
+    at, kept = more.path[-1], list(additions)
     for addition in sorted(additions, key=lambda addition: addition.evidence):
         less = fitted_near(at, at.model.without_effect(addition.effect))
         if needed_with(addition, at, less) < MISSING:
@@ -131,4 +148,4 @@ def beside_unnamed(base: Fit, additions: tuple[Addition, ...]) -> tuple[tuple[Ad
             kept.remove(addition)
     if len(kept) == len(additions):
         return additions, more
-    return tuple(refitted(base, kept, at)), (at,)
+    return tuple(refitted(base, kept, at)), replace(more, path=(at,))

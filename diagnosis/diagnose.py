@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.candidates import Choice, chosen
-from diagnosis.curves import CLEARLY, beside_unnamed, carried, charged, unnamed_dependence
+from diagnosis.curves import CLEARLY, Carried, beside_unnamed, charged, nameless
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.holdout import cut, inverse_errors, measure_gain, remaining, split
 from diagnosis.identifiability import blind_spots, standstill
@@ -28,7 +28,6 @@ from identification.log import Log
 from identification.stamps import evenly_timed
 from plant.effects.curve import Unnamed
 from plant.effects.effect import Array
-from plant.effects.unnamed import plain
 from plant.servo import ServoModel
 
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
@@ -96,12 +95,12 @@ def diagnose(
     tell("looking for what has no name")
     surely = beside_surface(outcome.additions, null, progress)
     warnings.extend(gave_way(outcome.additions, surely))
-    outcome, more = _believed(replace(outcome, additions=surely))
+    outcome, beside = _believed(replace(outcome, additions=surely))
     missing = missing_torque(outcome.fit)
     again = repeats(outcome.fit)
-    depends_on = _depends_on(outcome.fit, missing, more)
-    unnamed = bool(more or depends_on) or missing.excess > _NOISE or (again is not None and again.deterministic)
-    path = [null, *(addition.fit for addition in outcome.additions), *more]
+    depends_on = _depends_on(outcome.fit, missing, beside)
+    unnamed = bool(beside.path or depends_on) or missing.excess > _NOISE or (again is not None and again.deterministic)
+    path = [null, *(addition.fit for addition in outcome.additions), *beside.path]
     tell("measuring the gain on held-out data")
     gain, squares, replays = measure_gain(holdout, path)
     final = path[-1]
@@ -128,25 +127,26 @@ def diagnose(
     )
 
 
-def _believed(outcome: Outcome) -> tuple[Outcome, tuple[Fit, ...]]:
+def _believed(outcome: Outcome) -> tuple[Outcome, Carried]:
     """What the search found, as far as it is to be believed, and what is carried without a name beside it.
 
     Names that explain clearly less than curves do by themselves only stand near the cause: what carries the gain is
-    what the log shows.
+    what the log shows. Names that leave nothing do not.
     """
-    nameless = carried(outcome.base, plain) if outcome.additions else ()
-    if nameless and charged(nameless, outcome.base) > (1.0 + CLEARLY) * charged((outcome.fit,), outcome.base):
-        return replace(outcome, additions=()), nameless
-    additions, more = beside_unnamed(outcome.base, outcome.additions)
-    return replace(outcome, additions=additions), more
+    additions, beside = beside_unnamed(outcome.base, outcome.additions)
+    if outcome.additions and (beside.path or beside.seen or outcome.fit.bandwidth):
+        alone = nameless(outcome.base)
+        if alone and charged(alone, outcome.base) > (1.0 + CLEARLY) * charged((outcome.fit,), outcome.base):
+            return replace(outcome, additions=()), Carried(path=alone, seen=())
+    return replace(outcome, additions=additions), beside
 
 
-def _depends_on(final: Fit, missing: MissingTorque, more: tuple[Fit, ...]) -> tuple[str, ...]:
+def _depends_on(final: Fit, missing: MissingTorque, beside: Carried) -> tuple[str, ...]:
     """Variables of what is carried without a name, else of what would pay; where much is missing, by the picture."""
-    carried_on = [effect for fit in more[-1:] for effect in fit.model.effects if isinstance(effect, Unnamed)]
-    tested = carried_on or [found for found, _ in unnamed_dependence(final)]
-    if tested or missing.excess <= _NOISE:
-        variables = dict.fromkeys(variable for found in tested for variable in found.variables)
+    carried_on = [effect for fit in beside.path[-1:] for effect in fit.model.effects if isinstance(effect, Unnamed)]
+    found = carried_on or beside.seen
+    if found or missing.excess <= _NOISE:
+        variables = dict.fromkeys(variable for one in found for variable in one.variables)
         return tuple(named_on(name, final.log.axis) for name in variables)
     return tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
 
