@@ -21,7 +21,7 @@ from plant.effects.curve import CurveOverVelocity, Unnamed, curves
 from plant.effects.effect import Expression, Moment, parameter
 from plant.effects.ripple import RippleOverAngle
 from plant.effects.unnamed import unnamed
-from plant.effects.varying import FrictionOverTurn, TorqueOverTurn
+from plant.effects.varying import FrictionOverTurn
 
 TURN = {"low": 0.0, "high": 2.0 * np.pi}
 
@@ -140,13 +140,12 @@ def test_its_trace_is_what_it_does(kind: type[Unnamed]) -> None:
     ("effect", "variables"),
     [
         (FrictionOverTurn(**TURN, c0=0.1, c1=0.2, c2=0.3, c3=0.2, c4=0.1), ("angle", "velocity")),
-        (TorqueOverTurn(**TURN, c1=0.1, c2=0.15, c3=0.1, c6=-0.1, c7=-0.1), ("angle", "torque")),
         (RippleOverAngle(rate=7.0, s1=0.1, c2=0.1, c3=0.1), ("angle",)),
     ],
     ids=lambda given: getattr(given, "name", ""),
 )
 def test_a_cause_that_nobody_listed_takes_no_name(effect: Unnamed, variables: tuple[str, ...]) -> None:
-    """Each can be had in part under a name: as dry friction, an eccentric encoder, a stop beside cogging."""
+    """Each can be had in part under a name: as dry friction, as a stop beside cogging."""
     truth = ServoModel.paper().with_effect(DeadZone(half_width=0.5)).with_effect(effect)
     logs = []
     for number, duration in enumerate((30.0, 15.0)):
