@@ -8,8 +8,9 @@
 be stopped and taken up. `table` reads that file and writes calibration.txt. A line depends on its key alone.
 
 The size of an effect is given as lambda: twice the log-likelihood by which the model with the true effect beats the
-nearest without it (see tests/hidden.py), each with the process noise that suits it best. `sizes` measures which size
-has which lambda, on one log of each effect; other logs of that size scatter about it.
+nearest without it (see tests/hidden.py), each with the process noise that suits it best, as expected before the noise
+is drawn. The same size has lambdas that differ by a factor of ten and more from one excitation to the next, so it is
+chosen for each log anew: `sizes` measures on one log of each effect where to begin.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
 
 from calibration_table import table  # noqa: E402
-from hidden import CASES, Hidden, evidence, oracle  # noqa: E402
+from hidden import CASES, Hidden, evidence, oracle, rival_model  # noqa: E402
 from machine import (  # noqa: E402
     Follower,
     Machine,
@@ -52,6 +53,8 @@ STORE = HERE / "results" / "calibration.jsonl"
 SIZES = HERE / "results" / "sizes.json"
 DURATION, HELD_OUT, NOISE = 30.0, 15.0, 1e-3
 LAMBDAS = (30.0, 100.0, 400.0)
+_SECANTS = 4
+_NEAR = 0.2  # of the logarithm of a lambda: close enough
 CLEAN = (
     "plain",
     "load 0.01",
@@ -120,11 +123,41 @@ def size_for(case: Hidden, wanted: float) -> float:
     return float(known[-1][0])
 
 
+def lambda_of(case: Hidden, size: float, seed: int) -> float:
+    """Expected lambda of a size under the commands of a seed.
+
+    The mean over a noise and its opposite, whose luck cancels, less what the further parameters make of noise.
+    """
+    commands, machine = excitation(2 * seed, duration=DURATION), case.machine(size)
+    logs = [record(machine, commands, seed=seed, noise=noise).log() for noise in (NOISE, -NOISE)]
+    more = len(case.truth(size).names) - len(rival_model(case, size).names)
+    return float(np.mean([evidence(case, size, log) for log in logs])) - more
+
+
+def size_on(case: Hidden, wanted: float, seed: int) -> tuple[float, float]:
+    """The size that comes closest to a lambda under the commands of a seed, after a few secants, and its lambda."""
+    known: list[tuple[float, float]] = []  # logarithms
+    at = np.log(size_for(case, wanted))
+    lowest, highest = np.log(case.sizes[0] / 1000.0), np.log(case.sizes[-1])
+    for _ in range(_SECANTS):
+        reached = np.log(max(lambda_of(case, float(np.exp(at)), seed), 1.0))
+        known.append((float(at), float(reached)))
+        if abs(reached - np.log(wanted)) < _NEAR:
+            break
+        slope = 2.0  # of lambda over a small size
+        if len(known) > 1 and known[-1][0] != known[-2][0]:
+            (a, below), (b, above) = known[-2:]
+            slope = float(np.clip((above - below) / (b - a), 0.5, 6.0))
+        at = np.clip(at + np.clip((np.log(wanted) - reached) / slope, -2.0, 2.0), lowest, highest)
+    at, reached = min(known, key=lambda one: abs(one[1] - np.log(wanted)))
+    return float(np.exp(at)), float(np.exp(reached))
+
+
 def hidden(number: int, seed: int) -> dict[str, Any]:
     """One effect hidden at a lambda."""
     case, wanted = CASES[number // len(LAMBDAS)], LAMBDAS[number % len(LAMBDAS)]
     commands = excitation(2 * seed, duration=DURATION)
-    size = size_for(case, wanted)
+    size, reached = size_on(case, wanted, seed)
     log = record(case.machine(size), commands, seed=seed, noise=NOISE).log()
     held = record(case.machine(size), excitation(2 * seed + 1, duration=HELD_OUT), seed=seed + 1, noise=NOISE).log()
     begin = time.perf_counter()
@@ -138,6 +171,7 @@ def hidden(number: int, seed: int) -> dict[str, Any]:
     return {
         "truth": [case.effect],
         "wanted": wanted,
+        "lambda": reached,
         "size": size,
         **told,
         "own": own[0].evidence if own and own[0].refitted else None,

@@ -51,8 +51,8 @@ def honest(told: Told) -> bool:
 
 
 def shown(told: Told) -> bool:
-    """Whether the log shows the effect at all as plainly as its size should: on some commands it hardly acts."""
-    return 2.0 * told["oracle"] >= 0.5 * told["wanted"]
+    """Whether some size has about the lambda that was wanted: torque saturates at once by much, or not at all."""
+    return bool(0.5 <= told["lambda"] / told["wanted"] <= 2.0)
 
 
 def loss(told: Told) -> str:

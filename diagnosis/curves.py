@@ -26,7 +26,7 @@ _CLEARS = float(np.log(1000.0))  # score that a curve needs before it is believe
 CLEARLY = 0.1  # share by which what is richer, or has no name, must explain more than what is not to be preferred
 _MOST = 2  # curves that a model may carry
 _PROMISING = -5.0  # score from which a refit may still clear the bar, where an observer hides what it would bring
-_TRIES = 3  # refits in search of one that does
+_TRIES = 4  # refits in search of one that pays and holds up
 _KNOTS_LEAVE = 0.2  # share of what the first brought that a second must bring: less may be how coarse the first is
 
 
@@ -78,6 +78,12 @@ class Carried:
     path: tuple[Fit, ...]
     seen: tuple[Unnamed, ...]
 
+    @property
+    def rich(self) -> bool:
+        """Whether it takes more than curves over one variable."""
+        effects = self.path[-1].model.effects if self.path else ()
+        return any(isinstance(effect, Unnamed) and effect.name not in plain for effect in effects)
+
 
 def carried(fit: Fit) -> Carried:
     """What a fit may carry: a curve over one variable, unless what is richer says clearly more.
@@ -85,16 +91,16 @@ def carried(fit: Fit) -> Carried:
     As a name has to, each says more than a load torque that wanders at random; and what is richer leaves no work for a
     fast observer.
     """
-    seen = unnamed_dependence(fit)
-    simple = nameless(fit) if seen else ()
-    rich = _path(fit, unnamed) if _hides_something(fit) else ()
+    seen, known = unnamed_dependence(fit), dict[str, Fit | None]()
+    simple = _path(fit, plain, seen, known)
+    rich = _path(fit, unnamed, _promising(fit, unnamed), known) if _hides_something(fit) else ()
     better = rich and not follows_anything(rich[-1]) and charged(rich, fit) > (1.0 + CLEARLY) * charged(simple, fit)
     return Carried(path=rich if better else simple, seen=tuple(curve for curve, _ in seen))
 
 
 def nameless(fit: Fit) -> tuple[Fit, ...]:
     """The fit with a curve over one variable more, and another, as long as they pay and hold up unseen."""
-    return _path(fit, plain)
+    return _path(fit, plain, unnamed_dependence(fit), {})
 
 
 def charged(path: tuple[Fit, ...], than: Fit) -> float:
@@ -107,27 +113,39 @@ def _hides_something(fit: Fit) -> bool:
     return bool(fit.bandwidth or fit.log.colour)
 
 
-def _path(fit: Fit, kinds: Mapping[str, type[Unnamed]]) -> tuple[Fit, ...]:
+def _promising(fit: Fit, kinds: Mapping[str, type[Unnamed]]) -> tuple[tuple[Unnamed, float], ...]:
+    return unnamed_dependence(fit, kinds, bar=_PROMISING if fit.bandwidth and kinds is not plain else _CLEARS)
+
+
+def _path(
+    fit: Fit,
+    kinds: Mapping[str, type[Unnamed]],
+    found: tuple[tuple[Unnamed, float], ...],
+    known: dict[str, Fit | None],
+) -> tuple[Fit, ...]:
+    """The fit with one of those found more, and another; `known` are the first steps that were tried before."""
     path: list[Fit] = []
-    while len(path) < _MOST:
-        at = path[-1] if path else fit
-        longer = _one_more(at, kinds)
-        if longer is None or (path and evidence_of(longer, at) < _KNOTS_LEAVE * evidence_of(path[0], fit)):
+    while (longer := _one_more(path[-1] if path else fit, found, known)) is not None:
+        if path and evidence_of(longer, path[-1]) < _KNOTS_LEAVE * evidence_of(path[0], fit):
             break
         path.append(longer)
+        if len(path) == _MOST:
+            break
+        found, known = _promising(longer, kinds), {}
     return tuple(path)
 
 
-def _one_more(fit: Fit, kinds: Mapping[str, type[Unnamed]]) -> Fit | None:
-    bar = _PROMISING if fit.bandwidth and kinds is not plain else _CLEARS
-    found = unnamed_dependence(fit, kinds, bar=bar)
-    tried = found[: max(_TRIES, sum(score > _CLEARS for _, score in found))]
+def _one_more(fit: Fit, found: tuple[tuple[Unnamed, float], ...], known: dict[str, Fit | None]) -> Fit | None:
+    tried = [start for start, _ in found[:_TRIES]]
     random = max(evidence_of(if_it_wanders(fit), fit), 0.0) if tried and may_wander(fit) else 0.0
-    for start, _ in tried:
-        after = refit(fit, start, fixed=start.shape())
-        cost = schwarz_cost(len(after.free) - len(fit.free), fit.samples)
-        if evidence_of(after, fit) - random > _CLEARS + cost and holds_up(fit, after, must_show=True):
-            return after
+    for start in tried:
+        if start.name not in known:
+            after = refit(fit, start, fixed=start.shape())
+            cost = schwarz_cost(len(after.free) - len(fit.free), fit.samples)
+            pays = evidence_of(after, fit) - random > _CLEARS + cost and holds_up(fit, after, must_show=True)
+            known[start.name] = after if pays else None
+        if (longer := known[start.name]) is not None:
+            return longer
     return None
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.candidates import Choice, chosen
-from diagnosis.curves import CLEARLY, Carried, beside_unnamed, charged, nameless
+from diagnosis.curves import CLEARLY, Carried, beside_unnamed, carried, charged, nameless
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.holdout import cut, inverse_errors, measure_gain, remaining, split
 from diagnosis.identifiability import blind_spots, standstill
@@ -131,11 +131,12 @@ def _believed(outcome: Outcome) -> tuple[Outcome, Carried]:
     """What the search found, as far as it is to be believed, and what is carried without a name beside it.
 
     Names that explain clearly less than curves do by themselves only stand near the cause: what carries the gain is
-    what the log shows. Names that leave nothing do not.
+    what the log shows. Names that leave nothing do not. What is richer than a curve is asked alone only where it is
+    needed beside the names.
     """
     additions, beside = beside_unnamed(outcome.base, outcome.additions)
     if outcome.additions and (beside.path or beside.seen or outcome.fit.bandwidth):
-        alone = nameless(outcome.base)
+        alone = carried(outcome.base).path if beside.rich else nameless(outcome.base)
         if alone and charged(alone, outcome.base) > (1.0 + CLEARLY) * charged((outcome.fit,), outcome.base):
             return replace(outcome, additions=()), Carried(path=alone, seen=())
     return replace(outcome, additions=additions), beside

@@ -5,9 +5,10 @@ parameters is expected to be worth about `_VISIBLE` in lambda, twice the log-lik
 *And what is it?* Among the names, what a parameter costs lies half-way between that and the share of its plausible
 range that the estimate still leaves open (Laplace), which is at most half a log(samples) (Schwarz 1978): by the latter
 alone the simpler law would win too often where an effect is barely visible, by the former too seldom where it is plain.
-In both questions a search over shapes costs twice the log of their number, for the peaks of what no model has right are
-higher than those of white noise, and the catalogue the log of its own (extended BIC, Chen and Chen 2008). Charged once,
-periodic causes are seen at lambda 30, and a log of the rig shows one that is not there.
+In both questions the catalogue costs the log of its number, and so does a search over shapes: that is what a flat prior
+says, and enough for the peaks of white noise (extended BIC, Chen and Chen 2008). The peaks of what no model has right
+are higher: as many times as a found shape's neighbours explain more than chance would, as many times its search is
+charged; twice where nobody can tell.
 
 The probability of a name is that something is missing, times the name's share among the names.
 """
@@ -26,11 +27,19 @@ CLEAR = 0.9  # probability above which a name stands alone
 MISSING = 0.95  # probability of "something is missing" that a name needs
 _VISIBLE = 50.0  # lambda for each parameter that an effect is expected to have before the log is seen
 _SCALES = 9  # sizes of a curve that are tried
+_UNKNOWN = 2.0  # times that a search is charged whose neighbourhood is not known
 
 
-def search_charge(*, searched: int, catalogue: int) -> float:
-    """What an explanation pays for having been searched for: `searched` shapes inside it, among `catalogue` rivals."""
-    return 2.0 * float(np.log(searched)) + float(np.log(max(catalogue, 1)))
+def search_charge(*, searched: int, catalogue: int, peaks: float | None = None) -> float:
+    """What an explanation pays for having been searched for: `searched` shapes inside it, among `catalogue` rivals.
+
+    Args:
+        searched: number of shapes.
+        catalogue: number of rivals.
+        peaks: how much higher than chance's the peaks beside the shape are, if that is known.
+    """
+    times = _UNKNOWN if peaks is None else max(peaks, 1.0)
+    return times * float(np.log(searched)) + float(np.log(max(catalogue, 1)))
 
 
 def schwarz_cost(parameters: int, samples: int) -> float:

@@ -19,7 +19,7 @@ from diagnosis.odds import (
 )
 from diagnosis.refit import estimates, evidence_of, is_its_special_case, refined, refit, widening
 from diagnosis.result import Candidate
-from diagnosis.screen import Screen, Suspect
+from diagnosis.screen import Screen, Suspect, peaks_beside
 from identification.fit_result import Fit
 from identification.problem import Problem
 from identification.side_by_side import side_by_side
@@ -106,7 +106,10 @@ def one_round(
     tell(f"round {number}: asking {len(asked)} effects")
     suspects = _screened(fit, asked)
 
-    charge = {s.name: search_charge(searched=s.searched, catalogue=len(asked)) for s in suspects}
+    def charged(suspect: Suspect, peaks: float | None = None) -> float:
+        return search_charge(searched=suspect.searched, catalogue=len(asked), peaks=peaks)
+
+    charge = {s.name: charged(s) for s in suspects}
     scores = {s.name: s.evidence - schwarz_cost(s.columns, fit.samples) - charge[s.name] for s in suspects}
     refits: dict[str, Fit] = {}
     contest: dict[str, Contestant] = {}
@@ -118,6 +121,7 @@ def one_round(
         for suspect, found in zip(some, found_here, strict=True):
             if evidence_of(found, fit) >= _WORTH * most:  # of a shape far behind no look-alike wins
                 found = refined(fit, found, suspect.name)
+            charge[suspect.name] = charged(suspect, peaks_beside(found, suspect.name))
             own = Contestant.of(found, suspect.name, coefficients=suspect.columns, charge=charge[suspect.name])
             refits[suspect.name], contest[suspect.name] = found, own
             scores[suspect.name] = own.score(found, fit)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -58,6 +58,29 @@ class Suspect:
     def score(self) -> float:
         """Evidence less the charge for the search, to rank by."""
         return self.evidence - 2.0 * float(np.log(self.searched))
+
+
+class _Shape(NamedTuple):
+    """One shape of an effect that the screen has tried, without its columns, which are as long as the log."""
+
+    evidence: float
+    columns: int
+    searched: int
+    start: Effect
+
+
+def peaks_beside(fit: Fit, name: str) -> float | None:
+    """How much more the neighbours of a fitted effect explain than chance would; None where there is no telling.
+
+    Beside the effect itself, and the other parameters: what a regression of white noise on two columns explains is
+    exponentially distributed with mean 1.
+    """
+    effect = fit.model.effect(name)
+    if effect is None:
+        return None
+    screen = Screen.of(fit, Problem.of(fit.log, fit.model, fixed=fit.fixed), bandwidth=fit.bandwidth)
+    explained = [evidence for _, evidence, _ in screen.regress(effect.neighbours(screen.motion))]
+    return float(np.median(explained) / np.log(2.0)) if explained else None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,21 +133,25 @@ class Screen:
 
     def _suspect(self, kind: type[Effect]) -> Suspect | None:
         """An effect with its best trace, None where it has none."""
-        tried: list[tuple[float, Effect]] = []
-        columns, searched = 0, 1
+        tried: list[_Shape] = []
         for trace, evidence, coefficients in self.regress(kind.traces(self.motion)):
-            if not tried or evidence > max(e for e, _ in tried):
-                # A grid along which there is one peak has only helped to find it.
-                columns, searched = trace.columns.shape[1], trace.searched if kind.rugged else 1
-                columns = 0 if trace.prior is not None else columns
-            tried.append((evidence, trace.start(coefficients)))
+            columns = 0 if trace.prior is not None else trace.columns.shape[1]
+            # A grid along which there is one peak only helps to find it.
+            searched = trace.searched if kind.rugged else 1
+            tried.append(_Shape(evidence, columns, searched, trace.start(coefficients)))
         if not tried:
             return None
-        tried.sort(key=lambda shape: -shape[0])
-        best = tried[0][0]
-        near = [start for evidence, start in tried if evidence > _NEAR * best] if kind.rugged else []
-        starts = tuple(near[:_STARTS]) or (tried[0][1],)
-        return Suspect(name=kind.name, evidence=best, columns=columns, searched=searched, starts=starts)
+        best = max(tried, key=lambda shape: shape.evidence - np.log(shape.searched))
+        # Whoever has been searched for longer would not have paid for it.
+        near = [s for s in tried if s.evidence > _NEAR * best.evidence and s.searched <= best.searched]
+        starts = [s.start for s in sorted(near, key=lambda s: -s.evidence)] if kind.rugged else []
+        return Suspect(
+            name=kind.name,
+            evidence=best.evidence,
+            columns=best.columns,
+            searched=best.searched,
+            starts=tuple(starts[:_STARTS]) or (best.start,),
+        )
 
     def regress(self, traces: Iterable[Trace], *, discounted: bool = False) -> Iterator[tuple[Trace, float, Array]]:
         """Evidence and coefficients of each trace; evidence discounted for the colour of the innovations on request.

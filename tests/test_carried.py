@@ -12,7 +12,7 @@ from diagnosis import curves
 from diagnosis.curves import Carried, beside_unnamed, carried
 from plant.effects.varying import FrictionOverTurn
 
-BASE, FIRST, SECOND = (SimpleNamespace(name=name) for name in ("base", "first", "second"))
+BASE, FIRST, SECOND = (SimpleNamespace(name=name, bandwidth=5.0) for name in ("base", "first", "second"))
 
 
 @pytest.mark.parametrize(("brings", "kept"), [(19.0, 1), (21.0, 2)])
@@ -21,7 +21,8 @@ def test_a_second_must_bring_a_fifth_of_what_the_first_did(
 ) -> None:
     following = {"base": FIRST, "first": SECOND}
     rises = {("first", "base"): 100.0, ("second", "first"): brings}
-    monkeypatch.setattr(curves, "_one_more", lambda at, kinds: following[at.name])
+    monkeypatch.setattr(curves, "_one_more", lambda at, found, known: following[at.name])
+    monkeypatch.setattr(curves, "unnamed_dependence", lambda at, *kinds, **bar: ())
     monkeypatch.setattr(curves, "evidence_of", lambda after, before: rises[after.name, before.name])
     assert len(curves.nameless(BASE)) == kept  # type: ignore[arg-type]
 
@@ -33,11 +34,32 @@ def test_what_is_richer_must_say_clearly_more_and_leave_no_work_for_a_fast_obser
     monkeypatch: pytest.MonkeyPatch, fast: bool, worth: float, taken: Any
 ) -> None:
     fit: Any = SimpleNamespace(bandwidth=5.0)
-    monkeypatch.setattr(curves, "unnamed_dependence", lambda at: ((None, 50.0),))
-    monkeypatch.setattr(curves, "_path", lambda at, kinds: (FIRST,) if kinds is curves.plain else (SECOND,))
+    monkeypatch.setattr(curves, "unnamed_dependence", lambda at, *kinds, **bar: ((None, 50.0),))
+    monkeypatch.setattr(curves, "_path", lambda at, kinds, *more: (FIRST,) if kinds is curves.plain else (SECOND,))
     monkeypatch.setattr(curves, "follows_anything", lambda at: fast)
     monkeypatch.setattr(curves, "charged", lambda path, than: 100.0 if path == (FIRST,) else worth)
     assert carried(fit).path == (taken,)
+
+
+def test_a_first_step_is_fitted_once_for_what_is_plain_and_what_is_richer(monkeypatch: pytest.MonkeyPatch) -> None:
+    fit: Any = SimpleNamespace(bandwidth=5.0, log=SimpleNamespace(colour=()), free=(), samples=100)
+    starts = {name: SimpleNamespace(name=name, shape=tuple, variables=()) for name in ("plain", "rich")}
+    fitted: list[str] = []
+
+    def dependence(at: Any, kinds: Any = curves.plain, *, bar: float = 0.0) -> Any:
+        return tuple((start, 50.0) for name, start in starts.items() if kinds is not curves.plain or name == "plain")
+
+    def refit(at: Any, start: Any, *, fixed: Any) -> Any:
+        fitted.append(start.name)
+        return SimpleNamespace(free=(), name=start.name)
+
+    monkeypatch.setattr(curves, "unnamed_dependence", dependence)
+    monkeypatch.setattr(curves, "may_wander", lambda at: False)
+    monkeypatch.setattr(curves, "refit", refit)
+    monkeypatch.setattr(curves, "evidence_of", lambda after, before: 100.0)
+    monkeypatch.setattr(curves, "holds_up", lambda before, after, must_show: False)
+    assert carried(fit).path == ()
+    assert fitted == ["plain", "rich"]
 
 
 def test_a_name_that_does_not_pay_beside_it_goes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import as_wave, eight_periods, lines_over_angle, waves
+from plant.effects.order_lines import as_wave, eight_periods, lines_over_angle, neighbouring, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +43,11 @@ class Cogging(Effect):
                 ),
                 searched=searched,
             )
+
+    def neighbours(self, motion: Motion) -> Iterator[Trace]:
+        """Sine and cosine at orders beside its own."""
+        for rate in neighbouring(motion.angle, self.order):
+            yield Trace(columns=waves(motion.angle, rate), start=lambda c: self)
 
     @classmethod
     def typical(cls, motion: Motion) -> Effect | None:

@@ -251,6 +251,13 @@ class Effect:
         """Traces of the effect over a motion, one for each shape worth trying."""
         raise NotImplementedError(f"{cls.__name__} does not say how its trace looks.")
 
+    def neighbours(self, motion: Motion) -> Iterator[Trace]:
+        """Traces of shapes beside its own that chance would favour as much; none where there is no telling.
+
+        What they explain beside the effect itself says how high the peaks are that mean nothing.
+        """
+        return iter(())
+
     @classmethod
     def typical(cls, motion: Motion) -> Effect | None:
         """The effect at a size that shows along a motion: the middle one of its shapes; None where it has no trace."""

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import as_wave, lines_over_angle, waves
+from plant.effects.order_lines import as_wave, lines_over_angle, neighbouring, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +49,11 @@ class EncoderEccentricity(Effect):
                 searched=among,
                 acts_on="reading",
             )
+
+    def neighbours(self, motion: Motion) -> Iterator[Trace]:
+        """Sine and cosine at orders beside its own."""
+        for rate in neighbouring(motion.angle, self.order):
+            yield Trace(columns=waves(motion.angle, rate), start=lambda c: self, acts_on="reading")
 
     @classmethod
     def typical(cls, motion: Motion) -> Effect | None:

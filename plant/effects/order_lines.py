@@ -9,6 +9,7 @@ from plant.effects.motion import Array, Motion
 from plant.effects.returns import returning
 
 _NEIGHBOURHOOD = 101  # grid points, a quarter of a resolvable line each, whose median is the background of a peak
+_BESIDE = 16  # lines on each side of one by which it is told what chance, or a poor model, makes there
 _LONGEST = 4000  # lines that a search may reach
 _RETURNS = 0.7  # mean agreement of a wave's phases between visits to a state, from which it is taken for the state's
 
@@ -33,6 +34,14 @@ def lines_over_time(motion: Motion) -> tuple[list[float], int]:
     return [rate for rate in rates if returning(motion, np.exp(1j * rate * motion.time)) <= _RETURNS], searched
 
 
+def neighbouring(place: Array, rate: float) -> Array:
+    """Rates beside one, as far apart as lines can be told apart over a variable (T,), on both sides."""
+    apart = 2.0 * np.pi / max(float(np.ptp(place)), 1e-300)
+    steps = np.arange(2.0, 2.0 + _BESIDE)
+    rates = rate + apart * np.concatenate((-steps[::-1], steps))
+    return np.asarray(rates[rates >= 2.0 * apart])
+
+
 def waves(place: Array, rate: float) -> Array:
     """(T, 2) sine and cosine of `rate` [rad per unit] over a variable (T,)."""
     return np.column_stack((np.sin(rate * place), np.cos(rate * place)))
@@ -49,7 +58,7 @@ def eight_periods(place: Array) -> float:
     return 16.0 * np.pi / reach if reach > 0.0 else 1.0
 
 
-def strongest_lines(place: Array, score: Array, highest: float, count: int = 6) -> tuple[list[float], int]:
+def strongest_lines(place: Array, score: Array, highest: float) -> tuple[list[float], int]:
     """Peaks of the periodogram of a score (T,) over a variable (T,), and the number of frequencies looked at.
 
     A line must complete two periods within the range, or it cannot be told from a trend.
@@ -64,10 +73,10 @@ def strongest_lines(place: Array, score: Array, highest: float, count: int = 6) 
     frequencies = np.arange(2.0 * apart, highest, apart / 4.0)
     power = _periodogram(place, score, frequencies)
     # A slow torque moves the load further than a fast one, so the background falls with the frequency: a line may stand
-    # out of it without being among the highest.
+    # out of it without being among the highest. Of the highest more are tried, for some are only drift.
     background = np.maximum(median_filter(power, size=_NEIGHBOURHOOD, mode="nearest"), 1e-300)
     chosen: list[float] = []
-    for height in (power, power / background):
+    for height, count in ((power, 16), (power / background, 6)):
         found = 0
         for index in np.argsort(height)[::-1]:
             if all(abs(frequencies[index] - other) > apart for other in chosen):

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import as_wave, eight_periods, lines_over_time, waves
+from plant.effects.order_lines import as_wave, eight_periods, lines_over_time, neighbouring, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +49,12 @@ class PeriodicDisturbance(Effect):
                 ),
                 searched=searched,
             )
+
+    def neighbours(self, motion: Motion) -> Iterator[Trace]:
+        """Sine and cosine at frequencies beside its own."""
+        middle = motion.time + 0.5 * motion.sample_time
+        for rate in neighbouring(middle, 2.0 * np.pi * self.frequency):
+            yield Trace(columns=waves(middle, rate), start=lambda c: self)
 
     @classmethod
     def typical(cls, motion: Motion) -> Effect | None:

@@ -1,0 +1,113 @@
+"""What a search over shapes costs: the log of their number, or twice it where peaks are higher than chance's."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+from scipy.signal import lfilter
+
+from diagnosis import diagnose
+from diagnosis.odds import search_charge
+from diagnosis.screen import Screen, peaks_beside
+from identification.fit import fit
+from plant import ServoModel
+from plant.effects import Cogging, CoulombFriction, EncoderEccentricity, PeriodicDisturbance, Trace
+from plant.effects.order_lines import neighbouring
+
+WAVE = {"amplitude": 0.2, "frequency": 3.3, "phase": 0.4}
+
+
+def peaks_on(seed: int, swing: float) -> float:
+    """Beside a wave, where the load also swings at random about its frequency, which no observer makes white noise."""
+    commands = excitation(seed, duration=30.0)
+    pole = 0.99 * np.exp(2j * np.pi * WAVE["frequency"] * 0.005)
+    pushes = swing * np.random.default_rng([seed, 1]).standard_normal((commands.size, 1))
+    swinging = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], pushes, axis=0)
+    machine = Machine().hiding(periodic_disturbance=WAVE)
+    log = record(machine, commands, seed=seed, noise=1e-3, load_torque=swinging).log()
+    model = ServoModel.paper().with_effect(PeriodicDisturbance(**WAVE))
+    peaks = peaks_beside(fit(log, model, fixed=["periodic_disturbance.frequency"]), "periodic_disturbance")
+    assert peaks is not None
+    return peaks
+
+
+def test_neighbours_of_a_line_explain_what_chance_does_or_more_where_no_model_is_right() -> None:
+    white = [peaks_on(seed, 0.0) for seed in range(4)]
+    assert np.mean(white) == pytest.approx(1.0, abs=0.25)
+    assert np.mean([peaks_on(seed, 0.01) for seed in range(4)]) > 1.8
+
+
+def test_it_costs_as_often_as_the_peaks_are_higher_than_chances_and_twice_where_nobody_knows() -> None:
+    once = np.log(5000)
+    for peaks, cost in ((None, 2.0), (0.3, 1.0), (1.5, 1.5), (9.0, 9.0)):
+        assert search_charge(searched=5000, catalogue=1, peaks=peaks) == pytest.approx(cost * once)
+    assert search_charge(searched=1, catalogue=24) == pytest.approx(np.log(24))
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        Cogging(amplitude=0.1, order=11.0, phase=0.7),
+        EncoderEccentricity(amplitude=1e-3, order=11.0, phase=0.7),
+        PeriodicDisturbance(amplitude=0.1, frequency=11.0 / (2.0 * np.pi), phase=0.7),
+    ],
+    ids=lambda effect: effect.name,
+)
+def test_neighbours_are_lines_of_their_own_about_that_of_the_effect(effect: Any) -> None:
+    place = np.linspace(-3.0, 9.0, 4001)
+    motion: Any = SimpleNamespace(angle=place, time=place, sample_time=0.0)
+    traces = list(effect.neighbours(motion))
+    own = np.sin(11.0 * place)
+    assert len(traces) == 32
+    assert {trace.acts_on for trace in traces} == {"reading" if effect.name == "encoder_eccentricity" else "torque"}
+    for trace in traces:
+        seen = trace.columns @ np.linalg.lstsq(trace.columns, own, rcond=None)[0]
+        assert seen @ seen < 0.05 * own @ own
+
+
+def test_neighbours_complete_two_periods() -> None:
+    place = np.linspace(0.0, 10.0, 1001)
+    rates = neighbouring(place, 2.5)
+    assert rates.min() >= 2.0 * 2.0 * np.pi / 10.0
+    assert len(rates) < 32
+
+
+def test_effects_without_a_search_have_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    log = record(Machine(), excitation(1, duration=5.0), seed=1, noise=1e-3).log()
+    found = fit(log, ServoModel.paper().with_effect(CoulombFriction(torque=0.1)))
+    assert peaks_beside(found, "coulomb_friction") is None
+    assert peaks_beside(found, "cogging") is None
+
+
+def test_a_shape_that_was_not_searched_for_is_not_refitted_to_one_that_was() -> None:
+    """Once round the turn is asked for alone; what is a little better among thousands would not have paid."""
+
+    def regress(traces: Any) -> Any:
+        return ((trace, evidence, np.ones(2)) for trace, evidence in zip(traces, (20.0, 24.0), strict=True))
+
+    first, among = CoulombFriction(torque=1.0), CoulombFriction(torque=2.0)
+    traces = [
+        Trace(columns=np.zeros((1, 2)), start=lambda c, s=start: s, searched=searched)
+        for start, searched in ((first, 2), (among, 5000))
+    ]
+    kind = SimpleNamespace(name="any", rugged=True, traces=lambda motion: traces)
+    found = Screen._suspect(SimpleNamespace(regress=regress, motion=None), kind)  # type: ignore[arg-type]
+    assert found is not None
+    assert found.starts == (first,)
+    assert (found.evidence, found.searched) == (20.0, 2)
+
+
+@pytest.mark.parametrize("seed", [9000, 9005])
+def test_a_disturbance_of_barely_more_than_chance_is_named(seed: int) -> None:
+    """About 24 in log-likelihood, of which some 9 are the price of 6,000 frequencies."""
+    hidden = WAVE | {"amplitude": 0.0966}
+    log = record(
+        Machine().hiding(periodic_disturbance=hidden), excitation(2 * seed, duration=30.0), seed=seed, noise=1e-3
+    ).log()
+    found = diagnose(log)
+    assert [cause.effect for cause in found.causes] == ["periodic_disturbance"]
+    assert found.causes[0].parameters["frequency"].value == pytest.approx(3.3, abs=0.02)
