@@ -25,6 +25,7 @@ from identification.errors import Unidentifiable
 from identification.fit import base_model, fit
 from identification.fit_result import Fit
 from identification.log import Log
+from identification.side_by_side import without_blas_threads
 from identification.stamps import evenly_timed
 from plant.effects.curve import Unnamed
 from plant.effects.effect import Array
@@ -35,6 +36,7 @@ _TELLING = 0.2  # share of the missing torque's variance from which a variable i
 _MENTION = 1e-4  # probability from which a rival is listed
 
 
+@without_blas_threads
 def diagnose(
     log: Log,
     base: ServoModel | None = None,

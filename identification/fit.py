@@ -8,11 +8,13 @@ from identification.colour import with_its_colour
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem
+from identification.side_by_side import without_blas_threads
 from identification.stamps import with_its_clock
 from plant.effects import DeadZone
 from plant.servo import ServoModel
 
 
+@without_blas_threads
 def fit(
     log: Log,
     model: ServoModel | None = None,

@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 from machine import Machine, excitation, record
 from test_over_runs import dense
+from threadpoolctl import threadpool_info, threadpool_limits
 
+from diagnosis import diagnose
 from diagnosis.nuisance import Nuisance
 from diagnosis.screen import Screen
 from identification.certainty import fit_of
 from identification.fit import fit
 from identification.predictor import Prediction
 from identification.problem import Problem
-from identification.side_by_side import side_by_side
+from identification.side_by_side import side_by_side, without_blas_threads
 from plant import ServoModel
 from plant.effects import Backlash, CoulombFriction, Motion, TorqueOffset, Trace, catalogue
 
@@ -86,6 +88,21 @@ def test_work_side_by_side_keeps_its_order_and_its_errors() -> None:
     assert side_by_side(lambda item: item**2, range(20)) == [item**2 for item in range(20)]
     with pytest.raises(ZeroDivisionError):
         side_by_side(lambda item: 1 / item, [1, 0])
+
+
+def test_a_blas_has_one_thread_while_a_log_is_fitted_and_its_own_afterwards() -> None:
+    def threads() -> set[int]:
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    seen: list[set[int]] = []
+    log = record(Machine(), excitation(1, duration=2.0), noise=1e-3).log()
+    with threadpool_limits(limits=2, user_api="blas"):
+        assert threads() == {2}
+        without_blas_threads(lambda: seen.append(threads()))()
+        diagnose(log, candidates=["coulomb_friction"], progress=lambda line: seen.append(threads()))
+        assert threads() == {2}
+    assert len(seen) > 3
+    assert all(each == {1} for each in seen)
 
 
 def test_the_colour_of_the_noise_does_not_move_the_load() -> None:
