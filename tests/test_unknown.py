@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
+from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
 from diagnosis import diagnose
@@ -17,7 +18,7 @@ from diagnosis.odds import smooth_evidence
 from identification.log import Log
 from plant import BadParameter, Effect, ModelFile, ServoModel, catalogue, read_model, simulate
 from plant.effects import DeadZone, Motion, Stage, Trace
-from plant.effects.curve import CurveOverVelocity, Unnamed, curves
+from plant.effects.curve import CurveOverAngle, CurveOverVelocity, Unnamed, curves
 from plant.effects.effect import Expression, Moment, parameter
 from plant.effects.ripple import RippleOverAngle
 from plant.effects.unnamed import unnamed
@@ -165,9 +166,27 @@ def test_a_cause_that_nobody_listed_takes_no_name(effect: Unnamed, variables: tu
 
 def test_a_curve_is_flat_outside_its_range_and_passes_its_knots() -> None:
     values = [0.3, -0.1, 0.2, 0.0, 0.5, 0.4, -0.2, 0.1, 0.7]
+    curve = CurveOverAngle(low=-3.0, high=4.0, **{f"c{k}": value for k, value in enumerate(values)})
+    ends = [float(curve.load_torque(Moment(angle=x), 0.0)) for x in (-9.0, -3.0, 0.5, 4.0, 9.0)]
+    assert ends == pytest.approx([0.3, 0.3, 0.5, 0.7, 0.7])
+
+
+def test_over_velocity_it_goes_on_as_a_damping_as_steep_as_it_ends() -> None:
+    """What is viscous in it and what the model has as viscous friction are one thing, and no fit knows the shares."""
+    values = [0.3, -0.1, 0.2, 0.0, 0.5, 0.4, -0.2, 0.1, 0.7]
     curve = CurveOverVelocity(low=-3.0, high=4.0, **{f"c{k}": value for k, value in enumerate(values)})
-    ends = [float(curve.load_torque(Moment(velocity=v), 0.0)) for v in (-9.0, -3.0, 4.0, 9.0)]
-    assert ends == pytest.approx([0.3, 0.3, 0.7, 0.7])
+
+    def torque(velocity: float) -> float:
+        return float(curve.load_torque(Moment(velocity=velocity), 0.0))
+
+    assert [torque(-3.0), torque(4.0)] == pytest.approx([0.3, 0.7])
+    inner = [brentq(lambda v, k=k: float(curve.place(v, -3.0, 4.0)) - k, -3.0, 4.0) for k in (1, 7)]
+    slope = 0.5 * ((-0.1 - 0.3) / (inner[0] + 3.0) + (0.7 - 0.1) / (4.0 - inner[1]))
+    assert [torque(9.0) - 0.7, torque(-9.0) - 0.3] == pytest.approx([5.0 * slope, -6.0 * slope])
+    viscous = CurveOverVelocity(low=-3.0, high=4.0, **{f"c{k}": 0.0 for k in range(9)})
+    knots = [-3.0, *(brentq(lambda v, k=k: float(curve.place(v, -3.0, 4.0)) - k, -3.0, 4.0) for k in range(1, 8)), 4.0]
+    viscous = replace(viscous, **{f"c{k}": -0.2 * v for k, v in enumerate(knots)})
+    assert [float(viscous.load_torque(Moment(velocity=v), 0.0)) for v in (-9.0, 8.0)] == pytest.approx([1.8, -1.6])
     places = [float(curve.place(v, -3.0, 4.0)) for v in np.linspace(-3.0, 4.0, 200)]
     assert np.all(np.diff(places) > 0)
 

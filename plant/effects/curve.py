@@ -48,7 +48,7 @@ class Unnamed(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Curve(Unnamed):
-    """A piecewise linear curve through nine knots between `low` and `high`, constant outside: it never extrapolates."""
+    """A piecewise linear curve through nine knots between `low` and `high`, constant outside."""
 
     stage = Stage.LOAD
     equation = r"\tau_u = f(\cdot)"
@@ -129,7 +129,11 @@ class Curve(Unnamed):
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOverVelocity(Curve):
-    """Over velocity, with most knots where friction changes: near zero."""
+    """Over velocity, with most knots where friction changes: near zero; outside, it goes on as steeply as it ends.
+
+    Its slope and the viscous friction of the model are one thing, of which a fit leaves either any share: flat ends
+    would take away from what the fit has seen together.
+    """
 
     name = "curve_over_velocity"
     title = "curve over velocity"
@@ -141,6 +145,18 @@ class CurveOverVelocity(Curve):
         """Evenly over asinh of the velocity."""
         scale = _DENSE * (high - low)
         return super().place(*(ca.asinh(v / scale) for v in (value, low, high)))
+
+    @classmethod
+    def hats(cls, value: Expression, low: Expression, high: Expression) -> list[Expression]:
+        """How much each knot counts at a value; outside, by the mean of the slopes between the two last of each end."""
+        hats, scale = super().hats(value, low, high), _DENSE * (high - low)
+        first, last = ca.asinh(low / scale), ca.asinh(high / scale)
+        second, last_but_one = (scale * ca.sinh(first + k / (KNOTS - 1) * (last - first)) for k in (1, KNOTS - 2))
+        beyond = ca.fmax(value - high, 0) + ca.fmin(value - low, 0)
+        for near, end, run in ((1, 0, second - low), (KNOTS - 2, KNOTS - 1, last_but_one - high)):
+            share = 0.5 * beyond / run
+            hats[near], hats[end] = hats[near] + share, hats[end] - share
+        return hats
 
 
 @dataclass(frozen=True, kw_only=True)
