@@ -109,7 +109,7 @@ def _hidden(told: list[Told]) -> str:
         lines.append(f"held-out error over the oracle's, named alone: median {middle:.4f}, 95 % {most:.4f}")
     lost = [t for t in told if not honest(t)]
     spared = Counter(t["truth"][0] for t in hardly)
-    lines.append(f"left out, because the effect hardly acted on that log (lambda below half): {dict(spared) or 'none'}")
+    lines.append(f"left out, because no size of the effect has about that lambda on that log: {dict(spared) or 'none'}")
     lines += ["", "losses: " + (", ".join(f"{k} {v}" for k, v in Counter(map(loss, lost)).items()) or "none")]
     for t in sorted(lost, key=lambda t: t["key"][1:]):
         said = ", ".join(f"{c['effect']} {c['probability']:.3f}" for c in t["causes"]) or t["verdict"]

@@ -36,6 +36,11 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     return unseen > (_SIGNIFICANT if loud else -_SIGNIFICANT)
 
 
+def lost_unseen(before: Fit, after: Fit) -> float:
+    """By how much an extended model is less likely in the last part, each with the observer that it asks for."""
+    return float(np.sum(_unseen(before, before.bandwidth) - _unseen(after, after.bandwidth)))
+
+
 def _unseen(fit: Fit, bandwidth: float) -> Array:
     """(U,) log-likelihood of each sample in the last part of the runs, after a fit to the first part."""
     seen = replace(fit.log, runs=tuple(run.slice(0, int(len(run) * (1.0 - _UNSEEN))) for run in fit.log.runs))
