@@ -1,4 +1,4 @@
-"""What a search over shapes costs: the log of their number, or twice it where peaks are higher than chance's."""
+"""What a search over shapes costs: the log of their number, as often as peaks beside them are higher than chance's."""
 
 from __future__ import annotations
 
@@ -69,14 +69,25 @@ def test_neighbours_are_lines_of_their_own_about_that_of_the_effect(effect: Any)
         assert seen @ seen < 0.05 * own @ own
 
 
-def test_neighbours_complete_two_periods() -> None:
+def test_a_line_is_tried_behind_a_slow_observer_though_drift_is_higher() -> None:
+    """Six lines of the spectrum are higher than the one that is hidden, and none of them explains more."""
+    hidden = {"amplitude": 0.002279, "order": 11.0, "phase": 0.7}
+    machine = Machine().hiding(cogging=hidden)
+    base = fit(record(machine, excitation(18006, duration=30.0), seed=9003, noise=1e-3).log(), ServoModel.paper())
+    screen, _ = Screen.views(base)[0]
+    orders = [trace.start(np.ones(2)) for trace in Cogging.traces(screen.motion)]
+    assert any(abs(effect.order - 11.0) < 0.25 for effect in orders if isinstance(effect, Cogging))
+
+
+def test_neighbours_complete_two_periods_and_are_none_of_a_rate_that_ran_off() -> None:
     place = np.linspace(0.0, 10.0, 1001)
     rates = neighbouring(place, 2.5)
     assert rates.min() >= 2.0 * 2.0 * np.pi / 10.0
     assert len(rates) < 32
+    assert neighbouring(place, 1e135).size == 0
 
 
-def test_effects_without_a_search_have_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_effects_without_a_search_have_none() -> None:
     log = record(Machine(), excitation(1, duration=5.0), seed=1, noise=1e-3).log()
     found = fit(log, ServoModel.paper().with_effect(CoulombFriction(torque=0.1)))
     assert peaks_beside(found, "coulomb_friction") is None

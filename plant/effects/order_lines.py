@@ -35,11 +35,14 @@ def lines_over_time(motion: Motion) -> tuple[list[float], int]:
 
 
 def neighbouring(place: Array, rate: float) -> Array:
-    """Rates beside one, as far apart as lines can be told apart over a variable (T,), on both sides."""
+    """Rates beside one, as far apart as lines can be told apart over a variable (T,), on both sides.
+
+    None outside what a search looks at: of a rate to which a fit has run off there is no telling.
+    """
     apart = 2.0 * np.pi / max(float(np.ptp(place)), 1e-300)
     steps = np.arange(2.0, 2.0 + _BESIDE)
     rates = rate + apart * np.concatenate((-steps[::-1], steps))
-    return np.asarray(rates[rates >= 2.0 * apart])
+    return np.asarray(rates[(rates >= 2.0 * apart) & (rates <= _LONGEST * apart)])
 
 
 def waves(place: Array, rate: float) -> Array:
