@@ -18,6 +18,7 @@ EQUIVALENT = {  # in an open loop, at these sizes
     "actuator_lag": {"sensor_lag", "input_delay"},
     "sensor_lag": {"input_delay", "actuator_lag"},
     "gravity_offset": {"cogging"},  # of order one
+    "coulomb_friction": {"asymmetric_friction"},  # of two equal levels
 }
 _BINS = (0.0, 0.5, 0.9, 0.99, 0.999, 0.9999, 1.0000001)
 

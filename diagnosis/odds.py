@@ -27,7 +27,7 @@ CLEAR = 0.9  # probability above which a name stands alone
 MISSING = 0.95  # probability of "something is missing" that a name needs
 _VISIBLE = 50.0  # lambda for each parameter that an effect is expected to have before the log is seen
 _SCALES = 9  # sizes of a curve that are tried
-_UNKNOWN = 2.0  # times that a search is charged whose neighbourhood is not known
+UNKNOWN = 2.0  # times that a search is charged whose neighbourhood is not known
 
 
 def search_charge(*, searched: int, catalogue: int, peaks: float | None = None) -> float:
@@ -38,7 +38,7 @@ def search_charge(*, searched: int, catalogue: int, peaks: float | None = None) 
         catalogue: number of rivals.
         peaks: how much higher than chance's the peaks beside the shape are, if that is known.
     """
-    times = _UNKNOWN if peaks is None else max(peaks, 1.0)
+    times = UNKNOWN if peaks is None else max(peaks, 1.0)
     return times * float(np.log(searched)) + float(np.log(max(catalogue, 1)))
 
 

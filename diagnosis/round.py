@@ -110,7 +110,7 @@ def one_round(
         return search_charge(searched=suspect.searched, catalogue=len(asked), peaks=peaks)
 
     charge = {s.name: charged(s) for s in suspects}
-    scores = {s.name: s.evidence - schwarz_cost(s.columns, fit.samples) - charge[s.name] for s in suspects}
+    scores = {s.name: s.evidence - schwarz_cost(s.coefficients, fit.samples) - charge[s.name] for s in suspects}
     refits: dict[str, Fit] = {}
     contest: dict[str, Contestant] = {}
 
@@ -122,7 +122,7 @@ def one_round(
             if evidence_of(found, fit) >= _WORTH * most:  # of a shape far behind no look-alike wins
                 found = refined(fit, found, suspect.name)
             charge[suspect.name] = charged(suspect, peaks_beside(found, suspect.name))
-            own = Contestant.of(found, suspect.name, coefficients=suspect.columns, charge=charge[suspect.name])
+            own = Contestant.of(found, suspect.name, coefficients=suspect.coefficients, charge=charge[suspect.name])
             refits[suspect.name], contest[suspect.name] = found, own
             scores[suspect.name] = own.score(found, fit)
 
@@ -135,7 +135,7 @@ def one_round(
         own = Contestant.of(simpler, name, coefficients=len(asked[name].parameters()), charge=plain)
         refits[name], contest[name], scores[name] = simpler, own, own.score(simpler, fit)
     odds = weighed(contest, refits, fit)
-    visible = {s.name: s.evidence - visibility_cost(s.columns) - charge[s.name] for s in suspects}
+    visible = {s.name: s.evidence - visibility_cost(s.coefficients) - charge[s.name] for s in suspects}
     visible |= {name: own.visible(refits[name], fit) for name, own in contest.items()}
     scores |= {name: -np.inf for name, tried in refits.items() if is_its_special_case(tried, name)}
     for suspect in suspects:

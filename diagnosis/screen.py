@@ -9,16 +9,17 @@ test).
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+from scipy.stats import chi2
 
 from diagnosis.linear import AT_ONCE, Linear, linearised, response, score
 from diagnosis.nuisance import Nuisance
-from diagnosis.odds import smooth_evidence
+from diagnosis.odds import UNKNOWN, smooth_evidence
 from identification.fit_result import Fit
 from identification.least_squares import bounded_least_squares
 from identification.log import Run
@@ -43,14 +44,15 @@ class Suspect:
     Attributes:
         name: of the effect.
         evidence: rise of the log-likelihood that it promises.
-        columns: number of coefficients that were fitted for it; none where a prior has charged for them.
+        coefficients: number of parameters to pay for one by one: all that it has, but for those of a search that is
+            charged for, and none where a prior has charged for them.
         searched: number of shapes that were compared.
         starts: the effect as the regression suggests it, to refit from: the best shape, then others nearly as good.
     """
 
     name: str
     evidence: float
-    columns: int
+    coefficients: int
     searched: int
     starts: tuple[Effect, ...]
 
@@ -64,7 +66,7 @@ class _Shape(NamedTuple):
     """One shape of an effect that the screen has tried, without its columns, which are as long as the log."""
 
     evidence: float
-    columns: int
+    coefficients: int
     searched: int
     start: Effect
 
@@ -72,15 +74,18 @@ class _Shape(NamedTuple):
 def peaks_beside(fit: Fit, name: str) -> float | None:
     """How much more the neighbours of a fitted effect explain than chance would; None where there is no telling.
 
-    Beside the effect itself, and the other parameters: what a regression of white noise on two columns explains is
-    exponentially distributed with mean 1.
+    Beside the effect itself, and the other parameters: twice what a regression of white noise on some columns explains
+    is distributed as chi-squared, with as many degrees of freedom. Shapes that are alike may explain much for no other
+    reason than that the effect is not quite that; only that they explain little tells something.
     """
     effect = fit.model.effect(name)
     if effect is None:
         return None
     screen = Screen.of(fit, Problem.of(fit.log, fit.model, fixed=fit.fixed), bandwidth=fit.bandwidth)
-    explained = [evidence for _, evidence, _ in screen.regress(effect.neighbours(screen.motion))]
-    return float(np.median(explained) / np.log(2.0)) if explained else None
+    beside = (replace(trace, positive=()) for trace in effect.neighbours(screen.motion))
+    peaks = [2.0 * seen / chi2.median(trace.columns.shape[1]) for trace, seen, _ in screen.regress(beside)]
+    typical = float(np.median(peaks)) if peaks else np.inf
+    return typical if typical < (np.inf if effect.of_lines else UNKNOWN) else None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -135,10 +140,11 @@ class Screen:
         """An effect with its best trace, None where it has none."""
         tried: list[_Shape] = []
         for trace, evidence, coefficients in self.regress(kind.traces(self.motion)):
-            columns = 0 if trace.prior is not None else trace.columns.shape[1]
-            # A grid along which there is one peak only helps to find it.
+            # A grid along which there is one peak only helps to find it; what shapes it is a parameter like any other.
             searched = trace.searched if kind.rugged else 1
-            tried.append(_Shape(evidence, columns, searched, trace.start(coefficients)))
+            paid = trace.columns.shape[1] if kind.rugged else len(kind.parameters())
+            paid = 0 if trace.prior is not None else paid
+            tried.append(_Shape(evidence, paid, searched, trace.start(coefficients)))
         if not tried:
             return None
         best = max(tried, key=lambda shape: shape.evidence - np.log(shape.searched))
@@ -148,7 +154,7 @@ class Screen:
         return Suspect(
             name=kind.name,
             evidence=best.evidence,
-            columns=best.columns,
+            coefficients=best.coefficients,
             searched=best.searched,
             starts=tuple(starts[:_STARTS]) or (best.start,),
         )

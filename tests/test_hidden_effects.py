@@ -47,13 +47,18 @@ def test_the_hidden_effect_is_named_and_its_size_recovered(case: Hidden) -> None
 
 @pytest.mark.parametrize(("gap", "share"), [(0.02, 0.3), (0.02, 0.6)])
 def test_a_gap_is_named_alone_in_a_short_log_and_measured(gap: float, share: float) -> None:
-    """A light motor crosses a wide gap in the time in which a heavy one crosses a narrow one."""
+    """A light motor crosses a wide gap in the time in which a heavy one crosses a narrow one.
+
+    What such a log measures is therefore their product. How it is split between them hangs on the shape of the knocks,
+    behind which the likelihood is rugged: rounding alone, of another processor, moves each by a quarter.
+    """
     hidden = Machine().hiding(backlash={"gap": gap, "motor_share": share})
     found = diagnose(record(hidden, excitation(1, duration=20.0)).log())
     (cause,) = found.causes
     assert cause.effect == "backlash"
-    assert cause.parameters["gap"].value == pytest.approx(gap, rel=0.15)
-    assert cause.parameters["motor_share"].value == pytest.approx(share, rel=0.15)
+    found_gap, found_share = cause.parameters["gap"].value, cause.parameters["motor_share"].value
+    assert found_gap * found_share == pytest.approx(gap * share, rel=0.05)
+    assert found_gap == pytest.approx(gap, rel=0.3)
 
 
 @pytest.mark.parametrize("seed", [21, 22])

@@ -44,7 +44,7 @@ def test_together_the_same_effects_are_refitted_as_one_by_one(
 ) -> None:
     start = (CoulombFriction(torque=0.1),)
     suspects = [
-        Suspect(name=f"e{k}", evidence=evidence, columns=1, searched=searched, starts=start)
+        Suspect(name=f"e{k}", evidence=evidence, coefficients=1, searched=searched, starts=start)
         for k, (evidence, _, _, searched) in enumerate(drawn)
     ]
     promised = {f"e{k}": promise for k, (_, promise, _, _) in enumerate(drawn)}
@@ -60,7 +60,7 @@ def test_together_the_same_effects_are_refitted_as_one_by_one(
 
 def test_the_leaders_come_together() -> None:
     start = (CoulombFriction(torque=0.1),)
-    suspects = [Suspect(name=f"e{k}", evidence=50.0 - k, columns=1, searched=1, starts=start) for k in range(3)]
+    suspects = [Suspect(name=f"e{k}", evidence=50.0 - k, coefficients=1, searched=1, starts=start) for k in range(3)]
     scores = {suspect.name: suspect.evidence for suspect in suspects}
     first = next(iter(_worth_a_refit(suspects, scores, {}, observed=False)))
     assert [suspect.name for suspect in first] == ["e0", "e1", "e2"]
@@ -105,7 +105,7 @@ def test_whom_the_leader_is_known_to_be_confused_with_is_asked_though_the_screen
     }
     seen = {"end_stop": 60.0, "cable_stiffness": 11.0, "torque_offset": 0.4, "coulomb_friction": 9.0}
     suspects = [
-        Suspect(name=name, evidence=evidence, columns=1, searched=1, starts=(starts[name],))
+        Suspect(name=name, evidence=evidence, coefficients=1, searched=1, starts=(starts[name],))
         for name, evidence in seen.items()
     ]
     refits: dict[str, Any] = {"end_stop": None}

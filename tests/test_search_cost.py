@@ -14,21 +14,26 @@ from diagnosis import diagnose
 from diagnosis.odds import search_charge
 from diagnosis.screen import Screen, peaks_beside
 from identification.fit import fit
-from plant import ServoModel
-from plant.effects import Cogging, CoulombFriction, EncoderEccentricity, PeriodicDisturbance, Trace
+from plant import ServoModel, catalogue
+from plant.effects import Cogging, CoulombFriction, EncoderEccentricity, PayloadChange, PeriodicDisturbance, Trace
 from plant.effects.order_lines import neighbouring
 
 WAVE = {"amplitude": 0.2, "frequency": 3.3, "phase": 0.4}
 
 
+def swinging(seed: int, swing: float, frequency: float, samples: int) -> np.ndarray:
+    """(T, 1) a load torque that swings at random about a frequency [Hz], which no observer makes white noise."""
+    pole = 0.99 * np.exp(2j * np.pi * frequency * 0.005)
+    pushes = swing * np.random.default_rng([seed, 1]).standard_normal((samples, 1))
+    return np.asarray(lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], pushes, axis=0))
+
+
 def peaks_on(seed: int, swing: float) -> float:
-    """Beside a wave, where the load also swings at random about its frequency, which no observer makes white noise."""
+    """Beside a wave, where the load also swings about its frequency."""
     commands = excitation(seed, duration=30.0)
-    pole = 0.99 * np.exp(2j * np.pi * WAVE["frequency"] * 0.005)
-    pushes = swing * np.random.default_rng([seed, 1]).standard_normal((commands.size, 1))
-    swinging = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], pushes, axis=0)
+    load = swinging(seed, swing, WAVE["frequency"], commands.size)
     machine = Machine().hiding(periodic_disturbance=WAVE)
-    log = record(machine, commands, seed=seed, noise=1e-3, load_torque=swinging).log()
+    log = record(machine, commands, seed=seed, noise=1e-3, load_torque=load).log()
     model = ServoModel.paper().with_effect(PeriodicDisturbance(**WAVE))
     peaks = peaks_beside(fit(log, model, fixed=["periodic_disturbance.frequency"]), "periodic_disturbance")
     assert peaks is not None
@@ -94,6 +99,37 @@ def test_effects_without_a_search_have_none() -> None:
     assert peaks_beside(found, "cogging") is None
 
 
+def peaks_beside_payload(seed: int, swing: float) -> float | None:
+    """Beside a payload that changes, where the load also swings slowly."""
+    change = {"time": 23.1416, "inertia": 0.05, "gravity": 0.02}
+    commands = excitation(seed, duration=30.0)
+    load = swinging(seed, swing, 1.0, commands.size)
+    log = record(Machine().hiding(payload_change=change), commands, seed=seed, noise=1e-3, load_torque=load).log()
+    return peaks_beside(fit(log, ServoModel.paper().with_effect(PayloadChange(**change))), "payload_change")
+
+
+def test_of_shapes_that_are_alike_only_those_that_explain_little_tell() -> None:
+    white = [peaks_beside_payload(seed, 0.0) for seed in (0, 1, 4)]
+    assert all(peaks is not None and 0.3 < peaks < 2.0 for peaks in white)
+    assert peaks_beside_payload(0, 0.05) is None
+
+
+def test_what_shapes_an_effect_is_paid_for_once_by_a_search_or_as_a_parameter() -> None:
+    log = record(Machine(), excitation(2, duration=10.0), seed=2, noise=1e-3).log()
+    suspects = Screen.views(fit(log, ServoModel.paper()))[0][0].ask(catalogue)
+    found = {suspect.name: (suspect.coefficients, suspect.searched > 1) for suspect in suspects}
+    paid = {
+        "torque_offset": (1, False),
+        "end_stop": (2, False),  # its angle
+        "presliding_hysteresis": (2, False),  # its stiffness
+        "stribeck_friction": (3, False),  # its velocity
+        "cogging": (2, True),
+        "payload_change": (2, True),
+        "compliance": (1, True),
+    }
+    assert {name: found[name] for name in paid} == paid
+
+
 def test_a_shape_that_was_not_searched_for_is_not_refitted_to_one_that_was() -> None:
     """Once round the turn is asked for alone; what is a little better among thousands would not have paid."""
 
@@ -110,6 +146,13 @@ def test_a_shape_that_was_not_searched_for_is_not_refitted_to_one_that_was() -> 
     assert found is not None
     assert found.starts == (first,)
     assert (found.evidence, found.searched) == (20.0, 2)
+
+
+def test_a_gap_half_as_wide_as_the_noise_is_named() -> None:
+    """About 18 in log-likelihood, of which 7 are the price of 27 gaps and shares and of a catalogue."""
+    gap = {"gap": 0.000483, "motor_share": 0.3}
+    log = record(Machine().hiding(backlash=gap), excitation(20000, duration=30.0), seed=10000, noise=1e-3).log()
+    assert [cause.effect for cause in diagnose(log).causes] == ["backlash"]
 
 
 @pytest.mark.parametrize("seed", [9000, 9005])

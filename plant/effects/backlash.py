@@ -23,6 +23,8 @@ class Backlash(Effect):
     """A motor with inertia of its own that loses touch with the load, crosses the gap and lands on the other flank.
 
     A flank only pushes. It is a stiff spring with a damper (Nordin and Gutman 2002), whose stiffness is not fitted.
+    A light motor crosses a wide gap as soon as a heavy one a narrow one: a log of a few seconds knows gap times share
+    to some per cent, each alone to a quarter, which standard errors do not say that hold beside one peak of many.
     """
 
     name = "backlash"

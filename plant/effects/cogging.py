@@ -22,6 +22,7 @@ class Cogging(Effect):
     trace = "order lines over angle, constant in torque"
     confused_with = ("encoder_eccentricity", "gravity_offset")
     rugged = True
+    of_lines = True
 
     amplitude: float = parameter("{torque}", "amplitude A", lower=0.0)
     order: float = parameter("rad/{angle}", "periods per turn n", lower=0.0)

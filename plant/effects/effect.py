@@ -118,6 +118,8 @@ class Effect:
     """Whether it puts a motor of its own motion before the load; it then has the states ANGLE, VELOCITY of it."""
     rugged: ClassVar[bool] = False
     """Whether its likelihood has many peaks over its shape, so that a fit should start from several of them."""
+    of_lines: ClassVar[bool] = False
+    """Whether its shapes are lines of a spectrum, of which each is a chance of its own."""
     chaotic: ClassVar[bool] = False
     """Whether a small error grows without bound in a free simulation, so that only short pieces can be judged."""
     clocked: ClassVar[bool] = False
@@ -252,11 +254,11 @@ class Effect:
         raise NotImplementedError(f"{cls.__name__} does not say how its trace looks.")
 
     def neighbours(self, motion: Motion) -> Iterator[Trace]:
-        """Traces of shapes beside its own that chance would favour as much; none where there is no telling.
+        """Traces of shapes beside its own that chance would favour as much; none where no shape is searched for.
 
         What they explain beside the effect itself says how high the peaks are that mean nothing.
         """
-        return iter(())
+        return self.traces(motion) if self.rugged else iter(())
 
     @classmethod
     def typical(cls, motion: Motion) -> Effect | None:

@@ -23,6 +23,7 @@ class EncoderEccentricity(Effect):
     trace = "order lines in the position error that no torque explains"
     confused_with = ("cogging", "gravity_offset")
     rugged = True
+    of_lines = True
 
     amplitude: float = parameter("{angle}", "amplitude a", lower=0.0)
     order: float = parameter("rad/{angle}", "periods per turn n", lower=0.0)

@@ -26,6 +26,7 @@ class PeriodicDisturbance(Effect):
     trace = "a line in time, not in angle"
     confused_with = ("cogging",)
     rugged = True
+    of_lines = True
     clocked = True
 
     amplitude: float = parameter("{torque}", "amplitude A", lower=0.0)
