@@ -23,6 +23,7 @@ from plant.effects.effect import Array, Effect, Expression, Moment, parameter
 from plant.recursion import Recursion
 from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
+from plant.symbolic import one_at_a_time
 
 AT_ONCE = 16  # columns that are followed side by side
 
@@ -95,6 +96,7 @@ def follow(transition: Array, path: Array, seen: Array, columns: Array) -> Array
     return found
 
 
+@one_at_a_time
 @lru_cache(maxsize=16)
 def _side_by_side(n: int) -> Recursion:
     """The recursion of `follow` for n states."""
@@ -176,6 +178,7 @@ def linearised(
     )
 
 
+@one_at_a_time
 @lru_cache(maxsize=128)
 def _slopes(structure: Structure, substeps: int) -> Recursion:
     """(state, inputs) at each sample, parameters -> derivative of the next state by torque and state, of the reading.

@@ -32,6 +32,7 @@ from plant.effects import Effect, Motion, Trace
 from plant.effects.effect import Array
 from plant.recursion import Recursion
 from plant.servo import ServoModel
+from plant.symbolic import one_at_a_time
 
 _NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own, where there are many peaks
 _STARTS = 8
@@ -241,6 +242,7 @@ def _arriving(model: ServoModel, torque: Array, velocity: Array) -> Array:
     return _settled(Structure(model))((), np.column_stack((torque, velocity)), model.values)[1][0][:, 0]
 
 
+@one_at_a_time
 @lru_cache(maxsize=128)
 def _settled(structure: Structure) -> Recursion:
     row, parameters = ca.SX.sym("row", 2), ca.SX.sym("parameters", len(structure.model.names))

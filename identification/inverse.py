@@ -23,6 +23,7 @@ from plant.effects.effect import Array
 from plant.recursion import Recursion
 from plant.servo import ServoModel
 from plant.simulation import actuator_torque
+from plant.symbolic import one_at_a_time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -176,6 +177,7 @@ def needed_torque(model: ServoModel, motion: FilteredMotion) -> Array:
     return inertia[:, 0] * motion.acceleration + torque[:, 0]
 
 
+@one_at_a_time
 @lru_cache(maxsize=128)
 def _passive(structure: Structure) -> Recursion:
     """(state), rows of motion, parameters, time step -> torque that the motion needs without acceleration, inertia."""
@@ -207,6 +209,7 @@ def _true_angle(model: ServoModel, reading: Array) -> Array:
     return np.asarray(reading - (shown - reading))
 
 
+@one_at_a_time
 @lru_cache(maxsize=128)
 def _shown(structure: Structure) -> Recursion:
     """Rows of an angle, parameters -> what sensors without memory show of it."""

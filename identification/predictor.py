@@ -30,6 +30,7 @@ from plant.recursion import Recursion
 from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
 from plant.simulation import beginning, whole_samples
+from plant.symbolic import one_at_a_time
 
 PIECE = 4096  # samples after which the same memory is used again
 
@@ -226,6 +227,7 @@ def moves_with(model: ServoModel) -> Array:
     return np.array([[kind is one for one in moved] for kind in model.kinds], dtype=float)
 
 
+@one_at_a_time
 @lru_cache(maxsize=512)
 def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: int) -> Recursion:
     """(state, slopes), rows of `run_inputs`, parameters -> innovation, its slopes, predicted state, at each sample.

@@ -17,6 +17,7 @@ from plant.effects import Expression, Moment
 from plant.errors import BadParameter
 from plant.integrator import Step, advance
 from plant.servo import ServoModel
+from plant.symbolic import one_at_a_time
 
 Method: TypeAlias = Literal["rk4", "backward_difference"]
 
@@ -79,12 +80,14 @@ def integration_steps(model: ServoModel, sample_time: float) -> int:
     return max(1, int(np.ceil(sample_time / model.longest_step * (1.0 - 1e-6))))
 
 
+@one_at_a_time
 def sample_reading(model: ServoModel) -> Any:
     """What the sensor shows: Function of (n,) state and (P,) parameters."""
     state, parameters = ca.SX.sym("state", len(model.states)), ca.SX.sym("parameters", len(model.names))
     return ca.Function("sample_reading", [state, parameters], [model.bound(parameters).reading(state)])
 
 
+@one_at_a_time
 @lru_cache(maxsize=256)
 def _build(structure: Structure, substeps: int, method: Method) -> Any:
     template = structure.model

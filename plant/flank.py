@@ -11,6 +11,8 @@ from typing import Any, Final
 
 import casadi as ca
 
+from plant.symbolic import one_at_a_time
+
 BLOCK: Final = 10
 """Fine steps that are written out one behind the other: a call costs as much as several steps."""
 
@@ -99,6 +101,7 @@ def _rub(velocity: Any, largest_change: Any) -> Any:
     return ca.sign(velocity) * ca.fmax(ca.fabs(velocity) - largest_change, 0.0)
 
 
+@one_at_a_time
 @lru_cache(maxsize=8)
 def fine_steps(drives: int) -> Any:
     """CasADi function (state, command, disturbance, step, parameters) -> state, over `BLOCK` fine steps.

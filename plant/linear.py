@@ -14,6 +14,7 @@ from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 from plant.simulation import at_switch, beginning, whole_samples
+from plant.symbolic import one_at_a_time
 
 _ITERATIONS = 50
 _CREEP = 1e-3
@@ -109,6 +110,7 @@ def _inputs(torque: float, sample_time: float, width: float) -> Array:
     return np.array([torque, torque, 0.0, np.inf, 0.0, sample_time, width])
 
 
+@one_at_a_time
 @lru_cache(maxsize=64)
 def _derivatives(structure: Structure, sample_time: float) -> Any:
     """(state, inputs, parameters) -> next state, its derivatives by the state (n, n) and by both commands (n, 2)."""
@@ -120,6 +122,7 @@ def _derivatives(structure: Structure, sample_time: float) -> Any:
     return ca.Function("derivatives", [state, inputs, parameters], [ca.densify(part) for part in outputs])
 
 
+@one_at_a_time
 @lru_cache(maxsize=64)
 def _sensor(structure: Structure) -> Any:
     """(state, parameters) -> derivative of the reading by the state (1, n)."""

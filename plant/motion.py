@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from plant.flank import fine_steps
 from plant.machine_code import MachineCode
+from plant.symbolic import one_at_a_time
 
 Array = NDArray[np.float64]
 
@@ -113,6 +114,7 @@ def motion(drives: int) -> Motion:
     return Motion(drives)
 
 
+@one_at_a_time
 @lru_cache(maxsize=64)
 def _folded(function: Any, blocks: int) -> Any:
     return function.fold(blocks) if blocks > 1 else function

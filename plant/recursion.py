@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plant.machine_code import MachineCode
+from plant.symbolic import one_at_a_time
 
 Array: TypeAlias = NDArray[np.float64]
 CHUNK = 250  # rows that one call of the virtual machine covers
@@ -94,10 +95,7 @@ class Recursion:
         self, carried: list[Array], rows: Array, fixed: list[Array], shown: list[Array]
     ) -> list[Array]:
         if self._chunk is None:
-            places = list(range(self._handed))
-            self._chunk = (
-                self._function.mapaccum("chunk", CHUNK, places, places) if places else self._function.map(CHUNK)
-            )
+            self._chunk = _chunk_of(self._function, self._handed)
         padded = np.zeros((CHUNK, rows.shape[1]))
         padded[: len(rows)] = rows
         before = [np.reshape(v, s, order="F") for v, s in zip(carried, self._entering, strict=False)]
@@ -123,6 +121,13 @@ class Recursion:
             "carried": "".join(f"{size}, " for size in sizes[: self._handed]),
             "shown": "".join(f"{size}, " for size in sizes[self._handed :]),
         }
+
+
+@one_at_a_time
+def _chunk_of(function: Any, handed: int) -> Any:
+    """The function over many rows, its first `handed` outputs handed on."""
+    places = list(range(handed))
+    return function.mapaccum("chunk", CHUNK, places, places) if places else function.map(CHUNK)
 
 
 def _in_machine_code(

@@ -14,8 +14,10 @@ import casadi as ca
 from plant.discrete import INPUTS, division, stretches
 from plant.integrator import Step, advance
 from plant.servo import ServoModel
+from plant.symbolic import one_at_a_time
 
 
+@one_at_a_time
 def step_with_slopes(model: ServoModel, free: Sequence[int], columns: int, *, substeps: int) -> Any:
     """The step (state, slopes, inputs, parameters) -> (next state, next slopes), as a `casadi.Function`.
 

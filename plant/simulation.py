@@ -16,6 +16,7 @@ from plant.effects.goal_rate_limit import goals
 from plant.integrator import Step
 from plant.recursion import Recursion
 from plant.servo import ServoModel
+from plant.symbolic import one_at_a_time
 
 
 def held_commands(command: Array, dt: Array, delay: float) -> tuple[Array, Array, float]:
@@ -80,8 +81,13 @@ def simulate(
     needed = 1 if method == "backward_difference" else integration_steps(model, float(steps.max()))
     count = needed if substeps is None else substeps
     step = sample_step(model, substeps=count, method=method)
-    states = np.array(step.mapaccum(command.size)(begin, inputs, values))
+    states = np.array(_repeated(step, command.size)(begin, inputs, values))
     return np.vstack((begin[None, :], states.T))
+
+
+@one_at_a_time
+def _repeated(step: Any, count: int) -> Any:
+    return step.mapaccum(count)
 
 
 def actuator_torque(
@@ -114,6 +120,7 @@ def actuator_torque(
     return torque[:, 0]
 
 
+@one_at_a_time
 @lru_cache(maxsize=128)
 def _actuator(structure: Structure) -> Recursion:
     """(state), rows of command, gain, angle, velocity and time step, parameters, limit -> mean torque."""

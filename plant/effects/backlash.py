@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from plant.effects.effect import Array, Effect, Expression, Motion, Stage, State, Trace, parameter, within
 from plant.recursion import Recursion
+from plant.symbolic import one_at_a_time
 
 _FREQUENCY = 400.0  # of two masses on the spring of a flank [rad/s]: stiff against what a log shows
 _DAMPING = 0.5
@@ -102,6 +103,7 @@ def _crossing(motion: Motion, torque: Array, rows: NDArray[np.intp], share: Arra
     return follow((side, side * gap / 2.0, still, still), moved, share, gap, machine)[1][0]
 
 
+@one_at_a_time
 @lru_cache(maxsize=8)
 def _loose_motor(count: int) -> Recursion:
     """The motor in each of several gaps: (side in touch, lead before the load, its speed, whether loose).

@@ -12,6 +12,7 @@ import numpy as np
 from plant.effects.coulomb_friction import CoulombFriction
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Stage, State, Trace, parameter, within
 from plant.recursion import Recursion
+from plant.symbolic import one_at_a_time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +79,7 @@ def _loops(angle: Array, travels: Array) -> Array:
     return _contacts(travels.size)((np.zeros(travels.size),), travelled, travels)[1][0]
 
 
+@one_at_a_time
 @lru_cache(maxsize=8)
 def _contacts(count: int) -> Recursion:
     """Several contacts side by side, and the mean of their force over a sample."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from plant.effects.effect import Array, Effect, Expression, Motion, Trace
 from plant.recursion import Recursion
+from plant.symbolic import one_at_a_time
 
 _SAMPLES = np.array([2.0, 5.0, 12.0, 30.0, 75.0, 150.0])  # in which a rate that is tried crosses the whole range
 
@@ -65,6 +66,7 @@ def _followed(wanted: Array, reach: Array) -> Array:
     return _ramps(reach.size)((np.full(reach.size, wanted[0]),), wanted[:, None], reach)[1][0]
 
 
+@one_at_a_time
 @lru_cache(maxsize=8)
 def _ramps(count: int) -> Recursion:
     """Several ramps side by side, and their means over a sample."""
