@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
@@ -87,7 +88,7 @@ def test_both_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.Mo
         with monkeypatch.context() as patch:
             if not compiled:
                 patch.setattr(machine_code, "compiler", lambda: None)
-            follow = predictor._prediction.__wrapped__(Structure(model), (0, 1, 2, 3), substeps)
+            follow = inspect.unwrap(predictor._prediction)(Structure(model), (0, 1, 2, 3), substeps)
             assert follow.wait() == compiled
             carried, shown = follow(begin, np.column_stack(columns), model.values)
             forms.append([*carried, *shown])
