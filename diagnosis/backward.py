@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from diagnosis.odds import MISSING, NONE, parameter_cost, schwarz_cost
@@ -104,17 +104,31 @@ def with_best_names(additions: list[Addition], progress: Callable[[str], None] |
             for rival, contestant in rivals.items()
         }
         odds = weighed(rivals, fits, less)
+        if better := _better_special_cases(fits[_leader(odds)], _leader(odds), rest, fits):
+            odds = weighed(rivals, fits := fits | better, less)
         if odds[NONE] > 1.0 - MISSING:
             additions = [*additions[:place], *additions[place + 1 :]]
             additions[-1] = replace(additions[-1], fit=less)
             continue
-        best = next(rival for rival in odds if rival != NONE)
+        best = _leader(odds)
         if best != addition.effect and not holds_up(less, fits[best]):
             continue
         changed = replace(addition, effect=best, odds=odds, evidence=evidence_of(fits[best], less))
         additions = [*additions[:place], changed, *additions[place + 1 :]]
         additions[-1] = replace(additions[-1], fit=fits[best])
     return additions
+
+
+def _leader(odds: Mapping[str, float]) -> str:
+    return next(name for name in odds if name != NONE)
+
+
+def _better_special_cases(leading: Fit, name: str, rest: ServoModel, fits: Mapping[str, Fit]) -> dict[str, Fit]:
+    """Rivals that are special cases of the leader and fit better from its optimum than from where they came."""
+    effect = leading.model.effect(name)
+    specials = effect.reduced() if effect is not None else ()
+    again = {s.name: fitted_near(leading, rest.with_effect(s)) for s in specials if s.name in fits}
+    return {name: found for name, found in again.items() if found.log_likelihood > fits[name].log_likelihood}
 
 
 def fits_in(model: ServoModel, effect: Effect) -> bool:

@@ -123,3 +123,24 @@ def test_a_name_that_was_found_while_others_were_missing_is_weighed_again(
 def test_a_single_name_has_been_weighed() -> None:
     additions = added(base(WAITS, PUSHES), ActuatorLag(time_constant=0.02), rival=WAITS)
     assert with_best_names(additions, None) == additions
+
+
+def test_a_special_case_is_weighed_from_where_its_leader_came_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Friction of two levels that are alike is Coulomb friction, though a fit of that had stopped on the way."""
+    start = base(RUBS, PUSHES)
+    additions = added(start, CoulombFriction(torque=0.3), PUSHES, rival=AsymmetricFriction(forward=0.3, backward=0.3))
+    descend = backward.fitted_near
+
+    def stopping(fit: Fit, model: ServoModel) -> Fit:
+        """From afar the fit of Coulomb friction stops where it does no good."""
+        found = descend(fit, model)
+        near = fit.model.effect("asymmetric_friction") is not None
+        lost = model.effect("coulomb_friction") is not None and not near
+        return replace(found, log_likelihood=found.log_likelihood - 500.0) if lost else found
+
+    monkeypatch.setattr(backward, "fitted_near", stopping)
+    final = additions[-1].fit
+    spoiled = [*additions[:-1], replace(additions[-1], fit=replace(final, log_likelihood=final.log_likelihood - 500.0))]
+    named = with_best_names(spoiled, None)
+    assert names(named) == ["coulomb_friction", "torque_offset"]
+    assert named[-1].fit.log_likelihood > final.log_likelihood - 1.0
