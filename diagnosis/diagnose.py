@@ -20,6 +20,7 @@ from diagnosis.result import Cause, Verdict
 from diagnosis.round import Addition
 from diagnosis.search import Outcome, search
 from diagnosis.second_opinion import second_opinions
+from diagnosis.suggestion import suggestion
 from diagnosis.surface import beside_surface, gave_way
 from identification.errors import Unidentifiable
 from identification.fit import base_model, fit
@@ -109,6 +110,8 @@ def diagnose(
     left = repeats(final)
     if left is not None:
         warnings.append(str(left))
+    if (formula := suggestion(final)) is not None:
+        warnings.append(formula)
     opinions = second_opinions(final, holdout)
     if opinions:
         warnings.append(f"Fitted to the held-out data alone, the model has {'; '.join(map(str, opinions))}.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -32,15 +33,23 @@ def log_of(**hidden: dict[str, float]) -> Log:
 
 
 @pytest.mark.parametrize(
-    ("hidden", "variable"),
+    ("hidden", "variable", "formula"),
     [
-        ({"quadratic_drag": {"drag": 0.03}}, "velocity"),
-        ({"cable_stiffness": {"stiffness": 0.1, "cubic": 0.002, "rest_angle": 0.4}}, "angle"),
+        (
+            {"quadratic_drag": {"drag": 0.03}},
+            "velocity",
+            r"looks like -0\.0\d+ v \|v\| \[N m\], beside viscous friction",
+        ),
+        (
+            {"cable_stiffness": {"stiffness": 0.1, "cubic": 0.002, "rest_angle": 0.4}},
+            "angle",
+            r"looks like .* -0\.1\d+ x ",
+        ),
     ],
     ids=["drag", "cable"],
 )
 def test_what_the_catalogue_lacks_is_unknown_and_its_gain_is_had(
-    hidden: dict[str, dict[str, float]], variable: str
+    hidden: dict[str, dict[str, float]], variable: str, formula: str
 ) -> None:
     (name,) = hidden
     found = diagnose(log_of(**hidden), exclude=[name])
@@ -51,6 +60,7 @@ def test_what_the_catalogue_lacks_is_unknown_and_its_gain_is_had(
     told = diagnose(log_of(**hidden), candidates=[name])
     assert [cause.effect for cause in told.causes] == [name]
     assert found.gain.cut > 0.9 * told.gain.cut
+    assert any(re.search(formula, warning) for warning in found.warnings)
 
 
 def test_names_that_explain_clearly_less_than_a_curve_are_dropped_for_it() -> None:

@@ -1,0 +1,79 @@
+"""What an unnamed curve looks like is said as a short formula, or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis.suggestion import knots, looks_like, suggestion
+from identification.fit import fit
+from plant import ServoModel
+from plant.effects.curve import KNOTS, CurveOverTime, CurveOverVelocity
+from plant.effects.effect import Array
+
+
+@pytest.mark.parametrize(
+    ("over", "law", "terms"),
+    [
+        ("velocity", lambda v: -0.15 * v * np.abs(v) + 0.7 * v, {"v |v|": -0.15}),  # the straight part is viscous
+        ("velocity", lambda v: -0.3 * np.sign(v) + 0.01 * v**3, {"sgn(v)": -0.3, "v^3": 0.01}),
+        ("angle", lambda x: 0.2 * np.sin(x), {"sin(x)": 0.2}),
+        ("angle", lambda x: 0.04 - 0.1 * x, {"1": 0.04, "x": -0.1}),
+        ("torque", lambda u: -0.2 * u * np.abs(u), {"u |u|": -0.2}),
+    ],
+)
+def test_a_law_of_one_or_two_terms_is_recognised(
+    over: str, law: Callable[[Array], Array], terms: dict[str, float]
+) -> None:
+    places = np.linspace(-2.0, 3.0, KNOTS)
+    assert looks_like(over, places, law(places), np.eye(KNOTS)) == pytest.approx(terms, rel=1e-6)
+
+
+@pytest.mark.parametrize("over", ["velocity", "angle", "torque"])
+def test_a_bump_is_like_none_of_them(over: str) -> None:
+    places = np.linspace(-2.0, 3.0, KNOTS)
+    assert looks_like(over, places, np.exp(-(((places - 1.0) / 0.5) ** 2)), np.eye(KNOTS)) == {}
+    assert looks_like(over, places, np.zeros(KNOTS), np.eye(KNOTS)) == {}
+
+
+def test_a_knot_that_the_log_does_not_know_does_not_speak_against_a_formula() -> None:
+    places = np.linspace(-2.0, 3.0, KNOTS)
+    heights, sure = 0.2 * np.sin(places), np.eye(KNOTS)
+    heights[0] += 1.0
+    assert looks_like("angle", places, heights, sure) == {}
+    sure[0, 0] = 1e-9
+    assert looks_like("angle", places, heights, sure) == pytest.approx({"sin(x)": 0.2}, rel=1e-3)
+
+
+def test_knots_are_where_the_curve_has_them() -> None:
+    curve = CurveOverVelocity(low=-3.0, high=2.0)
+    found = knots(curve)
+    assert found[[0, -1]] == pytest.approx([-3.0, 2.0])
+    for place, value in enumerate(found):
+        hats = [float(hat) for hat in curve.hats(float(value), -3.0, 2.0)]
+        assert np.argmax(hats) == place
+        assert max(hats) == pytest.approx(1.0, abs=1e-2)
+
+
+def test_a_drag_that_may_not_be_named_is_suggested_from_its_curve() -> None:
+    log = record(Machine().hiding(quadratic_drag={"drag": 0.1}), excitation(1, duration=20.0)).log()
+    shape = {f"c{k}": 0.0 for k in range(KNOTS)}
+    with_curve = ServoModel.paper().with_effect(CurveOverVelocity(low=-3.0, high=3.0, **shape))
+    fixed = ["curve_over_velocity.low", "curve_over_velocity.high", "viscous_friction"]
+    said = suggestion(fit(log, with_curve, fixed=fixed))
+    assert said is not None
+    assert "Over velocity v" in said
+    assert "looks like -0." in said
+    assert " v |v| [N m], beside viscous friction" in said
+    assert said.endswith("no finding.")
+
+
+def test_over_time_nothing_is_suggested_nor_without_a_curve() -> None:
+    log = record(Machine(), excitation(1, duration=5.0)).log()
+    assert suggestion(fit(log, ServoModel.paper())) is None
+    shape = {f"c{k}": 0.0 for k in range(KNOTS)}
+    timed = ServoModel.paper().with_effect(CurveOverTime(low=0.0, high=5.0, **shape))
+    assert suggestion(fit(log, timed, fixed=["curve_over_time.low", "curve_over_time.high"])) is None
