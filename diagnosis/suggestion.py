@@ -37,6 +37,12 @@ _TERMS: Mapping[str, Mapping[str, Term]] = {
         "sin(x)": np.sin,
         "cos(x)": np.cos,
     },
+    "position": {  # of a linear axis, which has no turn
+        "1": np.ones_like,
+        "x": np.positive,
+        "x^2": np.square,
+        "x^3": lambda x: x**3,
+    },
     "torque": {
         "1": np.ones_like,
         "u": np.positive,
@@ -57,18 +63,17 @@ def suggestion(fit: Fit) -> str | None:
     rows = [row for row, place in enumerate(fit.free) if fit.model.names[place].startswith(f"{curve.name}.c")]
     if len(rows) < KNOTS:
         return None
-    places = knots(curve)
-    heights = np.array(curve.values[2:], dtype=float)
-    found = looks_like(
-        curve.over, places, heights, np.asarray(np.linalg.pinv(fit.covariance[np.ix_(rows, rows)]), dtype=float)
-    )
+    over, torque = named_on(curve.over, fit.log.axis), named_on("torque", fit.log.axis)
+    variable = over if over in _TERMS else curve.over
+    information = np.asarray(np.linalg.pinv(fit.covariance[np.ix_(rows, rows)]), dtype=float)
+    found = looks_like(variable, knots(curve), np.array(curve.values[2:], dtype=float), information)
     if not found:
         return None
     formula = " ".join(f"{size:+.3g} {name}".replace(" 1", "") for name, size in found.items()).removeprefix("+")
-    over, symbol = named_on(curve.over, fit.log.axis), _SYMBOL[curve.over]
     beside = ", beside viscous friction" if curve.over in _TAKEN_OVER else ""
+    law = f"{formula} [{fit.log.command_unit}]{beside}"
     return (
-        f"Over {over} {symbol} the torque that is missing looks like {formula} [{fit.log.command_unit}]{beside}. "
+        f"Over {over} {_SYMBOL[curve.over]} the {torque} that is missing looks like {law}. "
         "That is a suggestion from the curve, no finding."
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from machine import Machine, excitation, record
 from diagnosis.suggestion import knots, looks_like, suggestion
 from identification.fit import fit
 from plant import ServoModel
-from plant.effects.curve import KNOTS, CurveOverTime, CurveOverVelocity
+from plant.effects.curve import KNOTS, CurveOverAngle, CurveOverTime, CurveOverVelocity
 from plant.effects.effect import Array
 
 
@@ -22,6 +23,7 @@ from plant.effects.effect import Array
         ("velocity", lambda v: -0.3 * np.sign(v) + 0.01 * v**3, {"sgn(v)": -0.3, "v^3": 0.01}),
         ("angle", lambda x: 0.2 * np.sin(x), {"sin(x)": 0.2}),
         ("angle", lambda x: 0.04 - 0.1 * x, {"1": 0.04, "x": -0.1}),
+        ("position", lambda x: 0.3 * x**3, {"x^3": 0.3}),
         ("torque", lambda u: -0.2 * u * np.abs(u), {"u |u|": -0.2}),
     ],
 )
@@ -69,6 +71,22 @@ def test_a_drag_that_may_not_be_named_is_suggested_from_its_curve() -> None:
     assert "looks like -0." in said
     assert " v |v| [N m], beside viscous friction" in said
     assert said.endswith("no finding.")
+
+
+def test_on_a_linear_axis_it_speaks_of_position_and_force_and_of_no_turn() -> None:
+    log = record(replace(Machine(), gravity=0.0), excitation(1, duration=5.0)).log()
+    axis = replace(log, axis="linear", command_unit="N")
+    shape = {f"c{k}": 0.1 * np.sin(0.5 * k - 2.0) for k in range(KNOTS)}
+    curve = CurveOverAngle(low=-2.0, high=2.0, **shape)
+    kept = [f"curve_over_angle.{name}" for name in ("low", "high")]
+    model = ServoModel(inertia=2.0, viscous_friction=0.8, gravity=0.0, axis="linear").with_effect(curve)
+    found = fit(axis, model, fixed=kept)
+    like_a_sine = found.model.without_effect(curve.name).with_effect(curve)
+    said = suggestion(replace(found, model=like_a_sine, covariance=np.eye(len(found.free))))
+    assert said is not None
+    assert said.startswith("Over position x the force that is missing looks like ")
+    assert "[N]" in said
+    assert "sin(" not in said
 
 
 def test_over_time_nothing_is_suggested_nor_without_a_curve() -> None:
