@@ -21,6 +21,7 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -93,7 +94,7 @@ def lines(part: str, count: int) -> Iterator[tuple[str, int, int]]:
     hide = len(CASES) * len(LAMBDAS)
     cases = {"hidden": hide, "several": len(SEVERAL), "deleted": len(CASES), "clean": len(CLEAN)}[part]
     for place in range(count):
-        yield part, place % cases, 11000 + place // cases
+        yield part, place % cases, 12000 + place // cases
 
 
 def sizes_of(number: int) -> list[tuple[float, float]]:
@@ -134,30 +135,41 @@ def lambda_of(case: Hidden, size: float, seed: int) -> float:
     return float(np.mean([evidence(case, size, log) for log in logs])) - more
 
 
-def size_on(case: Hidden, wanted: float, seed: int) -> tuple[float, float]:
-    """The size that comes closest to a lambda under the commands of a seed, after a few secants, and its lambda."""
-    known: list[tuple[float, float]] = []  # logarithms
-    at = np.log(size_for(case, wanted))
+@lru_cache(maxsize=1)
+def sizes_on(number: int, seed: int) -> dict[float, tuple[float, float]]:
+    """The sizes of an effect that come closest to each lambda under the commands of a seed, with their own lambdas.
+
+    A few secants in logarithms for each, of which the later ones know what the earlier have measured.
+    """
+    case = CASES[number]
     lowest, highest = np.log(case.sizes[0] / 1000.0), np.log(case.sizes[-1])
-    for _ in range(_SECANTS):
-        reached = np.log(max(lambda_of(case, float(np.exp(at)), seed), 1.0))
-        known.append((float(at), float(reached)))
-        if abs(reached - np.log(wanted)) < _NEAR:
-            break
-        slope = 2.0  # of lambda over a small size
-        if len(known) > 1 and known[-1][0] != known[-2][0]:
-            (a, below), (b, above) = known[-2:]
-            slope = float(np.clip((above - below) / (b - a), 0.5, 6.0))
-        at = np.clip(at + np.clip((np.log(wanted) - reached) / slope, -2.0, 2.0), lowest, highest)
-    at, reached = min(known, key=lambda one: abs(one[1] - np.log(wanted)))
-    return float(np.exp(at)), float(np.exp(reached))
+    known: list[tuple[float, float]] = []  # logarithms of size and lambda
+    for wanted in (100.0, 30.0, 400.0):
+        for _ in range(_SECANTS):
+            at = np.clip(_next_size(known, np.log(wanted), np.log(size_for(case, wanted))), lowest, highest)
+            if any(at == tried or abs(reached - np.log(wanted)) < _NEAR for tried, reached in known):
+                break
+            known.append((float(at), np.log(max(lambda_of(case, float(np.exp(at)), seed), 1.0))))
+    closest = {wanted: min(known, key=lambda one: abs(one[1] - np.log(wanted))) for wanted in LAMBDAS}
+    return {wanted: (float(np.exp(at)), float(np.exp(reached))) for wanted, (at, reached) in closest.items()}
+
+
+def _next_size(known: list[tuple[float, float]], wanted: float, begin: float) -> float:
+    """Where the line through the two known sizes next to a lambda reaches it; all are logarithms."""
+    if not known:
+        return begin
+    (at, reached), *others = sorted(known, key=lambda one: abs(one[1] - wanted))[:2]
+    slope = 2.0  # of lambda over a small size
+    if others and others[0][0] != at:
+        slope = float(np.clip((reached - others[0][1]) / (at - others[0][0]), 0.5, 6.0))
+    return at + float(np.clip((wanted - reached) / slope, -2.0, 2.0))
 
 
 def hidden(number: int, seed: int) -> dict[str, Any]:
     """One effect hidden at a lambda."""
     case, wanted = CASES[number // len(LAMBDAS)], LAMBDAS[number % len(LAMBDAS)]
     commands = excitation(2 * seed, duration=DURATION)
-    size, reached = size_on(case, wanted, seed)
+    size, reached = sizes_on(number // len(LAMBDAS), seed)[wanted]
     log = record(case.machine(size), commands, seed=seed, noise=NOISE).log()
     held = record(case.machine(size), excitation(2 * seed + 1, duration=HELD_OUT), seed=seed + 1, noise=NOISE).log()
     begin = time.perf_counter()
@@ -304,9 +316,10 @@ def main() -> None:
         part, count = sys.argv[2], int(sys.argv[3])
         done = {tuple(line["key"]) for line in stored()}
         keys = [key for key in lines(part, count) if key not in done]
+        chunk = len(LAMBDAS) if part == "hidden" else 1  # which share the search for sizes
         STORE.parent.mkdir(exist_ok=True)
         with multiprocessing.get_context("spawn").Pool(int(sys.argv[4]) if len(sys.argv) > 4 else 2) as pool:
-            for place, told in enumerate(pool.imap_unordered(one, keys), start=1):
+            for place, told in enumerate(pool.imap_unordered(one, keys, chunk), start=1):
                 with STORE.open("a") as file:
                     file.write(json.dumps(told) + "\n")
                 names = ", ".join(c["effect"] for c in told["causes"])

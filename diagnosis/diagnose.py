@@ -136,13 +136,16 @@ def _believed(outcome: Outcome) -> tuple[Outcome, Carried]:
     """What the search found, as far as it is to be believed, and what is carried without a name beside it.
 
     Names that explain clearly less than curves do by themselves only stand near the cause: what carries the gain is
-    what the log shows. Names that leave nothing do not. What is richer than a curve is asked alone only where it is
-    needed beside the names.
+    what the log shows. Names that leave nothing do not. What is richer than a curve is asked alone where it is needed
+    beside the names, or where they leave much to an observer; there it has to explain twice as much.
     """
     additions, beside = beside_unnamed(outcome.base, outcome.additions)
     if outcome.additions and (beside.path or beside.seen or outcome.fit.bandwidth):
+        named, enough = charged((outcome.fit,), outcome.base), 1.0 + CLEARLY
         alone = carried(outcome.base).path if beside.rich else nameless(outcome.base)
-        if alone and charged(alone, outcome.base) > (1.0 + CLEARLY) * charged((outcome.fit,), outcome.base):
+        if not beside.rich and outcome.fit.bandwidth and charged(alone, outcome.base) <= enough * named:
+            alone, enough = carried(outcome.base).path, 2.0
+        if alone and charged(alone, outcome.base) > enough * named:
             return replace(outcome, additions=()), Carried(path=alone, seen=())
     return replace(outcome, additions=additions), beside
 

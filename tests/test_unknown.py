@@ -73,6 +73,25 @@ def test_names_that_explain_clearly_less_than_a_curve_are_dropped_for_it() -> No
     assert [effect.name for effect in found.model.effects] == ["dead_zone", "curve_over_angle"]
 
 
+@pytest.mark.parametrize(
+    ("hidden", "near", "carried"),
+    [
+        ({"load_dependent_friction": {"coefficient": 0.1}}, "asymmetric_friction", "friction_over_torque"),
+        ({"periodic_disturbance": {"amplitude": 0.6, "frequency": 3.3, "phase": 0.4}}, "cogging", "ripple_over_time"),
+    ],
+    ids=["load", "periodic"],
+)
+def test_what_no_curve_explains_is_carried_by_what_is_richer(
+    hidden: dict[str, dict[str, float]], near: str, carried: str
+) -> None:
+    """Even where a name stands near the cause, as long as it leaves most of it to an observer."""
+    found = diagnose(log_of(**hidden), candidates=[near])
+    assert found.verdict == "unknown"
+    assert carried in [effect.name for effect in found.model.effects]
+    told = diagnose(log_of(**hidden), candidates=list(hidden))
+    assert found.gain.cut > 0.8 * told.gain.cut
+
+
 def test_gravity_stays_what_it_was_beside_a_curve_over_the_angle() -> None:
     """It is such a curve itself: set free, the two run off against one another, and beyond the knots it shows."""
     log = log_of(cable_stiffness={"stiffness": 0.1, "cubic": 0.002, "rest_angle": 0.4})

@@ -18,7 +18,6 @@ from plant.effects.order_lines import lines_over_angle, lines_over_time, waves
 
 HARMONICS = 4
 _PRIOR = np.diag(np.repeat(1.0 / np.arange(1, HARMONICS + 1) ** 2, 2))  # higher ones are smaller
-_TRIED = 12  # fundamentals, of which each has many columns
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,8 +52,7 @@ class Ripple(Unnamed):
     @classmethod
     def lines(cls, motion: Motion) -> tuple[list[float], int]:
         """Rates of the fundamental worth a try, and how many were looked at."""
-        orders, searched = lines_over_angle(motion, motion.score)
-        return orders[:_TRIED], searched
+        return lines_over_angle(motion, motion.score)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
@@ -111,8 +109,7 @@ class RippleOverTime(Ripple):
     @classmethod
     def lines(cls, motion: Motion) -> tuple[list[float], int]:
         """As of a disturbance that is a single sine."""
-        rates, searched = lines_over_time(motion)
-        return rates[:_TRIED], searched
+        return lines_over_time(motion)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +130,7 @@ class RippleOfReading(Ripple):
     def lines(cls, motion: Motion) -> tuple[list[float], int]:
         """One turn, and what an error of the reading would improve most."""
         found, searched = lines_over_angle(motion, motion.reading_score)
-        return [*([1.0] if np.ptp(motion.angle) > 1.0 else []), *found[:_TRIED]], searched
+        return [*([1.0] if np.ptp(motion.angle) > 1.0 else []), *found], searched
 
 
 ripples: Mapping[str, type[Ripple]] = MappingProxyType(
