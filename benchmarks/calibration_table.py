@@ -108,6 +108,7 @@ def _hidden(told: list[Told]) -> str:
     if ratios:
         middle, most = np.median(ratios), np.quantile(ratios, 0.95)
         lines.append(f"held-out error over the oracle's, named alone: median {middle:.4f}, 95 % {most:.4f}")
+    lines.append(f"held-out error a twentieth above the base's and the oracle's: {rate(sum(map(_worse, told)), len(told))}")
     lost = [t for t in told if not honest(t)]
     spared = Counter(t["truth"][0] for t in hardly)
     lines.append(f"left out, because no size of the effect has about that lambda on that log: {dict(spared) or 'none'}")
@@ -121,6 +122,12 @@ def _hidden(told: list[Told]) -> str:
             f" ({over}); evidence of the truth {own}, of the oracle {t['oracle']:.1f}: {loss(t)}"
         )
     return "\n".join(lines)
+
+
+def _worse(told: Told) -> bool:
+    """Whether the extended model does worse on held-out data than the base, and than the true law would."""
+    base, extended, oracle = told["errors"]
+    return bool(extended > 1.05 * max(base, oracle))
 
 
 def _p95(told: list[Told]) -> float:
@@ -200,6 +207,7 @@ def _deleted(told: list[Told]) -> str:
         f"{rate(len(silent) - len(alike), len(told))}",
         "  (a doubt: another verdict, a variable, or more than a tenth of the held-out error power unexplained)",
         f"  share of the oracle's gain that is had all the same: median {np.median(gains):.3f}",
+        f"  held-out error a twentieth above the base's and the oracle's: {rate(sum(map(_worse, told)), len(told))}",
     ]
     for t in sorted(told, key=lambda t: t["key"][1:]):
         gain = (1 - t["errors"][1] / t["errors"][0]) / (1 - t["errors"][2] / t["errors"][0])
