@@ -108,7 +108,9 @@ def _hidden(told: list[Told]) -> str:
     if ratios:
         middle, most = np.median(ratios), np.quantile(ratios, 0.95)
         lines.append(f"held-out error over the oracle's, named alone: median {middle:.4f}, 95 % {most:.4f}")
-    lines.append(f"held-out error a twentieth above the base's and the oracle's: {rate(sum(map(_worse, told)), len(told))}")
+    lines.append(
+        f"held-out error a twentieth above the base's and the oracle's: {rate(sum(map(_worse, told)), len(told))}"
+    )
     lost = [t for t in told if not honest(t)]
     spared = Counter(t["truth"][0] for t in hardly)
     lines.append(f"left out, because no size of the effect has about that lambda on that log: {dict(spared) or 'none'}")
@@ -124,10 +126,10 @@ def _hidden(told: list[Told]) -> str:
     return "\n".join(lines)
 
 
-def _worse(told: Told) -> bool:
-    """Whether the extended model does worse on held-out data than the base, and than the true law would."""
-    base, extended, oracle = told["errors"]
-    return bool(extended > 1.05 * max(base, oracle))
+def _no_worse(told: list[Told]) -> str:
+    """How often the extended model does worse on held-out data than the base, and than the true law would."""
+    worse = [extended > 1.05 * max(base, oracle) for base, extended, oracle in (t["errors"] for t in told)]
+    return f"held-out error a twentieth above the base's and the oracle's: {rate(sum(worse), len(worse))}"
 
 
 def _p95(told: list[Told]) -> float:
@@ -207,7 +209,7 @@ def _deleted(told: list[Told]) -> str:
         f"{rate(len(silent) - len(alike), len(told))}",
         "  (a doubt: another verdict, a variable, or more than a tenth of the held-out error power unexplained)",
         f"  share of the oracle's gain that is had all the same: median {np.median(gains):.3f}",
-        f"  held-out error a twentieth above the base's and the oracle's: {rate(sum(map(_worse, told)), len(told))}",
+        f"  {_no_worse(told)}",
     ]
     for t in sorted(told, key=lambda t: t["key"][1:]):
         gain = (1 - t["errors"][1] / t["errors"][0]) / (1 - t["errors"][2] / t["errors"][0])

@@ -16,9 +16,9 @@ import subprocess
 import sys
 import tempfile
 import threading
-import weakref
 from functools import lru_cache
 from importlib.util import find_spec
+from multiprocessing.util import Finalize
 from pathlib import Path
 
 from platformdirs import user_cache_path
@@ -72,11 +72,15 @@ class MachineCode:
 
 
 class _Build:
-    """A compiler at work in a folder of its own, both of which end with this object."""
+    """A compiler at work in a folder of its own, both of which end with this object, or with its process.
+
+    A worker that was forked ends without what `atexit` and `weakref.finalize` have registered; `multiprocessing` looks
+    after its own.
+    """
 
     def __init__(self, process: subprocess.Popen[bytes], folder: Path) -> None:
         self.process, self.folder = process, folder
-        self._end = weakref.finalize(self, _abandon, process, folder)
+        self._end = Finalize(self, _abandon, (process, folder), exitpriority=0)
 
     @classmethod
     def start(cls, command: tuple[str, ...], name: str, source: str) -> _Build | None:

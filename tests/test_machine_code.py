@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import multiprocessing
+import os
+import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
@@ -165,6 +168,37 @@ def test_a_spoilt_library_is_built_anew(tmp_path: Path) -> None:
     assert is_right(recursion)
     assert recursion.wait()
     assert is_right(recursion)
+
+
+BUILD = """
+import multiprocessing, sys, time
+from plant.machine_code import MachineCode
+
+def build():
+    global code
+    code = MachineCode("example", "int answer(void) { return 42; }")
+
+if __name__ == "__main__":
+    worker = multiprocessing.get_context(sys.argv[1]).Process(target=build)
+    worker.start()
+    worker.join()
+    build()
+    sys.exit(worker.exitcode)
+"""
+
+
+@pytest.mark.parametrize("method", multiprocessing.get_all_start_methods())
+def test_no_process_leaves_anything_behind_when_it_ends_before_its_compiler(method: str, tmp_path: Path) -> None:
+    folder, script, slow = tmp_path / "here", tmp_path / "build.py", tmp_path / "cc"
+    folder.mkdir()
+    script.write_text(BUILD)
+    slow.write_text("#!/bin/sh\nexec sleep 60\n")
+    slow.chmod(0o755)
+    root = Path(machine_code.__file__).parents[1]
+    env = {**os.environ, "CC": str(slow), "TMPDIR": str(folder), "HOME": str(tmp_path), "PYTHONPATH": str(root)}
+    env["XDG_CACHE_HOME"] = str(tmp_path / "cache")
+    subprocess.run([sys.executable, str(script), method], env=env, check=True, timeout=40)
+    assert not [path for path in folder.iterdir() if path.name.startswith("antidrive")]
 
 
 def test_a_compiler_that_came_as_a_wheel_serves_where_there_is_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
