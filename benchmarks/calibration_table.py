@@ -108,9 +108,7 @@ def _hidden(told: list[Told]) -> str:
     if ratios:
         middle, most = np.median(ratios), np.quantile(ratios, 0.95)
         lines.append(f"held-out error over the oracle's, named alone: median {middle:.4f}, 95 % {most:.4f}")
-    lines.append(
-        f"held-out error a twentieth above the base's and the oracle's: {rate(sum(map(_worse, told)), len(told))}"
-    )
+    lines.append(_no_worse(told))
     lost = [t for t in told if not honest(t)]
     spared = Counter(t["truth"][0] for t in hardly)
     lines.append(f"left out, because no size of the effect has about that lambda on that log: {dict(spared) or 'none'}")
