@@ -1,6 +1,6 @@
 """Hide an effect in an independent machine, and the diagnosis must name it; hide none, and it must name none.
 
-The whole table, three sizes of each, is printed by benchmarks/hidden_effects.py.
+Rates and odds over many logs are printed by benchmarks/calibration.py.
 """
 
 from __future__ import annotations
