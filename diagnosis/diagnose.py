@@ -18,6 +18,7 @@ from diagnosis.refit import estimates
 from diagnosis.repeated_runs import repeats
 from diagnosis.result import Cause, Verdict
 from diagnosis.round import Addition
+from diagnosis.rugged import with_scatter
 from diagnosis.search import Outcome, search
 from diagnosis.second_opinion import second_opinions
 from diagnosis.suggestion import suggestion
@@ -98,7 +99,7 @@ def diagnose(
     tell("looking for what has no name")
     surely = beside_surface(outcome.additions, null, progress)
     warnings.extend(gave_way(outcome.additions, surely))
-    outcome, beside = _believed(replace(outcome, additions=surely))
+    outcome, beside = _with_scatter(*_believed(replace(outcome, additions=surely)))
     missing = missing_torque(outcome.fit)
     again = repeats(outcome.fit)
     depends_on = _depends_on(outcome.fit, missing, beside)
@@ -148,6 +149,16 @@ def _believed(outcome: Outcome) -> tuple[Outcome, Carried]:
         if alone and charged(alone, outcome.base) > enough * named:
             return replace(outcome, additions=()), Carried(path=alone, seen=())
     return replace(outcome, additions=additions), beside
+
+
+def _with_scatter(outcome: Outcome, beside: Carried) -> tuple[Outcome, Carried]:
+    """The same with standard errors that know of the other peaks of a rugged likelihood."""
+    if outcome.additions:
+        *first, last = outcome.additions
+        outcome = replace(outcome, additions=(*first, replace(last, fit=with_scatter(last.fit))))
+    if beside.path:
+        beside = replace(beside, path=(*beside.path[:-1], with_scatter(beside.path[-1])))
+    return outcome, beside
 
 
 def _depends_on(final: Fit, missing: MissingTorque, beside: Carried) -> tuple[str, ...]:

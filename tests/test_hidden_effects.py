@@ -50,13 +50,17 @@ def test_a_gap_is_named_alone_in_a_short_log_and_measured(gap: float, share: flo
     """A light motor crosses a wide gap in the time in which a heavy one crosses a narrow one.
 
     What such a log measures is therefore their product. How it is split between them hangs on the shape of the knocks,
-    behind which the likelihood is rugged: rounding alone, of another processor, moves each by a quarter.
+    behind which the likelihood is rugged: rounding alone, of another processor, moves each by a quarter. The standard
+    errors say so.
     """
     hidden = Machine().hiding(backlash={"gap": gap, "motor_share": share})
     found = diagnose(record(hidden, excitation(1, duration=20.0)).log())
     (cause,) = found.causes
     assert cause.effect == "backlash"
     found_gap, found_share = cause.parameters["gap"].value, cause.parameters["motor_share"].value
+    std = cause.parameters["gap"].std
+    assert std is not None
+    assert abs(found_gap - gap) < 3.0 * std < 1.5 * gap
     assert found_gap * found_share == pytest.approx(gap * share, rel=0.05)
     assert found_gap == pytest.approx(gap, rel=0.3)
 

@@ -25,7 +25,8 @@ class Backlash(Effect):
 
     A flank only pushes. It is a stiff spring with a damper (Nordin and Gutman 2002), whose stiffness is not fitted.
     A light motor crosses a wide gap as soon as a heavy one a narrow one: a log of a few seconds knows gap times share
-    to some per cent, each alone to a quarter, which standard errors do not say that hold beside one peak of many.
+    to some per cent, each alone to a quarter. The likelihood has many peaks; the standard errors of a fit hold beside
+    the one that it has climbed, those of a diagnosis come from how parts of the log disagree.
     """
 
     name = "backlash"

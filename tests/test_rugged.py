@@ -1,0 +1,90 @@
+"""The standard error of a gap knows of the peaks that its fit has not climbed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis import rugged
+from diagnosis.refit import refit
+from diagnosis.rugged import scatter, with_scatter
+from identification.errors import Unidentifiable
+from identification.fit import fit
+from identification.fit_result import Fit
+from plant import ServoModel
+from plant.effects import Backlash, Effect
+
+TRUE = Backlash(gap=0.02, motor_share=0.6)
+
+
+@pytest.fixture(scope="module")
+def found() -> Fit:
+    hidden = Machine().hiding(backlash={"gap": TRUE.gap, "motor_share": TRUE.motor_share})
+    return refit(fit(record(hidden, excitation(1, duration=6.0)).log(), ServoModel.paper()), TRUE)
+
+
+def fitted(fit: Fit) -> Effect:
+    effect = fit.model.effect("backlash")
+    assert effect is not None
+    return effect
+
+
+def in_turn(monkeypatch: pytest.MonkeyPatch, *told: np.ndarray | None) -> None:
+    waiting = iter(told)
+    monkeypatch.setattr(rugged, "_alone", lambda rest, effect, part: next(waiting))
+
+
+def test_parts_of_the_log_disagree_about_a_gap_by_more_than_one_peak_is_wide(found: Fit) -> None:
+    honest = with_scatter(found)
+    for name in ("backlash.gap", "backlash.motor_share"):
+        before, now = found[name], honest[name]
+        assert before.value is not None
+        assert before.std is not None
+        assert now.std is not None
+        assert now.value == before.value
+        assert now.std > 2.0 * before.std
+        assert abs(before.value - getattr(TRUE, name.split(".")[1])) < 3.0 * now.std
+    assert [line for line in honest.parameters if "backlash" not in line.name] == [
+        line for line in found.parameters if "backlash" not in line.name
+    ]
+
+
+def test_it_is_the_scatter_of_the_parts_that_could_tell_and_no_less_than_the_width_of_the_peak(
+    found: Fit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parts = [np.array([0.02, 0.6]), np.array([0.03, 0.6]), None, np.array([0.01, 0.6]), np.array([0.02, 0.6])]
+    in_turn(monkeypatch, *parts)
+    told = scatter(found, fitted(found))
+    assert told["backlash.gap"] == pytest.approx(np.std([0.02, 0.03, 0.01, 0.02], ddof=1))
+    assert told["backlash.motor_share"] == pytest.approx(0.0, abs=1e-12)
+    in_turn(monkeypatch, *parts)
+    honest = with_scatter(found)
+    assert honest["backlash.gap"].std == pytest.approx(told["backlash.gap"])
+    assert honest["backlash.motor_share"].std == found["backlash.motor_share"].std
+
+
+def test_two_parts_say_nothing(found: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+    in_turn(monkeypatch, None, None, None, np.array([0.01, 0.5]), np.array([0.03, 0.7]))
+    assert scatter(found, fitted(found)) == {}
+
+
+def test_a_log_too_short_to_cut_leaves_the_fit_as_it_is(found: Fit) -> None:
+    short = replace(found.log, runs=tuple(run.slice(0, 499) for run in found.log.runs))
+    assert scatter(replace(found, log=short), fitted(found)) == {}
+
+
+def test_a_part_that_cannot_tell_is_left_out(found: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+    def cannot(*_: object, **__: object) -> None:
+        raise Unidentifiable("nothing moves")
+
+    monkeypatch.setattr(rugged, "refit", cannot)
+    assert scatter(found, fitted(found)) == {}
+
+
+def test_a_model_that_is_not_chaotic_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = fit(record(Machine(), excitation(1, duration=6.0)).log(), ServoModel.paper())
+    in_turn(monkeypatch)  # which would raise
+    assert with_scatter(plain).parameters == plain.parameters
