@@ -99,7 +99,10 @@ def diagnose(
     tell("looking for what has no name")
     surely = beside_surface(outcome.additions, null, progress)
     warnings.extend(gave_way(outcome.additions, surely))
-    outcome, beside = _with_scatter(*_believed(replace(outcome, additions=surely)))
+    outcome, beside = _believed(replace(outcome, additions=surely))
+    if outcome.fit.model.chaotic:
+        tell("asking parts of the log how sure the gap is")
+        outcome, beside = _with_scatter(outcome, beside)
     missing = missing_torque(outcome.fit)
     again = repeats(outcome.fit)
     depends_on = _depends_on(outcome.fit, missing, beside)
