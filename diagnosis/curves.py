@@ -13,7 +13,7 @@ from scipy.linalg import block_diag
 from diagnosis.odds import MISSING, parameter_cost, schwarz_cost, search_charge
 from diagnosis.refit import evidence_of, fitted_near, refit
 from diagnosis.round import Addition
-from diagnosis.screen import Screen
+from diagnosis.screen import Screen, peaks_beside
 from diagnosis.unseen import holds_up
 from diagnosis.wandering import follows_anything, if_it_wanders, may_wander, needed_with, refitted
 from identification.fit_result import Fit
@@ -141,12 +141,20 @@ def _one_more(fit: Fit, found: tuple[tuple[Unnamed, float], ...], known: dict[st
     for start in tried:
         if start.name not in known:
             after = refit(fit, start, fixed=start.shape())
-            cost = schwarz_cost(len(after.free) - len(fit.free), fit.samples)
+            cost = schwarz_cost(len(after.free) - len(fit.free), fit.samples) + _line_charge(after, start)
             pays = evidence_of(after, fit) - random > _CLEARS + cost and holds_up(fit, after, must_show=True)
             known[start.name] = after if pays else None
         if (longer := known[start.name]) is not None:
             return longer
     return None
+
+
+def _line_charge(fit: Fit, start: Unnamed) -> float:
+    """What a fitted ripple pays for the search among lines: the more, the more the lines beside it explain too."""
+    if not start.of_lines:
+        return 0.0
+    searched = next((trace.searched for trace in start.traces(Screen.views(fit)[0][0].motion)), 1)
+    return search_charge(searched=searched, catalogue=1, peaks=peaks_beside(fit, start.name))
 
 
 def beside_unnamed(base: Fit, additions: tuple[Addition, ...]) -> tuple[tuple[Addition, ...], Carried]:

@@ -55,11 +55,31 @@ def test_a_first_step_is_fitted_once_for_what_is_plain_and_what_is_richer(monkey
 
     monkeypatch.setattr(curves, "unnamed_dependence", dependence)
     monkeypatch.setattr(curves, "may_wander", lambda at: False)
+    monkeypatch.setattr(curves, "_line_charge", lambda at, start: 0.0)
     monkeypatch.setattr(curves, "refit", refit)
     monkeypatch.setattr(curves, "evidence_of", lambda after, before: 100.0)
     monkeypatch.setattr(curves, "holds_up", lambda before, after, must_show: False)
     assert carried(fit).path == ()
     assert fitted == ["plain", "rich"]
+
+
+@pytest.mark.parametrize(("peaks", "kept"), [(1.0, True), (4.0, False)])
+def test_a_ripple_pays_for_the_search_as_much_as_the_lines_beside_it_tell(
+    monkeypatch: pytest.MonkeyPatch, peaks: float, kept: bool
+) -> None:
+    fit: Any = SimpleNamespace(bandwidth=5.0, log=SimpleNamespace(colour=()), free=(), samples=100)
+    start = SimpleNamespace(
+        name="ripple", shape=tuple, of_lines=True, traces=lambda motion: iter([SimpleNamespace(searched=1000)])
+    )
+    after = SimpleNamespace(free=(), name="ripple")
+    monkeypatch.setattr(curves, "may_wander", lambda at: False)
+    monkeypatch.setattr(curves, "refit", lambda *_, fixed: after)
+    monkeypatch.setattr(curves, "evidence_of", lambda after, before: 6.91 + 2.0 * np.log(1000.0))
+    monkeypatch.setattr(curves, "holds_up", lambda before, after, must_show: True)
+    monkeypatch.setattr(curves, "peaks_beside", lambda at, name: peaks)
+    monkeypatch.setattr(curves.Screen, "views", lambda at: [(SimpleNamespace(motion=None), 0.0)])
+    found: Any = ((start, 50.0),)
+    assert (curves._one_more(fit, found, {}) is after) == kept
 
 
 def test_a_name_that_does_not_pay_beside_it_goes(monkeypatch: pytest.MonkeyPatch) -> None:
