@@ -41,7 +41,7 @@ def processes() -> Executor:
 def dask() -> Iterator[Executor]:
     from distributed import Client
 
-    with Client(n_workers=2, threads_per_worker=1, dashboard_address=None) as client:
+    with Client(n_workers=2, threads_per_worker=1, dashboard_address=":0") as client:
         yield client.get_executor()
 
 

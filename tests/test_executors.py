@@ -33,7 +33,7 @@ def processes() -> Iterator[tuple[Executor, Kill]]:
 
 @contextmanager
 def dask() -> Iterator[tuple[Executor, Kill]]:
-    with Client(n_workers=2, threads_per_worker=1, dashboard_address=None) as client:
+    with Client(n_workers=2, threads_per_worker=1, dashboard_address=":0") as client:
         workers = list(client.run(os.getpid).values())
         assert len(set(workers)) == 2
         yield client.get_executor(), partial(os.kill, workers[0], signal.SIGKILL)
