@@ -94,7 +94,7 @@ def lines(part: str, count: int) -> Iterator[tuple[str, int, int]]:
     hide = len(CASES) * len(LAMBDAS)
     cases = {"hidden": hide, "several": len(SEVERAL), "deleted": len(CASES), "clean": len(CLEAN)}[part]
     for place in range(count):
-        yield part, place % cases, 12000 + place // cases
+        yield part, place % cases, 13000 + place // cases
 
 
 def sizes_of(number: int) -> list[tuple[float, float]]:
@@ -285,7 +285,7 @@ def answer(found: Diagnosis, seconds: float) -> dict[str, Any]:
         "tried": [[c.round, c.effect, c.evidence, c.score, c.visible] for c in found.candidates if c.refitted],
         "depends_on": list(found.unexplained.depends_on),
         "unexplained": found.unexplained.share,
-        "bandwidth": found.base.bandwidth,
+        "bandwidth": [found.base.bandwidth, found.extended.bandwidth],
         "seconds": seconds,
     }
 
