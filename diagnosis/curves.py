@@ -141,8 +141,9 @@ def _one_more(fit: Fit, found: tuple[tuple[Unnamed, float], ...], known: dict[st
     for start in tried:
         if start.name not in known:
             after = refit(fit, start, fixed=start.shape())
-            cost = schwarz_cost(len(after.free) - len(fit.free), fit.samples) + _line_charge(after, start)
-            pays = evidence_of(after, fit) - random > _CLEARS + cost and holds_up(fit, after, must_show=True)
+            cost = schwarz_cost(len(after.free) - len(fit.free), fit.samples)
+            over = evidence_of(after, fit) - random - _CLEARS - cost
+            pays = over > 0.0 and over > _line_charge(after, start) and holds_up(fit, after, must_show=True)
             known[start.name] = after if pays else None
         if (longer := known[start.name]) is not None:
             return longer
@@ -153,7 +154,8 @@ def _line_charge(fit: Fit, start: Unnamed) -> float:
     """What a fitted ripple pays for the search among lines: the more, the more the lines beside it explain too."""
     if not start.of_lines:
         return 0.0
-    searched = next((trace.searched for trace in start.traces(Screen.views(fit)[0][0].motion)), 1)
+    (screen, _), *_ = Screen.views(fit)
+    searched = next((trace.searched for trace in start.traces(screen.motion)), 1)
     return search_charge(searched=searched, catalogue=1, peaks=peaks_beside(fit, start.name))
 
 

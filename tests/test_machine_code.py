@@ -171,7 +171,7 @@ def test_a_spoilt_library_is_built_anew(tmp_path: Path) -> None:
 
 
 BUILD = """
-import multiprocessing, sys, time
+import multiprocessing, sys
 from plant.machine_code import MachineCode
 
 def build():
