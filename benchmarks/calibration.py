@@ -55,6 +55,7 @@ SIZES = HERE / "results" / "sizes.json"
 DURATION, HELD_OUT, NOISE = 30.0, 15.0, 1e-3
 LAMBDAS = (30.0, 100.0, 400.0)
 _SECANTS = 4
+_STIFF = 30.0  # of an end stop [N m/rad]
 _NEAR = 0.2  # of the logarithm of a lambda: close enough
 CLEAN = (
     "plain",
@@ -97,9 +98,20 @@ def lines(part: str, count: int) -> Iterator[tuple[str, int, int]]:
         yield part, place % cases, 13000 + place // cases
 
 
+def case_on(number: int, seed: int) -> Hidden:
+    """An effect to hide under the commands of a seed; of an end stop the size is what share of the travel it takes."""
+    case = CASES[number]
+    if case.effect != "end_stop":
+        return case
+    (run,) = record(Machine(), excitation(2 * seed, duration=DURATION), seed=seed, noise=0.0).log().runs
+    low, high = float(run.output.min()), float(run.output.max())
+    return replace(case, at=lambda s: {"angle": high - s * (high - low), "stiffness": _STIFF})
+
+
 def sizes_of(number: int) -> list[tuple[float, float]]:
     """(size, lambda) of one effect, from small to large, on the log of one seed."""
-    case, seed = CASES[number], 4000
+    seed = 4000
+    case = case_on(number, seed)
     commands = excitation(2 * seed, duration=DURATION)
     known: list[tuple[float, float]] = []
     for size in np.geomspace(case.sizes[0] / 100.0, case.sizes[-1], 21):
@@ -141,7 +153,7 @@ def sizes_on(number: int, seed: int) -> dict[float, tuple[float, float]]:
 
     A few secants in logarithms for each, of which the later ones know what the earlier have measured.
     """
-    case = CASES[number]
+    case = case_on(number, seed)
     lowest, highest = np.log(case.sizes[0] / 1000.0), np.log(case.sizes[-1])
     known: list[tuple[float, float]] = []  # logarithms of size and lambda
     for wanted in (100.0, 30.0, 400.0):
@@ -167,7 +179,7 @@ def _next_size(known: list[tuple[float, float]], wanted: float, begin: float) ->
 
 def hidden(number: int, seed: int) -> dict[str, Any]:
     """One effect hidden at a lambda."""
-    case, wanted = CASES[number // len(LAMBDAS)], LAMBDAS[number % len(LAMBDAS)]
+    case, wanted = case_on(number // len(LAMBDAS), seed), LAMBDAS[number % len(LAMBDAS)]
     commands = excitation(2 * seed, duration=DURATION)
     size, reached = sizes_on(number // len(LAMBDAS), seed)[wanted]
     log = record(case.machine(size), commands, seed=seed, noise=NOISE).log()

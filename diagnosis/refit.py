@@ -100,6 +100,15 @@ def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
     }
 
 
+def is_plausible(fit: Fit, name: str) -> bool:
+    """Whether a fitted effect came out with values such as its cause can have, on that log."""
+    effect = fit.model.effect(name)
+    if effect is None:
+        return True
+    angles = np.concatenate([run.output[run.valid] for run in fit.log.runs])
+    return effect.plausible(travel=float(np.ptp(angles)), speed=typical_speed(fit), inertia=fit.model.inertia)
+
+
 def is_its_special_case(fit: Fit, name: str) -> bool:
     """Whether the shape of a fitted effect vanishes, so that nothing shows what a simpler effect would not show too."""
     effect = fit.model.effect(name)

@@ -17,7 +17,7 @@ from diagnosis.odds import (
     search_charge,
     visibility_cost,
 )
-from diagnosis.refit import estimates, evidence_of, is_its_special_case, refined, refit, widening
+from diagnosis.refit import estimates, evidence_of, is_its_special_case, is_plausible, refined, refit, widening
 from diagnosis.result import Candidate
 from diagnosis.screen import Screen, Suspect, peaks_beside
 from identification.fit_result import Fit
@@ -62,11 +62,16 @@ class Contestant:
 
 
 def weighed(contest: Mapping[str, Contestant], fits: Mapping[str, Fit], than: Fit) -> dict[str, float]:
-    """Probabilities of rivals, fitted, over the model without them; the likeliest one's colour counts for all."""
-    over = widening(max(fits.values(), key=lambda fit: fit.log_likelihood), than) if fits else None
-    scores = {name: contest[name].score(fit, than, over=over) for name, fit in fits.items()}
-    scores |= {name: -np.inf for name, fit in fits.items() if is_its_special_case(fit, name)}
-    return probabilities(scores, {name: contest[name].visible(fit, than, over=over) for name, fit in fits.items()})
+    """Probabilities of rivals, fitted, over the model without them; the likeliest one's colour counts for all.
+
+    Of values that its cause cannot have nobody is a rival.
+    """
+    likely = {name: fit for name, fit in fits.items() if is_plausible(fit, name)}
+    over = widening(max(likely.values(), key=lambda fit: fit.log_likelihood), than) if likely else None
+    scores = {name: contest[name].score(fit, than, over=over) for name, fit in likely.items()}
+    scores |= {name: -np.inf for name, fit in likely.items() if is_its_special_case(fit, name)}
+    odds = probabilities(scores, {name: contest[name].visible(fit, than, over=over) for name, fit in likely.items()})
+    return odds | {name: 0.0 for name in fits if name not in likely}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,7 +142,8 @@ def one_round(
     odds = weighed(contest, refits, fit)
     visible = {s.name: s.evidence - visibility_cost(s.coefficients) - charge[s.name] for s in suspects}
     visible |= {name: own.visible(refits[name], fit) for name, own in contest.items()}
-    scores |= {name: -np.inf for name, tried in refits.items() if is_its_special_case(tried, name)}
+    strange = {name for name, tried in refits.items() if not is_plausible(tried, name)}
+    scores |= {name: -np.inf for name, tried in refits.items() if name in strange or is_its_special_case(tried, name)}
     for suspect in suspects:
         own_fit = refits.get(suspect.name)
         candidates.append(
@@ -150,6 +156,7 @@ def one_round(
                 probability=odds.get(suspect.name, 0.0),
                 refitted=own_fit is not None,
                 parameters=estimates(own_fit, suspect.name) if own_fit else {},
+                plausible=suspect.name not in strange,
             )
         )
     if not refits or odds[NONE] > 1.0 - MISSING:

@@ -16,7 +16,7 @@ import numpy as np
 
 from diagnosis.backward import falls_short, fits_in
 from diagnosis.odds import MISSING, NONE, probabilities
-from diagnosis.refit import evidence_of, fitted_near, is_its_special_case, problem_near
+from diagnosis.refit import evidence_of, fitted_near, is_its_special_case, is_plausible, problem_near
 from diagnosis.round import Addition
 from diagnosis.screen import Screen
 from diagnosis.unseen import holds_up
@@ -90,8 +90,7 @@ def _once_more(addition: Addition, fit: Fit) -> tuple[Addition | None, Fit]:
         tried = fit if name == addition.effect else fitted_near(fit, model)
         more = surface_evidence(tried) - alone
         fits[name] = tried
-        found = tried.model.effect(name)
-        said = found is not None and found.plausible() and not is_its_special_case(tried, name)
+        said = is_plausible(tried, name) and not is_its_special_case(tried, name)
         scores[name] = rival.score(tried, less, over=1.0) + more if said else -np.inf
         visible[name] = rival.visible(tried, less, over=1.0) + more
     if addition.effect not in fits:

@@ -110,6 +110,8 @@ def _field(diagnosis: Findings, cause: Cause, contest: Contest) -> list[str]:
     if alike:
         fit = "fits as well but says" if len(alike) == 1 else "fit as well but say"
         lines.append(f"{sentence_case(listed(alike))} {fit} no more: what sets them apart came out as nothing or open.")
+    if strange := [title_of(name, diagnosis) for name in contest.strange]:
+        lines.append(f"{sentence_case(listed(strange))} would fit only with values that such a cause cannot have.")
     if contest.screened:
         best = contest.screened[0]
         lines.append(

@@ -32,7 +32,7 @@ class CableStiffness(Effect):
         bend = at.angle - self.rest_angle
         return -self.stiffness * bend - self.cubic * bend**3
 
-    def plausible(self) -> bool:
+    def plausible(self, *, travel: float, speed: float, inertia: float) -> bool:
         """A cable pulls back."""
         return bool(self.stiffness >= 0.0)
 

@@ -242,8 +242,14 @@ class Effect:
         """Whether, in a log of that typical speed [rad/s], nothing shows that a simpler effect would not show too."""
         return False
 
-    def plausible(self) -> bool:
-        """Whether the values are such as the cause can have; a search may pass through others."""
+    def plausible(self, *, travel: float, speed: float, inertia: float) -> bool:
+        """Whether the values are such as the cause can have; a search may pass through others.
+
+        Args:
+            travel: of the load in the log, from end to end [rad].
+            speed: typical of the log [rad/s].
+            inertia: of the load [N m s^2/rad].
+        """
         return True
 
     # How its trace looks.

@@ -32,6 +32,10 @@ class EndStop(Effect):
         upper = ca.if_else(self.stiffness > 0, ca.fmax(beyond, 0), ca.fmin(beyond, 0))
         return -ca.fabs(self.stiffness) * upper
 
+    def plausible(self, *, travel: float, speed: float, inertia: float) -> bool:
+        """A stop stops: at its usual speed the load gets no deeper than half of its travel."""
+        return bool(np.sqrt(inertia / max(abs(self.stiffness), 1e-300)) * speed < 0.5 * travel)
+
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """How deep the load is in a stop, for stops near both ends of the travel."""
