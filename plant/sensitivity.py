@@ -51,7 +51,7 @@ def step_with_slopes(model: ServoModel, free: Sequence[int], columns: int, *, su
     held, clock = kind.sym("held"), kind.sym("clock", 2)
     clock_slopes = kind.sym("clock_slopes", ca.Sparsity.dense(2, columns) if clocked else ca.Sparsity(2, columns))
     step = Step(command=held, gain=gain, limit=limit, time=clock[0], length=clock[1], width=width)
-    end = advance(bound, state, step)
+    end = ca.cse(advance(bound, state, step))  # what occurs twice is differentiated once
     after = along(end) + ca.mtimes(ca.jacobian(end, clock), clock_slopes)
     given = [state, slopes, inputs, parameters, held, clock, clock_slopes]
     one = ca.Function("integration_step", given, [end, ca.densify(after)], {"cse": True})
