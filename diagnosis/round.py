@@ -62,15 +62,16 @@ class Contestant:
 
 
 def weighed(contest: Mapping[str, Contestant], fits: Mapping[str, Fit], than: Fit) -> dict[str, float]:
-    """Probabilities of rivals, fitted, over the model without them; the likeliest one's colour counts for all.
+    """Probabilities of rivals, fitted, over the model without them.
 
-    Of values that its cause cannot have nobody is a rival.
+    Among the names the likeliest one's colour counts for all; against nothing each has its own. Of values that its
+    cause cannot have nobody is a rival.
     """
     likely = {name: fit for name, fit in fits.items() if is_plausible(fit, name)}
     over = widening(max(likely.values(), key=lambda fit: fit.log_likelihood), than) if likely else None
     scores = {name: contest[name].score(fit, than, over=over) for name, fit in likely.items()}
     scores |= {name: -np.inf for name, fit in likely.items() if is_its_special_case(fit, name)}
-    odds = probabilities(scores, {name: contest[name].visible(fit, than, over=over) for name, fit in likely.items()})
+    odds = probabilities(scores, {name: contest[name].visible(fit, than) for name, fit in likely.items()})
     return odds | {name: 0.0 for name in fits if name not in likely}
 
 
