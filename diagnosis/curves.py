@@ -93,7 +93,8 @@ def carried(fit: Fit) -> Carried:
     """
     seen, known = unnamed_dependence(fit), dict[str, Fit | None]()
     simple = _path(fit, plain, seen, known)
-    rich = _path(fit, unnamed, _promising(fit, unnamed), known) if _hides_something(fit) else ()
+    hides = _hides_something(simple[-1] if simple else fit)
+    rich = _path(fit, unnamed, _promising(fit, unnamed), known) if hides else ()
     better = rich and not follows_anything(rich[-1]) and charged(rich, fit) > (1.0 + CLEARLY) * charged(simple, fit)
     return Carried(path=rich if better else simple, seen=tuple(curve for curve, _ in seen))
 
