@@ -124,7 +124,7 @@ def test_finer_steps_change_nothing_that_an_encoder_sees() -> None:
     machine = Machine().hiding(
         stribeck_friction={"coulomb": 0.3, "excess": 0.2, "velocity": 0.1}, input_delay={"time": 0.0033}
     )
-    coarse, fine = (exact(machine, command, steps=steps).angle for steps in (4, 16))
+    coarse, fine = (exact(machine, command, steps=steps).angle for steps in (2, 16))
     assert np.abs(coarse - fine).max() < 1e-6
 
 
@@ -311,7 +311,7 @@ def test_bristles_bend_in_the_closed_form_of_dahl(v: float) -> None:
     """Energy: a travel x takes T x - (T - F0) (T / sigma) (1 - exp(-sigma x / T)), and again after the turn."""
     level, stiffness = 0.3, 60.0
     machine = plain(presliding_hysteresis={"torque": level, "stiffness": stiffness})
-    out = exact(machine, np.zeros(900), velocity=v)
+    out = exact(machine, np.zeros(900), velocity=v, steps=4)
     x, speed = out.angle[:, 0], out.velocity[:, 0]
     soft = level / stiffness
 
@@ -444,7 +444,7 @@ def test_the_lag_sees_what_the_encoder_reads_and_noise_comes_after() -> None:
 def test_a_lag_that_fades_through_the_dead_zone_is_followed_closely(lag: float) -> None:
     command = excitation(14002, duration=1.0)
     machine = Machine().hiding(actuator_lag={"time_constant": lag}, torque_saturation={"limit": 2.0})
-    usual, fine = (record(machine, command, noise=0.0, bits=None, steps=steps).angle for steps in (4, 64))
+    usual, fine = (record(machine, command, noise=0.0, bits=None, steps=steps).angle for steps in (2, 64))
     np.testing.assert_allclose(usual, fine, atol=1e-7)
 
 
@@ -452,5 +452,5 @@ def test_a_lag_that_fades_through_the_dead_zone_is_followed_closely(lag: float) 
 def test_a_ramp_through_the_dead_zone_is_followed_closely(rate: float) -> None:
     command = excitation(14002, duration=1.0)
     machine = Machine().hiding(rate_limit={"rate": rate}, torque_saturation={"limit": 2.0})
-    usual, fine = (record(machine, command, noise=0.0, bits=None, steps=steps).angle for steps in (4, 64))
+    usual, fine = (record(machine, command, noise=0.0, bits=None, steps=steps).angle for steps in (2, 64))
     np.testing.assert_allclose(usual, fine, atol=1e-7)
