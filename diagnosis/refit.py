@@ -101,12 +101,13 @@ def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
 
 
 def is_plausible(fit: Fit, name: str) -> bool:
-    """Whether a fitted effect came out with values such as its cause can have, on that log."""
+    """Whether a fitted effect came out with values such as its cause can well have, on that log."""
     effect = fit.model.effect(name)
     if effect is None:
         return True
     angles = np.concatenate([run.output[run.valid] for run in fit.log.runs])
-    return effect.plausible(travel=float(np.ptp(angles)), speed=typical_speed(fit), inertia=fit.model.inertia)
+    ends = {"low": float(angles.min()), "high": float(angles.max())}
+    return effect.plausible(**ends, speed=typical_speed(fit), inertia=fit.model.inertia)
 
 
 def is_its_special_case(fit: Fit, name: str) -> bool:

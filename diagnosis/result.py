@@ -104,8 +104,8 @@ class Candidate:
 
     `evidence` is the rise in log-likelihood; `score` and `visible` are the same less the charge for parameters and
     search, in the questions which name it is and whether anything is missing (see `diagnosis.odds`); `refitted` is
-    False where the screen alone has judged, and `plausible` where the values that came out are such as its cause cannot
-    have: then it was no rival.
+    False where the screen alone has judged, and `plausible` where the values that came out are such as its cause hardly
+    ever has, for which it pays.
     """
 
     round: int

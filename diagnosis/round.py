@@ -28,6 +28,7 @@ from plant.effects import Effect
 _REFITS = 5  # effects refitted in one round because they are close to the leader of the screen
 _WORTH = 0.2  # share of the leader's evidence that counts as close
 _CHANCE = 1.0  # evidence that a parameter which means nothing seldom has
+STRANGE = float(np.log(1000.0))  # charge for values that a cause hardly ever has: in one of a thousand
 _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
 
 
@@ -54,25 +55,26 @@ class Contestant:
     def score(self, fit: Fit, than: Fit, *, over: float | None = None) -> float:
         """Of a fit with it over one without, among the names; for `over` see `evidence_of`."""
         cost = 0.5 * (parameter_cost(fit, than) + visibility_cost(self.coefficients))
-        return evidence_of(fit, than, over=over) - cost - self.charge
+        return evidence_of(fit, than, over=over) - cost - self._charged(fit)
 
     def visible(self, fit: Fit, than: Fit, *, over: float | None = None) -> float:
         """Of a fit with it over one without, against nothing."""
-        return evidence_of(fit, than, over=over) - visibility_cost(self.coefficients) - self.charge
+        return evidence_of(fit, than, over=over) - visibility_cost(self.coefficients) - self._charged(fit)
+
+    def _charged(self, fit: Fit) -> float:
+        """For the search, and for values that such a cause hardly ever has."""
+        return self.charge + (0.0 if is_plausible(fit, self.effect.name) else STRANGE)
 
 
 def weighed(contest: Mapping[str, Contestant], fits: Mapping[str, Fit], than: Fit) -> dict[str, float]:
     """Probabilities of rivals, fitted, over the model without them.
 
-    Among the names the likeliest one's colour counts for all; against nothing each has its own. Of values that its
-    cause cannot have nobody is a rival.
+    Among the names the likeliest one's colour counts for all; against nothing each has its own.
     """
-    likely = {name: fit for name, fit in fits.items() if is_plausible(fit, name)}
-    over = widening(max(likely.values(), key=lambda fit: fit.log_likelihood), than) if likely else None
-    scores = {name: contest[name].score(fit, than, over=over) for name, fit in likely.items()}
-    scores |= {name: -np.inf for name, fit in likely.items() if is_its_special_case(fit, name)}
-    odds = probabilities(scores, {name: contest[name].visible(fit, than) for name, fit in likely.items()})
-    return odds | {name: 0.0 for name in fits if name not in likely}
+    over = widening(max(fits.values(), key=lambda fit: fit.log_likelihood), than) if fits else None
+    scores = {name: contest[name].score(fit, than, over=over) for name, fit in fits.items()}
+    scores |= {name: -np.inf for name, fit in fits.items() if is_its_special_case(fit, name)}
+    return probabilities(scores, {name: contest[name].visible(fit, than) for name, fit in fits.items()})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,6 +91,13 @@ class Addition:
     def clear(self) -> bool:
         """Whether the name stands alone."""
         return self.odds[self.effect] >= CLEAR
+
+    @property
+    def settled(self) -> bool:
+        """Whether the name stands alone, or among those only that it is known to be confused with."""
+        effect = self.fit.model.effect(self.effect)
+        alike = (self.effect, *(effect.confused_with if effect is not None else ()))
+        return sum(self.odds.get(name, 0.0) for name in alike) >= CLEAR
 
     @property
     def lead(self) -> float:
@@ -143,8 +152,7 @@ def one_round(
     odds = weighed(contest, refits, fit)
     visible = {s.name: s.evidence - visibility_cost(s.coefficients) - charge[s.name] for s in suspects}
     visible |= {name: own.visible(refits[name], fit) for name, own in contest.items()}
-    strange = {name for name, tried in refits.items() if not is_plausible(tried, name)}
-    scores |= {name: -np.inf for name, tried in refits.items() if name in strange or is_its_special_case(tried, name)}
+    scores |= {name: -np.inf for name, tried in refits.items() if is_its_special_case(tried, name)}
     for suspect in suspects:
         own_fit = refits.get(suspect.name)
         candidates.append(
@@ -157,7 +165,7 @@ def one_round(
                 probability=odds.get(suspect.name, 0.0),
                 refitted=own_fit is not None,
                 parameters=estimates(own_fit, suspect.name) if own_fit else {},
-                plausible=suspect.name not in strange,
+                plausible=own_fit is None or is_plausible(own_fit, suspect.name),
             )
         )
     if not refits or odds[NONE] > 1.0 - MISSING:

@@ -24,7 +24,7 @@ class Contest:
         leader: the explanation that the round is told for.
         rivals: the other ones that were fitted, "none" among them, the likeliest first.
         alike: fitted too, but they said no more than a special case of theirs that was fitted beside them.
-        strange: fitted too, but with values that their causes cannot have.
+        strange: fitted too, but with values that their causes hardly ever have.
         screened: what the linearised screen had put aside, the most promising first.
         fitted: number of effects that were fitted.
     """
@@ -59,7 +59,7 @@ class Contest:
             round=number,
             leader=leader,
             rivals=tuple(rivals),
-            alike=tuple(c.effect for c in held if c.refitted and c.plausible and not np.isfinite(c.score)),
+            alike=tuple(c.effect for c in held if c.refitted and not np.isfinite(c.score)),
             strange=tuple(c.effect for c in held if not c.plausible),
             screened=tuple(c for c in held if not c.refitted),
             fitted=sum(c.refitted for c in held),

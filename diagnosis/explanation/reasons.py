@@ -111,7 +111,9 @@ def _field(diagnosis: Findings, cause: Cause, contest: Contest) -> list[str]:
         fit = "fits as well but says" if len(alike) == 1 else "fit as well but say"
         lines.append(f"{sentence_case(listed(alike))} {fit} no more: what sets them apart came out as nothing or open.")
     if strange := [title_of(name, diagnosis) for name in contest.strange]:
-        lines.append(f"{sentence_case(listed(strange))} would fit only with values that such a cause cannot have.")
+        lines.append(
+            f"{sentence_case(listed(strange))} came out with values that such a cause hardly ever has, and pays for it."
+        )
     if contest.screened:
         best = contest.screened[0]
         lines.append(

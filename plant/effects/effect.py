@@ -242,11 +242,12 @@ class Effect:
         """Whether, in a log of that typical speed [rad/s], nothing shows that a simpler effect would not show too."""
         return False
 
-    def plausible(self, *, travel: float, speed: float, inertia: float) -> bool:
-        """Whether the values are such as the cause can have; a search may pass through others.
+    def plausible(self, *, low: float, high: float, speed: float, inertia: float) -> bool:
+        """Whether the values are such as the cause can well have; with others it has to explain much more to be named.
 
         Args:
-            travel: of the load in the log, from end to end [rad].
+            low: least angle of the load in the log [rad].
+            high: greatest.
             speed: typical of the log [rad/s].
             inertia: of the load [N m s^2/rad].
         """
