@@ -55,3 +55,16 @@ def test_strange_values_have_to_explain_much_more() -> None:
     own = Contestant(effect=far, coefficients=3, charge=0.0)
     evidence = evidence_of(pulled, base)
     assert own.visible(pulled, base) == pytest.approx(evidence - visibility_cost(3) - np.log(1000.0))
+
+
+def test_an_offset_that_the_catalogue_lacks_is_no_cable_from_afar() -> None:
+    """It would fit, from 70 rad away; a curve without a name says as much."""
+    offset = Machine().hiding(torque_offset={"torque": 0.15})
+    log, unseen = (record(offset, excitation(24000 + k, duration=30.0), seed=12000 + k).log() for k in (0, 1))
+    found = diagnose(log, holdout=unseen, exclude=["torque_offset"])
+    cable = next(c for c in found.candidates if c.effect == "cable_stiffness")
+    assert cable.probability > 0.99
+    assert not cable.plausible
+    assert found.verdict == "unknown"
+    assert found.causes == ()
+    assert found.gain.cut > 0.95
