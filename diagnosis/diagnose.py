@@ -140,12 +140,12 @@ def _believed(outcome: Outcome) -> tuple[Outcome, Carried]:
     """What the search found, as far as it is to be believed, and what is carried without a name beside it.
 
     Names that explain clearly less than curves do by themselves only stand near the cause: what carries the gain is
-    what the log shows. Names that leave nothing do not, unless none came out with values such as its cause can well
-    have: those have to explain clearly more. What is richer than a curve is asked alone where it is needed
+    what the log shows. Names that leave nothing do not, unless one came out with values such as its cause can hardly
+    have: then they have to explain clearly more. What is richer than a curve is asked alone where it is needed
     beside the names, or where they leave much to an observer; there it has to explain twice as much.
     """
     additions, beside = beside_unnamed(outcome.base, outcome.additions)
-    strange = not any(is_plausible(outcome.fit, addition.effect) for addition in outcome.additions)
+    strange = not all(is_plausible(outcome.fit, addition.effect) for addition in outcome.additions)
     if outcome.additions and (beside.path or beside.seen or outcome.fit.bandwidth or strange):
         named, enough = charged((outcome.fit,), outcome.base), 1.0 - CLEARLY if strange else 1.0 + CLEARLY
         alone = carried(outcome.base).path if beside.rich else nameless(outcome.base)
