@@ -104,6 +104,11 @@ def nameless(fit: Fit) -> tuple[Fit, ...]:
     return _path(fit, plain, unnamed_dependence(fit), {})
 
 
+def richer_promise(fit: Fit) -> float:
+    """The highest score that the screen gives to what has no name, of any kind; a refit may bring much more."""
+    return max((score for _, score in _promising(fit, unnamed)), default=0.0)
+
+
 def charged(path: tuple[Fit, ...], than: Fit) -> float:
     """Evidence of the end of a path of fits over a simpler one, less the cost of its parameters."""
     return evidence_of(path[-1], than) - parameter_cost(path[-1], than) if path else 0.0

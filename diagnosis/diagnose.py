@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.candidates import Choice, chosen
-from diagnosis.curves import CLEARLY, Carried, beside_unnamed, carried, charged, nameless
+from diagnosis.curves import CLEARLY, Carried, beside_unnamed, carried, charged, nameless, richer_promise
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.holdout import cut, inverse_errors, measure_gain, remaining, split
 from diagnosis.identifiability import blind_spots, standstill
@@ -35,6 +35,7 @@ from plant.servo import ServoModel
 
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
 _TELLING = 0.2  # share of the missing torque's variance from which a variable is said to carry it
+_PROMISING = 0.1  # share of what names explain that the screen has to give to what is richer, for it to be fitted
 _MENTION = 1e-4  # probability from which a rival is listed
 
 
@@ -150,7 +151,8 @@ def _believed(outcome: Outcome) -> tuple[Outcome, Carried]:
         named, enough = charged((outcome.fit,), outcome.base), 1.0 - CLEARLY if strange else 1.0 + CLEARLY
         alone = carried(outcome.base).path if beside.rich else nameless(outcome.base)
         if not beside.rich and outcome.fit.bandwidth and charged(alone, outcome.base) <= enough * named:
-            alone, enough = carried(outcome.base).path, 2.0
+            promising = richer_promise(outcome.base) > _PROMISING * named
+            alone, enough = carried(outcome.base).path if promising else (), 2.0
         if alone and charged(alone, outcome.base) > enough * named:
             return replace(outcome, additions=()), Carried(path=alone, seen=())
     return replace(outcome, additions=additions), beside
