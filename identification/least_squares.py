@@ -104,6 +104,7 @@ def minimise(
 def _bounded_step(here: NormalEquations, point: Array, lower: Array, upper: Array, damping: float) -> Array:
     """The damped step within the bounds: a coordinate that would leave stops at its bound, the others go on.
 
+    One of which the log says nothing stays where it is: rounding alone would send it anywhere, and no step would do.
     When they have arrived, a stopped coordinate that is pulled back inside is let go again: what pushed it out may have
     been stopped itself. Without that the iteration can end at a bound where nothing holds it.
     """
@@ -112,7 +113,8 @@ def _bounded_step(here: NormalEquations, point: Array, lower: Array, upper: Arra
     information[np.diag_indices_from(information)] += damping
     gradient, least, most = here.gradient / scale, (lower - point) * scale, (upper - point) * scale
     step = np.zeros_like(point)  # in units in which every parameter carries the same information
-    moving = ~(((least >= 0.0) & (gradient > 0.0)) | ((most <= 0.0) & (gradient < 0.0)))
+    silent = np.diag(here.information) <= 1e-280
+    moving = ~(silent | ((least >= 0.0) & (gradient > 0.0)) | ((most <= 0.0) & (gradient < 0.0)))
     for _ in range(10 * point.size):
         if moving.any():
             pull = -(gradient + information @ np.where(moving, 0.0, step))
@@ -123,7 +125,7 @@ def _bounded_step(here: NormalEquations, point: Array, lower: Array, upper: Arra
                 moving &= ~outside
                 continue
         slope = gradient + information @ step
-        inward = np.where(moving, 0.0, np.where(step <= least, -slope, slope))
+        inward = np.where(moving | silent, 0.0, np.where(step <= least, -slope, slope))
         if inward.max() <= 1e-9 * np.abs(gradient).max():
             break
         moving[int(np.argmax(inward))] = True
