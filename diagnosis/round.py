@@ -28,7 +28,7 @@ from plant.effects import Effect
 _REFITS = 5  # effects refitted in one round because they are close to the leader of the screen
 _WORTH = 0.2  # share of the leader's evidence that counts as close
 _CHANCE = 1.0  # evidence that a parameter which means nothing seldom has
-STRANGE = float(np.log(1000.0))  # charge for values that a cause hardly ever has: in one of a thousand
+_STRANGE = float(np.log(1000.0))  # charge for values that a cause hardly ever has: in one of a thousand
 _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
 
 
@@ -63,7 +63,7 @@ class Contestant:
 
     def _charged(self, fit: Fit) -> float:
         """For the search, and for values that such a cause hardly ever has."""
-        return self.charge + (0.0 if is_plausible(fit, self.effect.name) else STRANGE)
+        return self.charge + (0.0 if is_plausible(fit, self.effect.name) else _STRANGE)
 
 
 def weighed(contest: Mapping[str, Contestant], fits: Mapping[str, Fit], than: Fit) -> dict[str, float]:
