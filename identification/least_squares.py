@@ -82,7 +82,7 @@ def minimise(
         # that one about which the log is silent does not run away.
         least = np.where(lower > 0.0, np.maximum(lower, point / 5.0), lower)
         most = np.where(lower > 0.0, np.minimum(upper, point * 5.0), upper)
-        step = _bounded_step(here, point, least, most, damping)
+        step = _bounded_step(here, point, least, most, damping, silent=_silent(here, lower, upper, samples, tolerance))
         promise = -(2.0 * here.gradient @ step + step @ here.information @ step)
         if 0.5 * samples * promise / here.cost < tolerance:
             converged = True
@@ -101,10 +101,23 @@ def minimise(
     return Minimum(point=point, equations=here, converged=converged, evaluations=evaluations)
 
 
-def _bounded_step(here: NormalEquations, point: Array, lower: Array, upper: Array, damping: float) -> Array:
+def _silent(here: NormalEquations, lower: Array, upper: Array, samples: int, tolerance: float) -> NDArray[np.bool_]:
+    """(n,) coordinates of which the log says nothing here: from bound to bound the fit would stay the same.
+
+    An instant at which the load rests is one. Such a coordinate stays where it is: next to nothing would send it to
+    its bound, where the log may say very much, and no step would do.
+    """
+    known = np.diag(here.information)
+    with np.errstate(invalid="ignore"):
+        across = 0.5 * samples / here.cost * known * (upper - lower) ** 2
+    return np.asarray((known <= 1e-280) | (across < tolerance))
+
+
+def _bounded_step(
+    here: NormalEquations, point: Array, lower: Array, upper: Array, damping: float, *, silent: NDArray[np.bool_]
+) -> Array:
     """The damped step within the bounds: a coordinate that would leave stops at its bound, the others go on.
 
-    One of which the log says nothing stays where it is: rounding alone would send it anywhere, and no step would do.
     When they have arrived, a stopped coordinate that is pulled back inside is let go again: what pushed it out may have
     been stopped itself. Without that the iteration can end at a bound where nothing holds it.
     """
@@ -113,7 +126,6 @@ def _bounded_step(here: NormalEquations, point: Array, lower: Array, upper: Arra
     information[np.diag_indices_from(information)] += damping
     gradient, least, most = here.gradient / scale, (lower - point) * scale, (upper - point) * scale
     step = np.zeros_like(point)  # in units in which every parameter carries the same information
-    silent = np.diag(here.information) <= 1e-280
     moving = ~(silent | ((least >= 0.0) & (gradient > 0.0)) | ((most <= 0.0) & (gradient < 0.0)))
     for _ in range(10 * point.size):
         if moving.any():

@@ -47,13 +47,14 @@ class Objective:
         free = tuple(place for place, name in enumerate(model.names) if name not in kept)
         specs = [model.parameters[place] for place in free]
         substeps = integration_steps(model, log.sample_time)
+        first, last = min(run.time[0] for run in log.runs), max(run.time[-1] for run in log.runs)
         unbounded = np.full(2 * len(log.runs), np.inf)
         return cls(
             log=log,
             model=model,
             predictor=Predictor(model=model, runs=log.runs, free=free, substeps=substeps, colour=log.colour),
-            lower=np.concatenate(([spec.lower for spec in specs], -unbounded)),
-            upper=np.concatenate(([spec.upper for spec in specs], unbounded)),
+            lower=np.concatenate(([first if spec.instant else spec.lower for spec in specs], -unbounded)),
+            upper=np.concatenate(([last if spec.instant else spec.upper for spec in specs], unbounded)),
         )
 
     @property

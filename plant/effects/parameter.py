@@ -17,7 +17,8 @@ _UNITS = {"rotary": {"torque": "N m", "angle": "rad"}, "linear": {"torque": "N",
 class Parameter:
     """One physical parameter: what it means, its unit and the values that make sense.
 
-    `unit` is written in terms of {torque} and {angle}, so that it reads N and m on a linear axis.
+    `unit` is written in terms of {torque} and {angle}, so that it reads N and m on a linear axis. An `instant` is on
+    the log's clock: a log says nothing of one outside it.
     """
 
     name: str
@@ -25,6 +26,7 @@ class Parameter:
     meaning: str
     lower: float = -math.inf
     upper: float = math.inf
+    instant: bool = False
 
     def unit_on(self, axis: Axis) -> str:
         """The unit on a rotary or linear axis."""
@@ -40,10 +42,16 @@ class Parameter:
 
 
 def parameter(
-    unit: str, meaning: str, *, lower: float = -math.inf, upper: float = math.inf, default: Any = MISSING
+    unit: str,
+    meaning: str,
+    *,
+    lower: float = -math.inf,
+    upper: float = math.inf,
+    instant: bool = False,
+    default: Any = MISSING,
 ) -> Any:
     """A dataclass field that carries its `Parameter`; the field's name becomes the parameter's."""
-    metadata = {"unit": unit, "meaning": meaning, "lower": lower, "upper": upper}
+    metadata = {"unit": unit, "meaning": meaning, "lower": lower, "upper": upper, "instant": instant}
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 

@@ -34,7 +34,7 @@ class PayloadChange(Effect):
     clocked = True
     axes = ("rotary",)
 
-    time: float = parameter("s", "instant t* on the log's clock")
+    time: float = parameter("s", "instant t* on the log's clock", instant=True)
     inertia: float = parameter("{torque} s^2/{angle}", "change of the inertia")
     gravity: float = parameter("{torque}", "change of the gravity torque")
 
