@@ -1,7 +1,8 @@
-"""What is carried without a name: how much a second must bring, whose place it takes, and where it is refused."""
+"""What is carried without a name: when it is asked, how much a second must bring, whose place it takes."""
 
 from __future__ import annotations
 
+from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,8 +11,10 @@ import pytest
 
 from diagnosis import curves
 from diagnosis.curves import Carried, beside_unnamed, carried
+from diagnosis.search import Outcome
 from plant.effects.varying import FrictionOverTurn
 
+diagnose: Any = import_module("diagnosis.diagnose")
 BASE, FIRST, SECOND = (SimpleNamespace(name=name, bandwidth=5.0) for name in ("base", "first", "second"))
 
 
@@ -39,6 +42,50 @@ def test_what_is_richer_must_say_clearly_more_and_leave_no_work_for_a_fast_obser
     monkeypatch.setattr(curves, "follows_anything", lambda at: fast)
     monkeypatch.setattr(curves, "charged", lambda path, than: 100.0 if path == (FIRST,) else worth)
     assert carried(fit).path == (taken,)
+
+
+@pytest.mark.parametrize(("bandwidth", "colour", "asked"), [(0.0, (), False), (0.0, (0.5,), True), (5.0, (), True)])
+def test_what_is_richer_is_asked_only_where_curves_leave_something_to_an_observer_or_the_noise(
+    monkeypatch: pytest.MonkeyPatch, bandwidth: float, colour: tuple[float, ...], asked: bool
+) -> None:
+    fit: Any = SimpleNamespace(bandwidth=5.0, log=SimpleNamespace(colour=()))
+    curve: Any = SimpleNamespace(bandwidth=bandwidth, log=SimpleNamespace(colour=colour))
+    kinds: list[Any] = []
+
+    def path(at: Any, which: Any, *more: Any) -> Any:
+        kinds.append(which)
+        return (curve,) if which is curves.plain else ()
+
+    monkeypatch.setattr(curves, "unnamed_dependence", lambda at, *kinds, **bar: ((None, 50.0),))
+    monkeypatch.setattr(curves, "_path", path)
+    assert carried(fit).path == (curve,)
+    assert (len(kinds) == 2) is asked
+
+
+@pytest.mark.parametrize(("promise", "fitted"), [(9.0, False), (11.0, True)])
+def test_what_is_richer_is_fitted_in_place_of_names_only_where_the_screen_gives_it_a_tenth_of_what_they_explain(
+    monkeypatch: pytest.MonkeyPatch, promise: float, fitted: bool
+) -> None:
+    """Names that leave something to an observer explain 100, curves over one variable none of it, the richer 300."""
+    names, base = SimpleNamespace(name="names", bandwidth=5.0), SimpleNamespace(name="base")
+    rich: Any = SimpleNamespace(name="rich")
+    outcome = Outcome(
+        base=base,  # type: ignore[arg-type]
+        additions=(SimpleNamespace(effect="a", fit=names),),  # type: ignore[arg-type]
+        candidates=(),
+    )
+    explains = {(): 0.0, ("names",): 100.0, ("rich",): 300.0}
+    asked: list[str] = []
+    beside = Carried(path=(), seen=())
+    monkeypatch.setattr(diagnose, "beside_unnamed", lambda base, additions: (additions, beside))
+    monkeypatch.setattr(diagnose, "is_plausible", lambda at, name: True)
+    monkeypatch.setattr(diagnose, "nameless", lambda at: ())
+    monkeypatch.setattr(diagnose, "richer_promise", lambda at: promise)
+    monkeypatch.setattr(diagnose, "charged", lambda path, than: explains[tuple(fit.name for fit in path)])
+    monkeypatch.setattr(diagnose, "carried", lambda at: asked.append(at.name) or Carried(path=(rich,), seen=()))
+    believed, left = diagnose._believed(outcome)
+    assert asked == (["base"] if fitted else [])
+    assert (believed.additions, left.path) == (((), (rich,)) if fitted else (outcome.additions, ()))
 
 
 def test_a_first_step_is_fitted_once_for_what_is_plain_and_what_is_richer(monkeypatch: pytest.MonkeyPatch) -> None:

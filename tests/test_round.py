@@ -13,13 +13,14 @@ from machine import Machine, excitation, record
 
 from diagnosis import round as rounds
 from diagnosis import search
+from diagnosis.odds import NONE
 from diagnosis.result import Candidate
-from diagnosis.round import _PROMISING, _REFITS, _WORTH, Addition, _neighbours, _worth_a_refit
+from diagnosis.round import _PROMISING, _REFITS, _WORTH, Addition, Contestant, _neighbours, _worth_a_refit, weighed
 from diagnosis.screen import Suspect
 from identification.fit import fit
 from identification.fit_result import Fit
 from plant import ServoModel
-from plant.effects import Backlash, CableStiffness, CoulombFriction, EndStop, RateLimit, TorqueOffset
+from plant.effects import Backlash, CableStiffness, CoulombFriction, EndStop, InputDelay, RateLimit, TorqueOffset
 
 
 def one_by_one(suspects: list[Suspect], promised: dict[str, float], delivered: dict[str, float]) -> list[str]:
@@ -93,6 +94,48 @@ def test_a_better_null_repeats_the_round_only_where_a_rival_could_win_from_it(
     assert outcome.base is better
     assert [addition.effect for addition in outcome.additions] == ["a"]
     assert outcome.additions[0].evidence == (90.0 if len(rounds) == 2 else 100.0)
+
+
+@pytest.mark.parametrize(("rival", "goes_on"), [("sensor_lag", True), ("torque_offset", False)])
+def test_the_search_goes_on_past_a_name_in_doubt_only_where_the_doubt_is_its_known_look_alike(
+    monkeypatch: pytest.MonkeyPatch, rival: str, goes_on: bool
+) -> None:
+    """A delay with which the model does not hold up unseen; with the next name it does."""
+    late, both = ServoModel.paper().with_effect(InputDelay(time=0.01)), ServoModel.paper()
+    fits: list[Any] = [SimpleNamespace(name=n, model=m) for n, m in (("base", both), ("late", late), ("both", late))]
+    odds = {"input_delay": 0.55, rival: 0.44, NONE: 0.01}
+    in_doubt = Addition(effect="input_delay", fit=fits[1], odds=odds, evidence=50.0, contest=())
+    sure = Addition(effect="payload_change", fit=fits[2], odds={"payload_change": 1.0}, evidence=50.0, contest=())
+    assert not in_doubt.clear
+    assert in_doubt.settled is goes_on
+    following = {"base": in_doubt, "late": sure, "both": None}
+    monkeypatch.setattr(search, "one_round", lambda at, *_: following[at.name])
+    monkeypatch.setattr(search, "_better_null", lambda *_: None)
+    monkeypatch.setattr(search, "without_superfluous", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "holds_up", lambda before, after: after.name == "both")
+    monkeypatch.setattr(search, "without_wanderers", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "with_best_names", lambda additions, _: additions)
+    found = [addition.effect for addition in search.search(fits[0]).additions]
+    assert found == (["input_delay", "payload_change"] if goes_on else [])
+
+
+def test_against_nothing_a_name_stands_by_the_colour_of_its_own_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A rival that is a little likelier, but on evidence of another colour, had taken it from a name that is plain."""
+    plain, slow = SimpleNamespace(log_likelihood=40.0, widens=1.0), SimpleNamespace(log_likelihood=41.0, widens=50.0)
+    none: Any = SimpleNamespace(log_likelihood=0.0)
+    monkeypatch.setattr(rounds, "widening", lambda at, than: at.widens)
+    monkeypatch.setattr(rounds, "evidence_of", lambda at, than, over=None: at.log_likelihood / (over or at.widens))
+    monkeypatch.setattr(rounds, "parameter_cost", lambda at, than: 0.0)
+    monkeypatch.setattr(rounds, "is_plausible", lambda at, name: True)
+    monkeypatch.setattr(rounds, "is_its_special_case", lambda at, name: False)
+    contest = {
+        name: Contestant(effect=CoulombFriction(torque=0.1), coefficients=1, charge=3.0) for name in ("plain", "slow")
+    }
+    fits: Any = {"plain": plain, "slow": slow}
+    together, alone = weighed(contest, fits, none), weighed(contest, {"slow": fits["slow"]}, none)
+    assert together[NONE] < 1e-10
+    assert alone[NONE] > 0.9
+    assert together["plain"] == pytest.approx(together["slow"], rel=0.05)
 
 
 def test_whom_the_leader_is_known_to_be_confused_with_is_asked_though_the_screen_made_little_of_it() -> None:
