@@ -66,7 +66,8 @@ def suggestion(fit: Fit) -> str | None:
     over, torque = named_on(curve.over, fit.log.axis), named_on("torque", fit.log.axis)
     variable = over if over in _TERMS else curve.over
     information = np.asarray(np.linalg.pinv(fit.covariance[np.ix_(rows, rows)]), dtype=float)
-    found = looks_like(variable, knots(curve), np.array(curve.values[2:], dtype=float), information)
+    places = np.array([float(knot) for knot in curve.knots(curve.low, curve.high)])
+    found = looks_like(variable, places, np.array(curve.values[2:], dtype=float), information)
     if not found:
         return None
     formula = " ".join(f"{size:+.3g} {name}".replace(" 1", "") for name, size in found.items()).removeprefix("+")
@@ -76,13 +77,6 @@ def suggestion(fit: Fit) -> str | None:
         f"Over {over} {_SYMBOL[curve.over]} the {torque} that is missing looks like {law}. "
         "That is a suggestion from the curve, no finding."
     )
-
-
-def knots(curve: Curve) -> Array:
-    """(9,) values of the variable at the knots of a curve."""
-    fine = np.linspace(float(curve.low), float(curve.high), 4001)
-    place = np.array([float(curve.place(value, curve.low, curve.high)) for value in fine])
-    return np.asarray(np.interp(np.arange(KNOTS), place, fine))
 
 
 def looks_like(over: str, places: Array, heights: Array, information: Array) -> dict[str, float]:

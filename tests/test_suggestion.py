@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
-from diagnosis.suggestion import knots, looks_like, suggestion
+from diagnosis.suggestion import looks_like, suggestion
 from identification.fit import fit
 from plant import ServoModel
 from plant.effects.curve import KNOTS, CurveOverAngle, CurveOverTime, CurveOverVelocity
@@ -51,13 +51,9 @@ def test_a_knot_that_the_log_does_not_know_does_not_speak_against_a_formula() ->
 
 
 def test_knots_are_where_the_curve_has_them() -> None:
-    curve = CurveOverVelocity(low=-3.0, high=2.0)
-    found = knots(curve)
-    assert found[[0, -1]] == pytest.approx([-3.0, 2.0])
-    for place, value in enumerate(found):
-        hats = [float(hat) for hat in curve.hats(float(value), -3.0, 2.0)]
-        assert np.argmax(hats) == place
-        assert max(hats) == pytest.approx(1.0, abs=1e-2)
+    for place, knot in enumerate(CurveOverVelocity.knots(-3.0, 2.0)):
+        hats = [float(hat) for hat in CurveOverVelocity.hats(float(knot), -3.0, 2.0)]
+        assert hats == pytest.approx(np.eye(KNOTS)[place], abs=1e-9)
 
 
 def test_a_drag_that_may_not_be_named_is_suggested_from_its_curve() -> None:

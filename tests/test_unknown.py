@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
-from scipy.optimize import brentq
 from scipy.stats import multivariate_normal
 
 from diagnosis import diagnose
@@ -19,7 +19,7 @@ from diagnosis.odds import smooth_evidence
 from identification.log import Log
 from plant import BadParameter, Effect, ModelFile, ServoModel, catalogue, read_model, simulate
 from plant.effects import DeadZone, Motion, Stage, Trace
-from plant.effects.curve import CurveOverAngle, CurveOverVelocity, Unnamed, curves
+from plant.effects.curve import Curve, CurveOverAngle, CurveOverVelocity, Unnamed, curves
 from plant.effects.effect import Expression, Moment, parameter
 from plant.effects.ripple import RippleOverAngle
 from plant.effects.unnamed import unnamed
@@ -213,15 +213,40 @@ def test_over_velocity_it_goes_on_as_a_damping_as_steep_as_it_ends() -> None:
         return float(curve.load_torque(Moment(velocity=velocity), 0.0))
 
     assert [torque(-3.0), torque(4.0)] == pytest.approx([0.3, 0.7])
-    inner = [brentq(lambda v, k=k: float(curve.place(v, -3.0, 4.0)) - k, -3.0, 4.0) for k in (1, 7)]
-    slope = 0.5 * ((-0.1 - 0.3) / (inner[0] + 3.0) + (0.7 - 0.1) / (4.0 - inner[1]))
-    assert [torque(9.0) - 0.7, torque(-9.0) - 0.3] == pytest.approx([5.0 * slope, -6.0 * slope])
-    viscous = CurveOverVelocity(low=-3.0, high=4.0, **{f"c{k}": 0.0 for k in range(9)})
-    knots = [-3.0, *(brentq(lambda v, k=k: float(curve.place(v, -3.0, 4.0)) - k, -3.0, 4.0) for k in range(1, 8)), 4.0]
-    viscous = replace(viscous, **{f"c{k}": -0.2 * v for k, v in enumerate(knots)})
-    assert [float(viscous.load_torque(Moment(velocity=v), 0.0)) for v in (-9.0, 8.0)] == pytest.approx([1.8, -1.6])
-    places = [float(curve.place(v, -3.0, 4.0)) for v in np.linspace(-3.0, 4.0, 200)]
-    assert np.all(np.diff(places) > 0)
+    ends = [(torque(-3.0 + 1e-6) - 0.3) / 1e-6, (0.7 - torque(4.0 - 1e-6)) / 1e-6]
+    slope = float(np.mean(ends))
+    assert [torque(9.0) - 0.7, torque(-9.0) - 0.3] == pytest.approx([5.0 * slope, -6.0 * slope], rel=1e-4)
+    knots = [float(knot) for knot in curve.knots(-3.0, 4.0)]
+    assert (knots[0], knots[-1]) == (-3.0, 4.0)
+    assert np.all(np.diff(knots) > 0)
+    viscous = replace(curve, **{f"c{k}": -0.2 * knot for k, knot in enumerate(knots)})
+    speeds = np.linspace(-9.0, 8.0, 50)
+    assert [float(viscous.load_torque(Moment(velocity=v), 0.0)) for v in speeds] == pytest.approx(-0.2 * speeds)
+    assert "viscous_friction" in CurveOverVelocity.shape()
+
+
+@pytest.mark.parametrize("kind", [CurveOverAngle, CurveOverVelocity])
+def test_a_curve_has_every_parabola_as_it_is_and_bends_smoothly(kind: type[Curve]) -> None:
+    knots = np.array([float(knot) for knot in kind.knots(-3.0, 4.0)])
+    values = np.linspace(-3.0, 4.0, 400)
+    hats = np.column_stack([np.array(hat) for hat in kind.hats(ca.DM(values), -3.0, 4.0)])
+    assert hats @ (1.0 - 2.0 * knots + 0.5 * knots**2) == pytest.approx(1.0 - 2.0 * values + 0.5 * values**2)
+    assert hats.sum(axis=1) == pytest.approx(np.ones(400))
+    sides = [
+        np.column_stack([np.array(hat) for hat in kind.hats(ca.DM(knots[1:-1] + d), -3.0, 4.0)])
+        for d in (-1e-6, 0.0, 1e-6)
+    ]
+    before, at, after = (side @ np.sin(2.0 * knots) for side in sides)
+    assert at == pytest.approx(np.sin(2.0 * knots[1:-1]))
+    assert (after - at) / 1e-6 == pytest.approx((at - before) / 1e-6, abs=1e-4)
+
+
+def test_over_a_turn_the_end_goes_on_as_the_beginning() -> None:
+    knots = 2.0 * np.pi * np.arange(9) / 9
+    angles = np.linspace(-7.0, 9.0, 300)
+    hats = np.column_stack([np.array(hat) for hat in FrictionOverTurn.hats(ca.DM(angles), 0.0, 2.0 * np.pi)])
+    assert hats.sum(axis=1) == pytest.approx(np.ones(300))
+    assert hats @ np.sin(knots) == pytest.approx(np.sin(angles), abs=0.01)
 
 
 def test_the_evidence_of_a_smooth_curve_is_the_marginal_likelihood() -> None:

@@ -5,8 +5,9 @@ These are no causes and not in the catalogue; a diagnosis adds one where it answ
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -25,6 +26,29 @@ def smooth(knots: int, *, closed: bool = False) -> Array:
     apart = np.subtract.outer(np.arange(knots), np.arange(knots))
     turns = knots * np.arange(-2, 3) if closed else (0,)
     return np.asarray(sum(np.exp(-0.5 * ((apart + turn) / _REACH) ** 2) for turn in turns) + 1e-6 * np.eye(knots))
+
+
+def slopes(knots: Sequence[Expression], heights: Sequence[Expression] | Array) -> list[Expression]:
+    """At each knot, of the parabola through it and its two neighbours; at the first and last, of the one next to it."""
+    widths = [after - before for before, after in pairwise(knots)]
+    rises = [(after - before) / width for (before, after), width in zip(pairwise(heights), widths, strict=True)]
+    bends = [(b - a) / (v + w) for (a, b), (v, w) in zip(pairwise(rises), pairwise(widths), strict=True)]
+    inner = [rise + width * bend for rise, width, bend in zip(rises, widths, bends, strict=False)]
+    return [rises[0] - widths[0] * bends[0], *inner, rises[-1] + widths[-1] * bends[-1]]
+
+
+def interpolated(value: Expression, knots: Sequence[Expression], heights: Sequence[Expression] | Array) -> Expression:
+    """Cubic between knots with those slopes (Bessel's interpolation, de Boor 2001, ch. IV), constant outside.
+
+    It passes through the heights, is smooth, and has every parabola as it is.
+    """
+    steep, total = slopes(knots, heights), heights[0]
+    for k, (before, after) in enumerate(pairwise(knots)):
+        width, rise = after - before, heights[k + 1] - heights[k]
+        s = ca.fmax(ca.fmin((value - before) / width, 1), 0)
+        bulge = width * s * (1 - s) * ((1 - s) * steep[k] - s * steep[k + 1])
+        total = total + rise * s * s * (3 - 2 * s) + bulge
+    return total
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +72,7 @@ class Unnamed(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Curve(Unnamed):
-    """A piecewise linear curve through nine knots between `low` and `high`, constant outside."""
+    """A piecewise cubic curve through nine knots between `low` and `high`, constant outside."""
 
     stage = Stage.LOAD
     equation = r"\tau_u = f(\cdot)"
@@ -74,15 +98,15 @@ class Curve(Unnamed):
         return (f"{cls.name}.low", f"{cls.name}.high")
 
     @classmethod
-    def place(cls, value: Expression, low: Expression, high: Expression) -> Expression:
-        """Where a value lies among the knots, from 0 to 8."""
-        return ca.fmax(ca.fmin((value - low) / (high - low), 1), 0) * (KNOTS - 1)
+    def knots(cls, low: Expression, high: Expression) -> list[Expression]:
+        """Values of the variable at the nine knots, from `low` to `high`."""
+        return [low + k / (KNOTS - 1) * (high - low) for k in range(KNOTS)]
 
     @classmethod
     def hats(cls, value: Expression, low: Expression, high: Expression) -> list[Expression]:
         """How much each knot counts at a value."""
-        place = cls.place(value, low, high)
-        return [ca.fmax(1 - ca.fabs(place - k), 0) for k in range(KNOTS)]
+        knots = cls.knots(low, high)
+        return [interpolated(value, knots, alone) for alone in np.eye(KNOTS)]
 
     def height(self, at: Moment) -> Expression:
         """Of the curve at the load's variable."""
@@ -141,22 +165,25 @@ class CurveOverVelocity(Curve):
     variables = ("velocity",)
 
     @classmethod
-    def place(cls, value: Expression, low: Expression, high: Expression) -> Expression:
+    def shape(cls) -> tuple[str, ...]:
+        """Also viscous friction, which is itself such a curve."""
+        return (*super().shape(), "viscous_friction")
+
+    @classmethod
+    def knots(cls, low: Expression, high: Expression) -> list[Expression]:
         """Evenly over asinh of the velocity."""
         scale = _DENSE * (high - low)
-        return super().place(*(ca.asinh(v / scale) for v in (value, low, high)))
+        inner = super().knots(*(ca.asinh(end / scale) for end in (low, high)))[1:-1]
+        return [low, *(scale * ca.sinh(place) for place in inner), high]
 
     @classmethod
     def hats(cls, value: Expression, low: Expression, high: Expression) -> list[Expression]:
-        """How much each knot counts at a value; outside, by the mean of the slopes between the two last of each end."""
-        hats, scale = super().hats(value, low, high), _DENSE * (high - low)
-        first, last = ca.asinh(low / scale), ca.asinh(high / scale)
-        second, last_but_one = (scale * ca.sinh(first + k / (KNOTS - 1) * (last - first)) for k in (1, KNOTS - 2))
-        beyond = ca.fmax(value - high, 0) + ca.fmin(value - low, 0)
-        for near, end, run in ((1, 0, second - low), (KNOTS - 2, KNOTS - 1, last_but_one - high)):
-            share = 0.5 * beyond / run
-            hats[near], hats[end] = hats[near] + share, hats[end] - share
-        return hats
+        """How much each knot counts at a value; outside, by the mean of the slopes at both ends."""
+        knots = cls.knots(low, high)
+        beyond = 0.5 * (ca.fmax(value - high, 0) + ca.fmin(value - low, 0))
+        steep = [slopes(knots, alone) for alone in np.eye(KNOTS)]
+        inside = super().hats(value, low, high)
+        return [hat + beyond * (first + last) for hat, (first, *_, last) in zip(inside, steep, strict=True)]
 
 
 @dataclass(frozen=True, kw_only=True)

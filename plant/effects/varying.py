@@ -14,7 +14,7 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from plant.effects.curve import KNOTS, Curve, smooth
+from plant.effects.curve import KNOTS, Curve, interpolated, smooth
 from plant.effects.effect import Array, Expression, Moment, Motion
 
 
@@ -30,9 +30,8 @@ class OverTurn(Curve):
     def hats(cls, value: Expression, low: Expression, high: Expression) -> list[Expression]:
         """As of a curve, the last knot beside the first."""
         turns = (value - low) / (high - low)
-        place = (turns - ca.floor(turns)) * KNOTS
-        apart = [ca.fabs(place - k) for k in range(KNOTS)]
-        return [ca.fmax(1 - ca.fmin(way, KNOTS - way), 0) for way in apart]
+        place, around = (turns - ca.floor(turns)) * KNOTS, range(-1, KNOTS + 2)
+        return [interpolated(place, around, [alone[k % KNOTS] for k in around]) for alone in np.eye(KNOTS)]
 
     @classmethod
     def reach(cls, motion: Motion) -> tuple[float, float]:
