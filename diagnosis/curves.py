@@ -8,7 +8,6 @@ from functools import partial
 from itertools import chain
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from diagnosis.odds import MISSING, parameter_cost, schwarz_cost, search_charge
 from diagnosis.refit import evidence_of, fitted_near, refit
@@ -18,8 +17,7 @@ from diagnosis.unseen import holds_up
 from diagnosis.wandering import follows_anything, if_it_wanders, may_wander, needed_with, refitted
 from identification.fit_result import Fit
 from identification.side_by_side import side_by_side
-from plant.effects import Trace
-from plant.effects.curve import CurveOverVelocity, Unnamed
+from plant.effects.curve import Unnamed
 from plant.effects.unnamed import plain, unnamed
 
 _CLEARS = float(np.log(1000.0))  # score that a curve needs before it is believed
@@ -33,10 +31,7 @@ _KNOTS_LEAVE = 0.2  # share of what the first brought that a second must bring: 
 def unnamed_dependence(
     fit: Fit, kinds: Mapping[str, type[Unnamed]] = plain, *, bar: float = _CLEARS
 ) -> tuple[tuple[Unnamed, float], ...]:
-    """What without a name would explain more than chance, the best of each kind with its score, the highest first.
-
-    Over velocity a curve has a jump at zero besides, so that dry friction does not pass for a smooth curve's failure.
-    """
+    """What without a name would explain more than chance, the best of each kind with its score, the highest first."""
     held = {effect.name for effect in fit.model.effects}
     asked = [kind for name, kind in kinds.items() if name not in held]
     asked = [kind for kind in asked if fit.model.axis in kind.axes]
@@ -51,19 +46,12 @@ def unnamed_dependence(
 
 def _asked(screen: Screen, kind: type[Unnamed]) -> list[tuple[Unnamed, float]]:
     """What one kind suggests, with its evidence less the charge for the search along it."""
-    traces = kind.traces(screen.motion)
-    tried = (_with_jump(trace, screen) if kind is CurveOverVelocity else trace for trace in traces)
+    tried = kind.traces(screen.motion)
     return [
         (start, evidence - search_charge(searched=trace.searched, catalogue=1))
         for trace, evidence, coefficients in screen.regress(tried, discounted=True)
         if isinstance(start := trace.start(coefficients), Unnamed)
     ]
-
-
-def _with_jump(trace: Trace, screen: Screen) -> Trace:
-    columns = np.column_stack((trace.columns, screen.motion.sign))
-    prior = None if trace.prior is None else block_diag(trace.prior, np.eye(1))
-    return Trace(columns=columns, prior=prior, start=lambda c: trace.start(c[:-1]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -67,7 +67,7 @@ def suggestion(fit: Fit) -> str | None:
     variable = over if over in _TERMS else curve.over
     information = np.asarray(np.linalg.pinv(fit.covariance[np.ix_(rows, rows)]), dtype=float)
     places = np.array([float(knot) for knot in curve.knots(curve.low, curve.high)])
-    found = looks_like(variable, places, np.array(curve.values[2:], dtype=float), information)
+    found = looks_like(variable, places, np.array(curve.values[2 : 2 + KNOTS], dtype=float), information)
     if not found:
         return None
     formula = " ".join(f"{size:+.3g} {name}".replace(" 1", "") for name, size in found.items()).removeprefix("+")

@@ -5,19 +5,27 @@ These are no causes and not in the catalogue; a diagnosis adds one where it answ
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from types import MappingProxyType
 from typing import ClassVar
 
 import casadi as ca
 import numpy as np
+from scipy.linalg import block_diag
 
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Stage, Trace, parameter
 
 KNOTS = 9
 _REACH = 2.5  # knots over which a curve keeps its course
+_DRY = (
+    "coulomb_friction.torque",
+    "stribeck_friction.coulomb",
+    "asymmetric_friction.forward",
+    "asymmetric_friction.backward",
+)
 _DENSE = 0.05  # share of the range of velocity, about zero, within which the knots lie densest
 
 
@@ -111,7 +119,7 @@ class Curve(Unnamed):
     def height(self, at: Moment) -> Expression:
         """Of the curve at the load's variable."""
         hats = self.hats(getattr(at, self.over), self.low, self.high)
-        return sum(value * hat for value, hat in zip(self.values[2:], hats, strict=True))
+        return sum(value * hat for value, hat in zip(self.values[2 : 2 + KNOTS], hats, strict=True))
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
         """The curve itself."""
@@ -153,21 +161,28 @@ class Curve(Unnamed):
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOverVelocity(Curve):
-    """Over velocity, with most knots where friction changes: near zero; outside, it goes on as steeply as it ends.
+    """Over velocity, with dry friction beside it, and with most knots where friction changes: near zero.
 
-    Its slope and the viscous friction of the model are one thing, of which a fit leaves either any share: flat ends
-    would take away from what the fit has seen together.
+    Outside, it goes on as steeply as it ends: what is viscous in it belongs to the viscous friction of the model.
     """
 
     name = "curve_over_velocity"
     title = "curve over velocity"
+    equation = r"\tau_u \in f(\dot x) - F\,\mathrm{sgn}(\dot x)"
     over = "velocity"
     variables = ("velocity",)
+    prior = block_diag(Curve.prior, np.eye(1))
+
+    dry: float = parameter("{torque}", "dry friction F beside the curve", lower=0.0, default=0.0)
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
-        """Also viscous friction, which is itself such a curve."""
-        return (*super().shape(), "viscous_friction")
+        """Also viscous and dry friction, which are themselves such a curve."""
+        return (*super().shape(), "viscous_friction", *_DRY)
+
+    def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
+        """Without it the curve would have to be steep where the motion reverses, and nothing would stick."""
+        return self.dry, self.dry
 
     @classmethod
     def knots(cls, low: Expression, high: Expression) -> list[Expression]:
@@ -184,6 +199,17 @@ class CurveOverVelocity(Curve):
         steep = [slopes(knots, alone) for alone in np.eye(KNOTS)]
         inside = super().hats(value, low, high)
         return [hat + beyond * (first + last) for hat, (first, *_, last) in zip(inside, steep, strict=True)]
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """One column for each knot, and one against the motion."""
+        for trace in super().traces(motion):
+            columns = np.column_stack((trace.columns, -motion.sign))
+            yield replace(trace, columns=columns, prior=cls.prior, start=partial(_with_dry, trace.start))
+
+
+def _with_dry(start: Callable[[Array], Effect], coefficients: Array) -> Effect:
+    return replace(start(coefficients[:-1]), dry=max(float(coefficients[-1]), 0.0))  # type: ignore[call-arg]
 
 
 @dataclass(frozen=True, kw_only=True)
