@@ -14,11 +14,13 @@ from scipy.stats import multivariate_normal
 
 from diagnosis import diagnose
 from diagnosis.candidates import chosen
+from diagnosis.curves import unnamed_dependence
 from diagnosis.missing_torque import named_on
 from diagnosis.odds import smooth_evidence
+from diagnosis.refit import refit
 from identification.log import Log
 from plant import BadParameter, Effect, ModelFile, ServoModel, catalogue, read_model, simulate
-from plant.effects import DeadZone, Motion, Stage, Trace
+from plant.effects import CoulombFriction, DeadZone, Motion, Stage, Trace
 from plant.effects.curve import Curve, CurveOverAngle, CurveOverVelocity, Unnamed, curves
 from plant.effects.effect import Expression, Moment, parameter
 from plant.effects.ripple import RippleOverAngle
@@ -45,8 +47,9 @@ def log_of(**hidden: dict[str, float]) -> Log:
             "angle",
             r"looks like .* -0\.1\d+ x ",
         ),
+        ({"asymmetric_friction": {"forward": 0.4, "backward": 0.3, "viscous_difference": 0.1}}, "velocity", "velocity"),
     ],
-    ids=["drag", "cable"],
+    ids=["drag", "cable", "friction"],
 )
 def test_what_the_catalogue_lacks_is_unknown_and_its_gain_is_had(
     hidden: dict[str, dict[str, float]], variable: str, formula: str
@@ -239,6 +242,22 @@ def test_a_curve_has_every_parabola_as_it_is_and_bends_smoothly(kind: type[Curve
     before, at, after = (side @ np.sin(2.0 * knots) for side in sides)
     assert at == pytest.approx(np.sin(2.0 * knots[1:-1]))
     assert (after - at) / 1e-6 == pytest.approx((at - before) / 1e-6, abs=1e-4)
+
+
+def test_over_velocity_dry_friction_stays_dry() -> None:
+    """A smooth curve would be steep where the motion reverses, and nothing would stick."""
+    log = log_of(asymmetric_friction={"forward": 0.4, "backward": 0.3, "viscous_difference": 0.0})
+    found = diagnose(log, candidates=["torque_offset"])
+    curve = found.model.effect("curve_over_velocity")
+    assert isinstance(curve, CurveOverVelocity)
+    assert curve.dry == pytest.approx(0.35, rel=0.02)
+    assert curve.dry_friction(Moment()) == (curve.dry, curve.dry)
+    offset = [float(curve.height(Moment(velocity=v)) + 0.0) for v in (-1.0, 0.0, 1.0)]
+    assert np.mean(offset) == pytest.approx(-0.05, abs=0.01)
+    named = refit(found.base, CoulombFriction(torque=0.3))
+    ((start, _),) = unnamed_dependence(named, {"curve_over_velocity": CurveOverVelocity})
+    beside = refit(named, start, fixed=start.shape())
+    assert beside["coulomb_friction.torque"].value == named["coulomb_friction.torque"].value
 
 
 def test_over_a_turn_the_end_goes_on_as_the_beginning() -> None:
