@@ -32,9 +32,7 @@ def unnamed_dependence(
     fit: Fit, kinds: Mapping[str, type[Unnamed]] = plain, *, bar: float = _CLEARS
 ) -> tuple[tuple[Unnamed, float], ...]:
     """What without a name would explain more than chance, the best of each kind with its score, the highest first."""
-    held = {effect.name for effect in fit.model.effects}
-    asked = [kind for name, kind in kinds.items() if name not in held]
-    asked = [kind for kind in asked if fit.model.axis in kind.axes]
+    asked = [kind for kind in kinds.values() if kind.beside(fit.model)]
     found: dict[str, tuple[Unnamed, float]] = {}
     for screen, loss in Screen.views(fit):
         for start, value in chain(*side_by_side(partial(_asked, screen), asked)):

@@ -14,7 +14,7 @@ import numpy as np
 
 from diagnosis.missing_torque import named_on
 from identification.fit_result import Fit
-from plant.effects.curve import KNOTS, Curve, curves
+from plant.effects.curve import KNOTS, Curve, FrictionOverVelocity, curves
 from plant.effects.effect import Array
 
 Term = Callable[[Array], Array]
@@ -71,7 +71,8 @@ def suggestion(fit: Fit) -> str | None:
     if not found:
         return None
     formula = " ".join(f"{size:+.3g} {name}".replace(" 1", "") for name, size in found.items()).removeprefix("+")
-    beside = ", beside viscous friction" if curve.over in _TAKEN_OVER else ""
+    dry = "dry and " if curve.name == FrictionOverVelocity.name else ""
+    beside = f", beside {dry}viscous friction" if curve.over in _TAKEN_OVER else ""
     law = f"{formula} [{fit.log.command_unit}]{beside}"
     return (
         f"Over {over} {_SYMBOL[curve.over]} the {torque} that is missing looks like {law}. "

@@ -14,14 +14,12 @@ from scipy.stats import multivariate_normal
 
 from diagnosis import diagnose
 from diagnosis.candidates import chosen
-from diagnosis.curves import unnamed_dependence
 from diagnosis.missing_torque import named_on
 from diagnosis.odds import smooth_evidence
-from diagnosis.refit import refit
 from identification.log import Log
 from plant import BadParameter, Effect, ModelFile, ServoModel, catalogue, read_model, simulate
 from plant.effects import CoulombFriction, DeadZone, Motion, Stage, Trace
-from plant.effects.curve import Curve, CurveOverAngle, CurveOverVelocity, Unnamed, curves
+from plant.effects.curve import Curve, CurveOverAngle, CurveOverVelocity, FrictionOverVelocity, Unnamed, curves
 from plant.effects.effect import Expression, Moment, parameter
 from plant.effects.ripple import RippleOverAngle
 from plant.effects.unnamed import unnamed
@@ -35,31 +33,38 @@ def log_of(**hidden: dict[str, float]) -> Log:
 
 
 @pytest.mark.parametrize(
-    ("hidden", "variable", "formula"),
+    ("hidden", "variable", "carried", "formula"),
     [
         (
             {"quadratic_drag": {"drag": 0.03}},
             "velocity",
+            "curve_over_velocity",
             r"looks like -0\.0\d+ v \|v\| \[N m\], beside viscous friction",
         ),
         (
             {"cable_stiffness": {"stiffness": 0.1, "cubic": 0.002, "rest_angle": 0.4}},
             "angle",
+            "curve_over_angle",
             r"looks like .* -0\.1\d+ x ",
         ),
-        ({"asymmetric_friction": {"forward": 0.4, "backward": 0.3, "viscous_difference": 0.1}}, "velocity", "velocity"),
+        (
+            {"asymmetric_friction": {"forward": 0.4, "backward": 0.3, "viscous_difference": 0.1}},
+            "velocity",
+            "friction_over_velocity",
+            "velocity",
+        ),
     ],
     ids=["drag", "cable", "friction"],
 )
 def test_what_the_catalogue_lacks_is_unknown_and_its_gain_is_had(
-    hidden: dict[str, dict[str, float]], variable: str, formula: str
+    hidden: dict[str, dict[str, float]], variable: str, carried: str, formula: str
 ) -> None:
     (name,) = hidden
     found = diagnose(log_of(**hidden), exclude=[name])
     assert found.verdict == "unknown"
     assert found.causes == ()
     assert found.unexplained.depends_on[0] == variable
-    assert f"curve_over_{variable}" in [effect.name for effect in found.model.effects]
+    assert carried in [effect.name for effect in found.model.effects]
     told = diagnose(log_of(**hidden), candidates=[name])
     assert [cause.effect for cause in told.causes] == [name]
     assert found.gain.cut > 0.9 * told.gain.cut
@@ -115,8 +120,9 @@ def test_variables_have_the_names_of_the_axis() -> None:
     found = diagnose(log, candidates=["torque_offset"])
     assert found.verdict == "unknown"
     assert found.unexplained.depends_on[0] == "velocity"
-    assert {named_on(name, "linear") for name in curves} == {"velocity", "position", "force", "time"}
-    assert [named_on(name, "rotary") for name in curves] == list(curves)
+    over = {curve.over for curve in curves.values()}
+    assert {named_on(name, "linear") for name in over} == {"velocity", "position", "force", "time"}
+    assert {named_on(name, "rotary") for name in over} == over
 
 
 def test_a_clean_log_carries_no_curve() -> None:
@@ -244,20 +250,24 @@ def test_a_curve_has_every_parabola_as_it_is_and_bends_smoothly(kind: type[Curve
     assert (after - at) / 1e-6 == pytest.approx((at - before) / 1e-6, abs=1e-4)
 
 
-def test_over_velocity_dry_friction_stays_dry() -> None:
+def test_dry_friction_without_a_name_stays_dry() -> None:
     """A smooth curve would be steep where the motion reverses, and nothing would stick."""
     log = log_of(asymmetric_friction={"forward": 0.4, "backward": 0.3, "viscous_difference": 0.0})
     found = diagnose(log, candidates=["torque_offset"])
-    curve = found.model.effect("curve_over_velocity")
-    assert isinstance(curve, CurveOverVelocity)
+    curve = found.model.effect("friction_over_velocity")
+    assert isinstance(curve, FrictionOverVelocity)
     assert curve.dry == pytest.approx(0.35, rel=0.02)
     assert curve.dry_friction(Moment()) == (curve.dry, curve.dry)
-    offset = [float(curve.height(Moment(velocity=v)) + 0.0) for v in (-1.0, 0.0, 1.0)]
-    assert np.mean(offset) == pytest.approx(-0.05, abs=0.01)
-    named = refit(found.base, CoulombFriction(torque=0.3))
-    ((start, _),) = unnamed_dependence(named, {"curve_over_velocity": CurveOverVelocity})
-    beside = refit(named, start, fixed=start.shape())
-    assert beside["coulomb_friction.torque"].value == named["coulomb_friction.torque"].value
+    both = [float(curve.height(Moment(velocity=v))) for v in (-1.0, 1.0)]
+    assert np.mean(both) == pytest.approx(-0.05, abs=0.01)
+
+
+def test_beside_a_name_for_dry_friction_there_is_none_without_a_name() -> None:
+    """It would take the name's place, whatever the name."""
+    assert FrictionOverVelocity.beside(ServoModel.paper())
+    rubs = ServoModel.paper().with_effect(CoulombFriction(torque=0.3))
+    assert not FrictionOverVelocity.beside(rubs)
+    assert CurveOverVelocity.beside(rubs)
 
 
 def test_over_a_turn_the_end_goes_on_as_the_beginning() -> None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from types import MappingProxyType
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import casadi as ca
 import numpy as np
@@ -18,14 +18,11 @@ from scipy.linalg import block_diag
 
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Stage, Trace, parameter
 
+if TYPE_CHECKING:
+    from plant.servo import ServoModel
+
 KNOTS = 9
 _REACH = 2.5  # knots over which a curve keeps its course
-_DRY = (
-    "coulomb_friction.torque",
-    "stribeck_friction.coulomb",
-    "asymmetric_friction.forward",
-    "asymmetric_friction.backward",
-)
 _DENSE = 0.05  # share of the range of velocity, about zero, within which the knots lie densest
 
 
@@ -76,6 +73,11 @@ class Unnamed(Effect):
     def shape(cls) -> tuple[str, ...]:
         """Names of the parameters that are not fitted beside it: of its own, and of the model if it could be those."""
         return ()
+
+    @classmethod
+    def beside(cls, model: ServoModel) -> bool:
+        """Whether it makes sense beside a model."""
+        return model.axis in cls.axes and model.effect(cls.name) is None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,28 +163,20 @@ class Curve(Unnamed):
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOverVelocity(Curve):
-    """Over velocity, with dry friction beside it, and with most knots where friction changes: near zero.
+    """Over velocity, with most knots where friction changes: near zero; outside, it goes on as steeply as it ends.
 
-    Outside, it goes on as steeply as it ends: what is viscous in it belongs to the viscous friction of the model.
+    What is viscous in it belongs to the viscous friction of the model: flat ends would take some of that away.
     """
 
     name = "curve_over_velocity"
     title = "curve over velocity"
-    equation = r"\tau_u \in f(\dot x) - F\,\mathrm{sgn}(\dot x)"
     over = "velocity"
     variables = ("velocity",)
-    prior = block_diag(Curve.prior, np.eye(1))
-
-    dry: float = parameter("{torque}", "dry friction F beside the curve", lower=0.0, default=0.0)
 
     @classmethod
     def shape(cls) -> tuple[str, ...]:
-        """Also viscous and dry friction, which are themselves such a curve."""
-        return (*super().shape(), "viscous_friction", *_DRY)
-
-    def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
-        """Without it the curve would have to be steep where the motion reverses, and nothing would stick."""
-        return self.dry, self.dry
+        """Also viscous friction, which is itself such a curve."""
+        return (*super().shape(), "viscous_friction")
 
     @classmethod
     def knots(cls, low: Expression, high: Expression) -> list[Expression]:
@@ -200,16 +194,38 @@ class CurveOverVelocity(Curve):
         inside = super().hats(value, low, high)
         return [hat + beyond * (first + last) for hat, (first, *_, last) in zip(inside, steep, strict=True)]
 
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionOverVelocity(CurveOverVelocity):
+    """Such a curve and dry friction: by itself it would have to be steep at each reversal, and nothing would stick."""
+
+    name = "friction_over_velocity"
+    title = "friction over velocity"
+    equation = r"\tau_u \in f(\dot x) - F\,\mathrm{sgn}(\dot x)"
+    prior = block_diag(Curve.prior, np.eye(1))
+
+    dry: float = parameter("{torque}", "dry friction F", lower=0.0, default=0.0)
+
+    @classmethod
+    def beside(cls, model: ServoModel) -> bool:
+        """Where nothing is dry yet; elsewhere it would only take the place of what is."""
+        return super().beside(model) and not model.slides
+
+    def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
+        """The same in both directions."""
+        return self.dry, self.dry
+
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """One column for each knot, and one against the motion."""
         for trace in super().traces(motion):
             columns = np.column_stack((trace.columns, -motion.sign))
-            yield replace(trace, columns=columns, prior=cls.prior, start=partial(_with_dry, trace.start))
+            yield replace(trace, columns=columns, start=partial(_with_dry, trace.start))
 
 
 def _with_dry(start: Callable[[Array], Effect], coefficients: Array) -> Effect:
-    return replace(start(coefficients[:-1]), dry=max(float(coefficients[-1]), 0.0))  # type: ignore[call-arg]
+    curve = cast("FrictionOverVelocity", start(coefficients[:-1]))
+    return replace(curve, dry=max(float(coefficients[-1]), 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,6 +270,6 @@ class CurveOverTime(Curve):
 
 
 curves: Mapping[str, type[Curve]] = MappingProxyType(
-    {cls.over: cls for cls in (CurveOverVelocity, CurveOverAngle, CurveOverTorque, CurveOverTime)}
+    {cls.name: cls for cls in (CurveOverVelocity, FrictionOverVelocity, CurveOverAngle, CurveOverTorque, CurveOverTime)}
 )
-"""The curves by the variable that they run over."""
+"""The curves by name."""

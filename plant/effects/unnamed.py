@@ -9,7 +9,7 @@ from plant.effects.curve import Unnamed, curves
 from plant.effects.ripple import ripples
 from plant.effects.varying import varying
 
-plain: Mapping[str, type[Unnamed]] = MappingProxyType({curve.name: curve for curve in curves.values()})
+plain: Mapping[str, type[Unnamed]] = curves
 """A torque over one variable, by name."""
 
 unnamed: Mapping[str, type[Unnamed]] = MappingProxyType({**plain, **varying, **ripples})
