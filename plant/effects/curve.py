@@ -5,10 +5,9 @@ These are no causes and not in the catalogue; a diagnosis adds one where it answ
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar, cast
 
@@ -17,6 +16,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Stage, Trace, parameter
+from plant.effects.interpolation import interpolated, slopes
 
 if TYPE_CHECKING:
     from plant.servo import ServoModel
@@ -31,29 +31,6 @@ def smooth(knots: int, *, closed: bool = False) -> Array:
     apart = np.subtract.outer(np.arange(knots), np.arange(knots))
     turns = knots * np.arange(-2, 3) if closed else (0,)
     return np.asarray(sum(np.exp(-0.5 * ((apart + turn) / _REACH) ** 2) for turn in turns) + 1e-6 * np.eye(knots))
-
-
-def slopes(knots: Sequence[Expression], heights: Sequence[Expression] | Array) -> list[Expression]:
-    """At each knot, of the parabola through it and its two neighbours; at the first and last, of the one next to it."""
-    widths = [after - before for before, after in pairwise(knots)]
-    rises = [(after - before) / width for (before, after), width in zip(pairwise(heights), widths, strict=True)]
-    bends = [(b - a) / (v + w) for (a, b), (v, w) in zip(pairwise(rises), pairwise(widths), strict=True)]
-    inner = [rise + width * bend for rise, width, bend in zip(rises, widths, bends, strict=False)]
-    return [rises[0] - widths[0] * bends[0], *inner, rises[-1] + widths[-1] * bends[-1]]
-
-
-def interpolated(value: Expression, knots: Sequence[Expression], heights: Sequence[Expression] | Array) -> Expression:
-    """Cubic between knots with those slopes (Bessel's interpolation, de Boor 2001, ch. IV), constant outside.
-
-    It passes through the heights, is smooth, and has every parabola as it is.
-    """
-    steep, total = slopes(knots, heights), heights[0]
-    for k, (before, after) in enumerate(pairwise(knots)):
-        width, rise = after - before, heights[k + 1] - heights[k]
-        s = ca.fmax(ca.fmin((value - before) / width, 1), 0)
-        bulge = width * s * (1 - s) * ((1 - s) * steep[k] - s * steep[k + 1])
-        total = total + rise * s * s * (3 - 2 * s) + bulge
-    return total
 
 
 @dataclass(frozen=True, kw_only=True)

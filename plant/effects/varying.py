@@ -14,8 +14,9 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from plant.effects.curve import KNOTS, Curve, interpolated, smooth
+from plant.effects.curve import KNOTS, Curve, smooth
 from plant.effects.effect import Array, Expression, Moment, Motion
+from plant.effects.interpolation import interpolated
 
 
 @dataclass(frozen=True, kw_only=True)
