@@ -10,7 +10,7 @@ import numpy as np
 from diagnosis.candidates import Choice, chosen
 from diagnosis.curves import CLEARLY, Carried, beside_unnamed, carried, charged, nameless, richer_promise
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.holdout import cut, inverse_errors, measure_gain, remaining, split
+from diagnosis.holdout import cut, inverse_errors, measure_gain, remaining, split, spoken_against
 from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
 from diagnosis.odds import NONE
@@ -112,6 +112,8 @@ def diagnose(
     tell("measuring the gain on held-out data")
     gain, squares, replays = measure_gain(holdout, path)
     final = path[-1]
+    if (refuted := spoken_against(squares[0], squares[-1])) is not None:
+        warnings.append(refuted)
     left = repeats(final)
     if left is not None:
         warnings.append(str(left))

@@ -122,6 +122,17 @@ def cut(before: Array, after: Array) -> tuple[float, float]:
     return share(float(np.mean(before)), float(np.mean(after))), jackknife(share, before, after)
 
 
+def spoken_against(before: Array, after: Array) -> str | None:
+    """A sentence if held-out data refute what was added: squared errors (T,) significantly larger with it."""
+    lost, std = cut(before, after)
+    if lost >= -2.0 * std:
+        return None
+    return (
+        f"The held-out data speak against what was added: with it the simulation errs more there, by "
+        f"{-100.0 * lost:.0f} ± {100.0 * std:.0f} %. A name that they refute is not to be relied upon."
+    )
+
+
 def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[Array], tuple[Replay, ...]]:
     """Gain of the last fit of a path over the first, the squared errors after each step, and the runs replayed."""
     window = scoring_window(*path)
