@@ -5,7 +5,7 @@ These are no causes and not in the catalogue; a diagnosis adds one where it answ
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
@@ -90,15 +90,20 @@ class Curve(Unnamed):
         return [low + k / (KNOTS - 1) * (high - low) for k in range(KNOTS)]
 
     @classmethod
+    def course(
+        cls, value: Expression, low: Expression, high: Expression, heights: Sequence[Expression] | Array
+    ) -> Expression:
+        """The curve of given heights (9,) at a value."""
+        return interpolated(value, cls.knots(low, high), heights)
+
+    @classmethod
     def hats(cls, value: Expression, low: Expression, high: Expression) -> list[Expression]:
         """How much each knot counts at a value."""
-        knots = cls.knots(low, high)
-        return [interpolated(value, knots, alone) for alone in np.eye(KNOTS)]
+        return [cls.course(value, low, high, alone) for alone in np.eye(KNOTS)]
 
     def height(self, at: Moment) -> Expression:
         """Of the curve at the load's variable."""
-        hats = self.hats(getattr(at, self.over), self.low, self.high)
-        return sum(value * hat for value, hat in zip(self.values[2 : 2 + KNOTS], hats, strict=True))
+        return self.course(getattr(at, self.over), self.low, self.high, self.values[2 : 2 + KNOTS])
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
         """The curve itself."""
@@ -163,13 +168,13 @@ class CurveOverVelocity(Curve):
         return [low, *(scale * ca.sinh(place) for place in inner), high]
 
     @classmethod
-    def hats(cls, value: Expression, low: Expression, high: Expression) -> list[Expression]:
-        """How much each knot counts at a value; outside, by the mean of the slopes at both ends."""
-        knots = cls.knots(low, high)
-        beyond = 0.5 * (ca.fmax(value - high, 0) + ca.fmin(value - low, 0))
-        steep = [slopes(knots, alone) for alone in np.eye(KNOTS)]
-        inside = super().hats(value, low, high)
-        return [hat + beyond * (first + last) for hat, (first, *_, last) in zip(inside, steep, strict=True)]
+    def course(
+        cls, value: Expression, low: Expression, high: Expression, heights: Sequence[Expression] | Array
+    ) -> Expression:
+        """As of a curve; outside, it goes on by the mean of the slopes at both ends."""
+        first, *_, last = slopes(cls.knots(low, high), heights)
+        beyond = ca.fmax(value - high, 0) + ca.fmin(value - low, 0)
+        return super().course(value, low, high, heights) + 0.5 * (first + last) * beyond
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ varying coefficients).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -28,11 +28,13 @@ class OverTurn(Curve):
     axes = ("rotary",)
 
     @classmethod
-    def hats(cls, value: Expression, low: Expression, high: Expression) -> list[Expression]:
+    def course(
+        cls, value: Expression, low: Expression, high: Expression, heights: Sequence[Expression] | Array
+    ) -> Expression:
         """As of a curve, the last knot beside the first."""
         turns = (value - low) / (high - low)
-        place, around = (turns - ca.floor(turns)) * KNOTS, range(-1, KNOTS + 2)
-        return [interpolated(place, around, [alone[k % KNOTS] for k in around]) for alone in np.eye(KNOTS)]
+        around = range(-1, KNOTS + 2)
+        return interpolated((turns - ca.floor(turns)) * KNOTS, around, [heights[k % KNOTS] for k in around])
 
     @classmethod
     def reach(cls, motion: Motion) -> tuple[float, float]:
