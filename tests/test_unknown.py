@@ -268,6 +268,9 @@ def test_beside_a_name_for_dry_friction_there_is_none_without_a_name() -> None:
     rubs = ServoModel.paper().with_effect(CoulombFriction(torque=0.3))
     assert not FrictionOverVelocity.beside(rubs)
     assert CurveOverVelocity.beside(rubs)
+    curved = ServoModel.paper().with_effect(FrictionOverVelocity(low=-1.0, high=1.0, dry=0.1))
+    assert not CurveOverVelocity.beside(curved)
+    assert CurveOverAngle.beside(curved)
 
 
 def test_over_a_turn_the_end_goes_on_as_the_beginning() -> None:

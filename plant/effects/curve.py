@@ -161,6 +161,11 @@ class CurveOverVelocity(Curve):
         return (*super().shape(), "viscous_friction")
 
     @classmethod
+    def beside(cls, model: ServoModel) -> bool:
+        """One of the kind, with dry friction or without, is enough."""
+        return super().beside(model) and not any(isinstance(effect, CurveOverVelocity) for effect in model.effects)
+
+    @classmethod
     def knots(cls, low: Expression, high: Expression) -> list[Expression]:
         """Evenly over asinh of the velocity."""
         scale = _DENSE * (high - low)
