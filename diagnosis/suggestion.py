@@ -14,8 +14,10 @@ import numpy as np
 
 from diagnosis.missing_torque import named_on
 from identification.fit_result import Fit
-from plant.effects.curve import KNOTS, Curve, FrictionOverVelocity, curves
+from plant.effects.curve import KNOTS, Curve
 from plant.effects.effect import Array
+from plant.effects.friction_over_velocity import FrictionOverVelocity
+from plant.effects.unnamed import plain
 
 Term = Callable[[Array], Array]
 
@@ -57,7 +59,7 @@ _SYMBOL = {"velocity": "v", "angle": "x", "torque": "u"}
 
 def suggestion(fit: Fit) -> str | None:
     """A sentence with the formula that the curve over one variable of a fitted model looks like; None without one."""
-    curve = next((effect for effect in fit.model.effects if type(effect) in curves.values()), None)
+    curve = next((effect for effect in fit.model.effects if type(effect) in plain.values()), None)
     if not isinstance(curve, Curve) or curve.over not in _TERMS:
         return None
     rows = [row for row, place in enumerate(fit.free) if fit.model.names[place].startswith(f"{curve.name}.c")]

@@ -19,10 +19,11 @@ from diagnosis.odds import smooth_evidence
 from identification.log import Log
 from plant import BadParameter, Effect, ModelFile, ServoModel, catalogue, read_model, simulate
 from plant.effects import CoulombFriction, DeadZone, Motion, Stage, Trace
-from plant.effects.curve import Curve, CurveOverAngle, CurveOverVelocity, FrictionOverVelocity, Unnamed, curves
+from plant.effects.curve import Curve, CurveOverAngle, CurveOverVelocity, Unnamed
 from plant.effects.effect import Expression, Moment, parameter
+from plant.effects.friction_over_velocity import FrictionOverVelocity
 from plant.effects.ripple import RippleOverAngle
-from plant.effects.unnamed import unnamed
+from plant.effects.unnamed import plain, unnamed
 from plant.effects.varying import FrictionOverTurn
 
 TURN = {"low": 0.0, "high": 2.0 * np.pi}
@@ -120,7 +121,7 @@ def test_variables_have_the_names_of_the_axis() -> None:
     found = diagnose(log, candidates=["torque_offset"])
     assert found.verdict == "unknown"
     assert found.unexplained.depends_on[0] == "velocity"
-    over = {curve.over for curve in curves.values()}
+    over = {curve.over for curve in plain.values()}
     assert {named_on(name, "linear") for name in over} == {"velocity", "position", "force", "time"}
     assert {named_on(name, "rotary") for name in over} == over
 

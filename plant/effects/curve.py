@@ -5,15 +5,12 @@ These are no causes and not in the catalogue; a diagnosis adds one where it answ
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar, cast
+from typing import TYPE_CHECKING, ClassVar
 
 import casadi as ca
 import numpy as np
-from scipy.linalg import block_diag
 
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Stage, Trace, parameter
 from plant.effects.interpolation import interpolated, slopes
@@ -183,39 +180,6 @@ class CurveOverVelocity(Curve):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrictionOverVelocity(CurveOverVelocity):
-    """Such a curve and dry friction: by itself it would have to be steep at each reversal, and nothing would stick."""
-
-    name = "friction_over_velocity"
-    title = "friction over velocity"
-    equation = r"\tau_u \in f(\dot x) - F\,\mathrm{sgn}(\dot x)"
-    prior = block_diag(Curve.prior, np.eye(1))
-
-    dry: float = parameter("{torque}", "dry friction F", lower=0.0, default=0.0)
-
-    @classmethod
-    def beside(cls, model: ServoModel) -> bool:
-        """Where nothing is dry yet; elsewhere it would only take the place of what is."""
-        return super().beside(model) and not model.slides
-
-    def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
-        """The same in both directions."""
-        return self.dry, self.dry
-
-    @classmethod
-    def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """One column for each knot, and one against the motion."""
-        for trace in super().traces(motion):
-            columns = np.column_stack((trace.columns, -motion.sign))
-            yield replace(trace, columns=columns, start=partial(_with_dry, trace.start))
-
-
-def _with_dry(start: Callable[[Array], Effect], coefficients: Array) -> Effect:
-    curve = cast("FrictionOverVelocity", start(coefficients[:-1]))
-    return replace(curve, dry=max(float(coefficients[-1]), 0.0))
-
-
-@dataclass(frozen=True, kw_only=True)
 class CurveOverAngle(Curve):
     """Over the angle or position."""
 
@@ -254,9 +218,3 @@ class CurveOverTime(Curve):
     clocked = True
     over = "time"
     variables = ("time",)
-
-
-curves: Mapping[str, type[Curve]] = MappingProxyType(
-    {cls.name: cls for cls in (CurveOverVelocity, FrictionOverVelocity, CurveOverAngle, CurveOverTorque, CurveOverTime)}
-)
-"""The curves by name."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from plant.effects.curve import Unnamed, curves
+from plant.effects.curve import Curve, CurveOverAngle, CurveOverTime, CurveOverTorque, CurveOverVelocity, Unnamed
+from plant.effects.friction_over_velocity import FrictionOverVelocity
 from plant.effects.ripple import ripples
 from plant.effects.varying import varying
 
-plain: Mapping[str, type[Unnamed]] = curves
+_CURVES = (CurveOverVelocity, FrictionOverVelocity, CurveOverAngle, CurveOverTorque, CurveOverTime)
+plain: Mapping[str, type[Curve]] = MappingProxyType({curve.name: curve for curve in _CURVES})
 """A torque over one variable, by name."""
 
 unnamed: Mapping[str, type[Unnamed]] = MappingProxyType({**plain, **varying, **ripples})

@@ -1,0 +1,50 @@
+"""Friction without a name: a smooth curve over velocity, and dry friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from plant.effects.curve import Curve, CurveOverVelocity
+from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Trace, parameter
+
+if TYPE_CHECKING:
+    from plant.servo import ServoModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionOverVelocity(CurveOverVelocity):
+    """Such a curve and dry friction: by itself it would have to be steep at each reversal, and nothing would stick."""
+
+    name = "friction_over_velocity"
+    title = "friction over velocity"
+    equation = r"\tau_u \in f(\dot x) - F\,\mathrm{sgn}(\dot x)"
+    prior = block_diag(Curve.prior, np.eye(1))
+
+    dry: float = parameter("{torque}", "dry friction F", lower=0.0, default=0.0)
+
+    @classmethod
+    def beside(cls, model: ServoModel) -> bool:
+        """Where nothing is dry yet; elsewhere it would only take the place of what is."""
+        return super().beside(model) and not model.slides
+
+    def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
+        """The same in both directions."""
+        return self.dry, self.dry
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """One column for each knot, and one against the motion."""
+        for trace in super().traces(motion):
+            columns = np.column_stack((trace.columns, -motion.sign))
+            yield replace(trace, columns=columns, start=partial(_with_dry, trace.start))
+
+
+def _with_dry(start: Callable[[Array], Effect], coefficients: Array) -> Effect:
+    curve = cast("FrictionOverVelocity", start(coefficients[:-1]))
+    return replace(curve, dry=max(float(coefficients[-1]), 0.0))
