@@ -44,10 +44,9 @@ def unnamed_dependence(
 
 def _asked(screen: Screen, kind: type[Unnamed]) -> list[tuple[Unnamed, float]]:
     """What one kind suggests, with its evidence less the charge for the search along it."""
-    tried = kind.traces(screen.motion)
     return [
         (start, evidence - search_charge(searched=trace.searched, catalogue=1))
-        for trace, evidence, coefficients in screen.regress(tried, discounted=True)
+        for trace, evidence, coefficients in screen.regress(kind.traces(screen.motion), discounted=True)
         if isinstance(start := trace.start(coefficients), Unnamed)
     ]
 

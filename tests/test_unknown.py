@@ -52,7 +52,7 @@ def log_of(**hidden: dict[str, float]) -> Log:
             {"asymmetric_friction": {"forward": 0.4, "backward": 0.3, "viscous_difference": 0.1}},
             "velocity",
             "friction_over_velocity",
-            "velocity",
+            r"looks like -0\.0\d+ -0\.\d+ \|v\| \[N m\], beside dry and viscous friction",
         ),
     ],
     ids=["drag", "cable", "friction"],
