@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Stage, Trace, parameter
-from plant.effects.interpolation import interpolated, slopes
+from plant.effects.interpolation import interpolated, rises_and_bends
 
 if TYPE_CHECKING:
     from plant.servo import ServoModel
@@ -174,7 +174,9 @@ class CurveOverVelocity(Curve):
         cls, value: Expression, low: Expression, high: Expression, heights: Sequence[Expression] | Array
     ) -> Expression:
         """As of a curve; outside, it goes on by the mean of the slopes at both ends."""
-        first, *_, last = slopes(cls.knots(low, high), heights)
+        knots = cls.knots(low, high)
+        rises, bends = rises_and_bends(knots, heights)
+        first, last = rises[0] - (knots[1] - low) * bends[0], rises[-1] + (high - knots[-2]) * bends[-1]
         beyond = ca.fmax(value - high, 0) + ca.fmin(value - low, 0)
         return super().course(value, low, high, heights) + 0.5 * (first + last) * beyond
 

@@ -10,24 +10,29 @@ import casadi as ca
 from plant.effects.effect import Array, Expression
 
 
-def slopes(knots: Sequence[Expression], heights: Sequence[Expression] | Array) -> list[Expression]:
-    """At each knot, of the parabola through it and its two neighbours; at the first and last, of the one next to it."""
-    widths = [after - before for before, after in pairwise(knots)]
-    rises = [(after - before) / width for (before, after), width in zip(pairwise(heights), widths, strict=True)]
-    bends = [(b - a) / (v + w) for (a, b), (v, w) in zip(pairwise(rises), pairwise(widths), strict=True)]
-    inner = [rise + width * bend for rise, width, bend in zip(rises, widths, bends, strict=False)]
-    return [rises[0] - widths[0] * bends[0], *inner, rises[-1] + widths[-1] * bends[-1]]
+def rises_and_bends(
+    knots: Sequence[Expression], heights: Sequence[Expression] | Array
+) -> tuple[list[Expression], list[Expression]]:
+    """Slopes from each knot to the next, and half the second derivatives of the parabolas through three in a row."""
+    rises = [(b - a) / (w - v) for (v, w), (a, b) in zip(pairwise(knots), pairwise(heights), strict=True)]
+    bends = [(b - a) / (w - v) for v, w, (a, b) in zip(knots[:-2], knots[2:], pairwise(rises), strict=True)]
+    return rises, bends
 
 
 def interpolated(value: Expression, knots: Sequence[Expression], heights: Sequence[Expression] | Array) -> Expression:
-    """Cubic between knots with those slopes (Bessel's interpolation, de Boor 2001, ch. IV), constant outside.
+    """Between two knots the mean of the parabolas through them and the one before or after, weighted by the way.
 
-    It passes through the heights, is smooth, and has every parabola as it is.
+    Where there is but one such parabola, that one; outside, constant. It is the piecewise cubic of Bessel (de Boor
+    2001, ch. IV; Overhauser 1968): it passes through the heights, is smooth, and has every parabola as it is.
     """
-    steep, total = slopes(knots, heights), heights[0]
-    for k, (before, after) in enumerate(pairwise(knots)):
-        width, rise = after - before, heights[k + 1] - heights[k]
-        s = ca.fmax(ca.fmin((value - before) / width, 1), 0)
-        bulge = width * s * (1 - s) * ((1 - s) * steep[k] - s * steep[k + 1])
-        total = total + rise * s * s * (3 - 2 * s) + bulge
-    return total
+    value = ca.fmax(ca.fmin(value, knots[-1]), knots[0])
+    rises, bends = rises_and_bends(knots, heights)
+    past = [value >= knot for knot in knots[1:-1]]
+
+    def here(one_for_each_piece: Sequence[Expression] | Array) -> Expression:
+        steps = zip(past, pairwise(one_for_each_piece), strict=True)
+        return one_for_each_piece[0] + sum(is_past * (after - before) for is_past, (before, after) in steps)
+
+    since, until = value - here(knots[:-1]), value - here(knots[1:])
+    bend, other = here([bends[0], *bends]), here([*bends, bends[-1]])
+    return here(heights[:-1]) + since * (here(rises) + until * (bend + since / (since - until) * (other - bend)))
