@@ -1,7 +1,7 @@
 """Machine code for what runs over whole logs: C code, if the machine has a compiler.
 
-CasADi's virtual machine is about ten times slower. The compiler works beside the program, which goes on with the
-virtual machine until it is done; both give the same numbers to the last bit, since nothing may be contracted or
+CasADi's virtual machine is about ten times slower. The compiler works beside the program, which meanwhile goes on with
+the virtual machine, or waits; both give the same numbers to the last bit, since nothing may be contracted or
 reordered. What has been compiled is kept in the user's cache folder and found again by the hash of its source.
 """
 

@@ -19,6 +19,7 @@ from plant.symbolic import one_at_a_time
 
 Array: TypeAlias = NDArray[np.float64]
 CHUNK = 250  # rows that one call of the virtual machine covers
+PATIENCE = 1000  # rows after which it is left: it takes from the compiler what it could do in a tenth of the time
 
 _LOOP = """
 #include <stdlib.h>
@@ -59,6 +60,7 @@ class Recursion:
         self._leaving = [function.size_out(place) for place in range(function.n_out())]
         self._code = MachineCode(function.name(), self._source())
         self._chunk: Any = None
+        self._slowly = 0  # rows that the virtual machine has followed
 
     def __call__(self, begin: Sequence[Array], rows: Array, *constants: Array) -> tuple[list[Array], list[Array]]:
         """Follow the function along `rows`; other threads run meanwhile.
@@ -77,6 +79,8 @@ class Recursion:
         shown = [np.empty((len(rows), a * b)) for a, b in self._leaving[self._handed :]]
         first = 0
         while first < len(rows):
+            if self._slowly >= PATIENCE:
+                self._code.wait()
             library = self._code.library
             last = len(rows) if library is not None else min(first + CHUNK, len(rows))
             part, written = rows[first:last], [values[first:last] for values in shown]
@@ -84,6 +88,7 @@ class Recursion:
                 _in_machine_code(library, carried, part, fixed, written)
             else:
                 carried = self._in_virtual_machine(carried, part, fixed, written)
+                self._slowly += len(part)
             first = last
         return carried, shown
 

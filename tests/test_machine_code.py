@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import multiprocessing
 import os
+import shlex
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -20,7 +21,7 @@ from plant import ServoModel, machine_code
 from plant.discrete import Structure
 from plant.effects import Compliance, StribeckFriction
 from plant.effects.effect import Array
-from plant.recursion import CHUNK, Recursion
+from plant.recursion import CHUNK, PATIENCE, Recursion
 
 with_compiler = pytest.mark.skipif(machine_code.compiler() is None, reason="no C compiler here")
 ROWS = 2 * CHUNK + 7
@@ -105,6 +106,27 @@ def test_rows_are_followed_one_after_the_other_while_the_compiler_works_and_behi
     assert is_right(recursion)
     recursion.wait()
     assert is_right(recursion)
+
+
+@with_compiler
+def test_the_virtual_machine_soon_leaves_the_processor_to_the_compiler(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slow, own = tmp_path / "cc", machine_code.compiler()
+    assert own is not None
+    slow.write_text(f'#!/bin/sh\nsleep 1\nexec {shlex.join(own)} "$@"\n')
+    slow.chmod(0o755)
+    monkeypatch.setattr(machine_code, "compiler", lambda: (str(slow),))
+    recursion, slowly = example(), []
+    virtual = Recursion._in_virtual_machine
+
+    def counted(self: Recursion, carried: list[Array], rows: Array, *rest: list[Array]) -> list[Array]:
+        slowly.append(len(rows))
+        return virtual(self, carried, rows, *rest)
+
+    monkeypatch.setattr(Recursion, "_in_virtual_machine", counted)
+    assert all(is_right(recursion) for _ in range(2 * PATIENCE // ROWS + 1))
+    assert PATIENCE <= sum(slowly) < PATIENCE + CHUNK
 
 
 def test_a_function_that_carries_nothing_is_mapped() -> None:
