@@ -25,7 +25,7 @@ from identification.noise import Whitening
 from plant.discrete import INPUTS, Structure, sample_reading
 from plant.effects import State
 from plant.effects.effect import Array
-from plant.effects.goal_rate_limit import goals
+from plant.effects.goal_rate_limit import first_goal
 from plant.recursion import Recursion
 from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
@@ -33,6 +33,7 @@ from plant.simulation import beginning, whole_samples
 from plant.symbolic import one_at_a_time
 
 PIECE = 4096  # samples after which the same memory is used again
+_EVEN = 1e-9  # relative spread of the time steps that is rounding
 
 
 def observer_gain(bandwidth: float, dt: Array, *, wandering: bool = False) -> Array:
@@ -44,8 +45,12 @@ def observer_gain(bandwidth: float, dt: Array, *, wandering: bool = False) -> Ar
         wandering: the acceleration wanders instead, which is the alpha-beta-gamma filter; then (3, T), with the gain on
             the acceleration [1/s^2].
     """
-    if wandering:
-        return _third_order_gain(bandwidth, dt)
+    steps = dt[:1] if np.ptp(dt) <= _EVEN * dt[0] else dt
+    gains = _third_order_gain(bandwidth, steps) if wandering else _second_order_gain(bandwidth, steps)
+    return np.repeat(gains, dt.size, axis=1) if steps.size < dt.size else gains
+
+
+def _second_order_gain(bandwidth: float, dt: Array) -> Array:
     index = (bandwidth * dt) ** 2
     r = (4.0 + index - np.sqrt(8.0 * index + index**2)) / 4.0
     alpha = 1.0 - r**2
@@ -169,7 +174,7 @@ class Predictor:
             velocity=start[1],
             torque=first[0] - first[2] * start[0],
             command=first[0],
-            goal=float(goals(run.command, run.servo_gain)[0]),
+            goal=first_goal(run.command, run.servo_gain),
         )
         return [begin, slopes]
 
@@ -196,26 +201,37 @@ def run_inputs(
     dt = np.diff(run.time[part.start : part.stop + 1])
     if part.stop == len(run):
         dt = np.append(dt, run.time[-1] - run.time[-2])
-    whole, index = 0, np.arange(part.start, part.stop)
+    whole = 0
     if "input_delay.time" in model.names:
         delay, values = model.names.index("input_delay.time"), values.copy()
         whole, values[delay] = whole_samples(float(values[delay]), run.sample_time)
     gains = observer_gain(bandwidth, dt, wandering=model.wanders)
-    rows = np.empty((index.size, len(INPUTS) + 1 + len(gains)))
+    rows = np.empty((dt.size, len(INPUTS) + 1 + len(gains)))
     columns = (
-        run.command[np.maximum(index - whole, 0)],
-        run.command[np.maximum(index - whole - 1, 0)],
+        _delayed(run.command, whole, part),
+        _delayed(run.command, whole + 1, part),
         run.servo_gain[part],
         run.command_limit,
         run.time[part],
         dt,
         width,
-        np.where(run.valid[part], run.output[part], 0.0),
-        *(gains * run.valid[part]),
+        run.output[part],
+        *gains,
     )
     for place, column in enumerate(columns):
         rows[:, place] = column
+    masked = ~run.valid[part]
+    if masked.any():
+        rows[masked, len(INPUTS) :] = 0.0
     return rows, values
+
+
+def _delayed(values: Array, samples: int, part: slice) -> Array:
+    """A part of values (T,) as they were some samples before; at first the first."""
+    first = max(part.start - samples, 0)
+    found = values[first : max(part.stop - samples, first)]
+    missing = part.stop - part.start - found.size
+    return np.concatenate((np.repeat(values[first], missing), found)) if missing else found
 
 
 def moves_with(model: ServoModel) -> Array:

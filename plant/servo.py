@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Self, get_args
 
 import numpy as np
@@ -72,7 +73,7 @@ class ServoModel:
 
     # The parameters as a flat vector, effects behind the rigid body: what a fit moves.
 
-    @property
+    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """All parameters in order; those of an effect are named `effect.parameter`."""
         own = tuple(replace(spec, unit=spec.unit_on(self.axis)) for spec in parameters_of(type(self)))
@@ -83,7 +84,7 @@ class ServoModel:
         )
         return own + theirs
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters, in order."""
         return tuple(spec.name for spec in self.parameters)

@@ -12,7 +12,7 @@ from plant.actuator import actuated, played
 from plant.discrete import Method, Structure, integration_steps, sample_step
 from plant.effects import State
 from plant.effects.effect import Array
-from plant.effects.goal_rate_limit import goals
+from plant.effects.goal_rate_limit import first_goal
 from plant.integrator import Step
 from plant.recursion import Recursion
 from plant.servo import ServoModel
@@ -74,7 +74,7 @@ def simulate(
     now, before, switch = held_commands(command, steps, float(model.delay()))
     values = at_switch(model, switch)
     gain = np.broadcast_to(np.asarray(servo_gain, dtype=float), command.shape)
-    begin = beginning(model, goal=float(goals(command, gain)[0])) if state is None else np.asarray(state, dtype=float)
+    begin = beginning(model, goal=first_goal(command, gain)) if state is None else np.asarray(state, dtype=float)
     constant = np.ones_like(steps)
     time = np.concatenate(([0.0], np.cumsum(steps[:-1])))
     inputs = np.stack((now, before, gain, command_limit * constant, time, steps, width * constant))
@@ -112,7 +112,7 @@ def actuator_torque(
     """
     now, before, switch = held_commands(command, dt, float(model.delay()))
     entering = before * np.minimum(switch / dt, 1.0) + now * (1.0 - np.minimum(switch / dt, 1.0))
-    goal = float(goals(command, servo_gain)[0])
+    goal = first_goal(command, servo_gain)
     first = float(np.clip(entering[0] - servo_gain[0] * angle[0], -command_limit, command_limit))
     begin = beginning(model, torque=first, command=float(entering[0]), goal=goal)
     rows = np.column_stack((entering, servo_gain, angle, velocity, dt))

@@ -48,3 +48,9 @@ def goals(command: Array, servo_gain: Array) -> Array:
         return np.zeros_like(command)
     latest = np.maximum(np.searchsorted(given, np.arange(command.size), side="right") - 1, 0)
     return np.asarray((command[given] / servo_gain[given])[latest])
+
+
+def first_goal(command: Array, servo_gain: Array) -> float:
+    """The first of the `goals` [rad]."""
+    first = int(np.argmax(servo_gain > 0.0))
+    return float(command[first] / servo_gain[first]) if servo_gain[first] > 0.0 else 0.0
