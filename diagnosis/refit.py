@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from diagnosis.odds import typical_speed
@@ -15,6 +17,7 @@ from plant.servo import ServoModel
 _DESCENTS = 2  # starts of one effect that are followed to the end
 _SMOOTHER = 0.2  # of the bandwidth before, below which a rugged likelihood is not looked at from afar
 _STAGES = 3  # searches among shapes that look alike, each finer than the one before
+_REPEATS = 4  # of the finest as long as it finds better ones
 
 
 def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
@@ -32,15 +35,19 @@ def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
 def refined(fit: Fit, found: Fit, name: str) -> Fit:
     """What a refit of a fit with one effect more found, or better: the best among the shapes that look alike."""
     best = found
-    for stage in range(_STAGES):
+    for stage in (*range(_STAGES), *[_STAGES - 1] * _REPEATS):
         effect = best.model.effect(name)
         others = effect.look_alikes(stage) if effect is not None else ()
-        alike = [problem_near(fit, fit.model.with_effect(other)) for other in others]
+        alike = [problem_near(fit, best.model.without_effect(name).with_effect(other)) for other in others]
         if not alike:
             break
         at = max(best.bandwidth, _SMOOTHER * fit.bandwidth)
-        again = _most_promising(alike, fit, at)[0].descend(fit)
-        best = max(best, again, key=lambda found: found.log_likelihood)
+        near = replace(best, model=best.model.without_effect(name), bandwidth=at)
+        again = _most_promising(alike, near, at)[0].descend(near)
+        if again.log_likelihood > best.log_likelihood:
+            best = again
+        elif stage == _STAGES - 1:
+            break
     return best
 
 

@@ -17,7 +17,7 @@ from identification.bandwidth import between, neighbours, parabola_top
 from identification.certainty import fit_of, run_off
 from identification.fit_result import Fit
 from identification.inverse import starting_values
-from identification.least_squares import Minimum, minimise
+from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
 from identification.noise import log_likelihood, short_autoregression
 from identification.objective import Objective
@@ -41,7 +41,14 @@ class _Trial:
 class Problem(Objective):
     """A fit before it is solved."""
 
-    def minimise(self, start: Array, bandwidth: float, width: float, iterations: int = 30) -> Minimum:
+    def minimise(
+        self,
+        start: Array,
+        bandwidth: float,
+        width: float,
+        iterations: int = 30,
+        at_start: NormalEquations | None = None,
+    ) -> Minimum:
         """The best point at a bandwidth and a width."""
         return minimise(
             lambda point: self.linearise(point, bandwidth, width),
@@ -50,6 +57,7 @@ class Problem(Objective):
             self.upper,
             samples=self.samples,
             iterations=iterations,
+            at_start=at_start,
         )
 
     def solve(
@@ -241,7 +249,7 @@ class Problem(Objective):
                 attempt(min(vertex, fastest))
         top = best()
         found = trials[top].minimum
-        return top, found if found.converged else self.minimise(found.point, top, 0.0)
+        return top, found if found.converged else self.minimise(found.point, top, 0.0, at_start=found.equations)
 
 
 def first_states(log: Log) -> Array:
