@@ -80,7 +80,7 @@ def peaks_beside(fit: Fit, name: str) -> float | None:
     reason than that the effect is not quite that; only that they explain little tells something.
     """
     effect = fit.model.effect(name)
-    if effect is None:
+    if effect is None or fit.runs_off:
         return None
     screen = Screen.of(fit, Problem.of(fit.log, fit.model, fixed=fit.fixed), bandwidth=fit.bandwidth)
     beside = (replace(trace, positive=()) for trace in effect.neighbours(screen.motion))

@@ -80,6 +80,8 @@ def _once_more(addition: Addition, fit: Fit) -> tuple[Addition | None, Fit]:
     own, rest = fit.model.effect(addition.effect), fit.model.without_effect(addition.effect)
     timeless = own is None or not own.clocked
     less = fitted_near(fit, rest)
+    if less.runs_off:
+        return addition, fit
     alone = surface_evidence(less)
     fits, scores, visible = {}, {}, {}
     for rival in addition.contest:
@@ -88,6 +90,8 @@ def _once_more(addition: Addition, fit: Fit) -> tuple[Addition | None, Fit]:
         if name != addition.effect and (strange or not fits_in(rest, rival.effect) or falls_short(model, fit)):
             continue
         tried = fit if name == addition.effect else fitted_near(fit, model)
+        if tried.runs_off:
+            continue
         more = surface_evidence(tried) - alone
         fits[name] = tried
         said = is_plausible(tried, name) and not is_its_special_case(tried, name)

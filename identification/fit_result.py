@@ -104,6 +104,11 @@ class Fit:
         return colour(start, np.array(self.log.colour))
 
     @property
+    def runs_off(self) -> bool:
+        """Whether the motion grows without bound wherever a fit was tried."""
+        return self.log_likelihood == -np.inf
+
+    @property
     def correlation(self) -> NDArray[np.float64]:
         """(F, F) correlation of the fitted parameters."""
         std = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))

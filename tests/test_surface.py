@@ -17,7 +17,7 @@ from diagnosis.surface import beside_surface, surface_evidence
 from identification.fit import fit
 from identification.fit_result import Fit
 from identification.log import Log
-from plant import Effect
+from plant import Effect, ServoModel
 from plant.effects import (
     CableStiffness,
     CoulombFriction,
@@ -78,6 +78,24 @@ def test_the_name_that_says_more_than_the_function_takes_its_place() -> None:
     assert better.effect == "presliding_hysteresis"
     assert better.odds["presliding_hysteresis"] > 0.99
     assert [effect.name for effect in better.fit.model.effects] == ["dead_zone", "presliding_hysteresis"]
+
+
+def test_a_name_whose_motion_grows_without_bound_beside_the_rest_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    outcome = asked("presliding_hysteresis")
+    (found,) = outcome.additions
+    near = surface.fitted_near
+
+    def grown(fit: Fit, model: ServoModel) -> Fit:
+        fitted = near(fit, model)
+        lost = model.effect("presliding_hysteresis") is not None
+        return replace(fitted, log_likelihood=-np.inf, initial=fitted.initial * np.nan) if lost else fitted
+
+    monkeypatch.setattr(surface, "fitted_near", grown)
+    gives = Contestant(effect=GIVING, coefficients=2, charge=4.0)
+    assert beside_surface((replace(found, contest=(*found.contest, gives)),), outcome.base) == ()
+    monkeypatch.setattr(surface, "fitted_near", lambda fit, model: replace(near(fit, model), log_likelihood=-np.inf))
+    (kept,) = beside_surface(outcome.additions, outcome.base)
+    assert kept.effect == "payload_change"  # nothing holds without it
 
 
 def test_a_name_that_stays_is_fitted_without_the_one_that_goes() -> None:
