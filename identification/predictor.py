@@ -33,7 +33,7 @@ from plant.simulation import beginning, whole_samples
 from plant.symbolic import one_at_a_time
 
 PIECE = 4096  # samples after which the same memory is used again
-_EVEN = 1e-9  # relative spread of the time steps that is rounding
+_DIGITS = 12  # of a time step in seconds: what is below is the clock's rounding
 
 
 def observer_gain(bandwidth: float, dt: Array, *, wandering: bool = False) -> Array:
@@ -45,7 +45,8 @@ def observer_gain(bandwidth: float, dt: Array, *, wandering: bool = False) -> Ar
         wandering: the acceleration wanders instead, which is the alpha-beta-gamma filter; then (3, T), with the gain on
             the acceleration [1/s^2].
     """
-    steps = dt[:1] if np.ptp(dt) <= _EVEN * dt[0] else dt
+    dt = np.round(dt, _DIGITS)  # each by itself: a run in pieces has the gains of the run in one
+    steps = dt[:1] if (dt == dt[0]).all() else dt
     gains = _third_order_gain(bandwidth, steps) if wandering else _second_order_gain(bandwidth, steps)
     return np.repeat(gains, dt.size, axis=1) if steps.size < dt.size else gains
 
