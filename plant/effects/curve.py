@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 import casadi as ca
@@ -14,6 +15,8 @@ import numpy as np
 
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Stage, Trace, parameter
 from plant.effects.interpolation import interpolated, rises_and_bends
+from plant.recursion import Recursion
+from plant.symbolic import one_at_a_time
 
 if TYPE_CHECKING:
     from plant.servo import ServoModel
@@ -94,9 +97,9 @@ class Curve(Unnamed):
         return interpolated(value, cls.knots(low, high), heights)
 
     @classmethod
-    def hats(cls, value: Expression, low: Expression, high: Expression) -> list[Expression]:
-        """How much each knot counts at a value."""
-        return [cls.course(value, low, high, alone) for alone in np.eye(KNOTS)]
+    def hats(cls, values: Array, low: float, high: float) -> Array:
+        """(T, 9) how much each knot counts at each of the values (T,)."""
+        return _hats(cls)((), values[:, None], np.array([low, high]))[1][0]
 
     def height(self, at: Moment) -> Expression:
         """Of the curve at the load's variable."""
@@ -111,9 +114,8 @@ class Curve(Unnamed):
         """One column for each knot."""
         low, high = cls.reach(motion)
         if high > low:
-            hats = np.column_stack([np.array(hat) for hat in cls.hats(ca.DM(cls.along(motion)), low, high)])
             yield Trace(
-                columns=hats * cls.factor(motion)[:, None],
+                columns=cls.hats(cls.along(motion), low, high) * cls.factor(motion)[:, None],
                 prior=cls.prior,
                 start=lambda c: cls(low=low, high=high, **{f"c{k}": float(v) for k, v in enumerate(cls.begun(c))}),
             )
@@ -138,6 +140,16 @@ class Curve(Unnamed):
     def factor(cls, motion: Motion) -> Array:
         """(T,) by what the curve is multiplied to be a torque on the load."""
         return np.ones_like(motion.time)
+
+
+@one_at_a_time
+@lru_cache(maxsize=64)
+def _hats(kind: type[Curve]) -> Recursion:
+    """A value, the ends of the range -> (9,) derivatives of a kind of curve by its heights, in which it is linear."""
+    value, ends, heights = ca.SX.sym("value"), ca.SX.sym("ends", 2), ca.SX.sym("heights", KNOTS)
+    course = kind.course(value, ends[0], ends[1], ca.vertsplit(heights))
+    counts = ca.densify(ca.jacobian(course, heights)).T
+    return Recursion(ca.Function("hats", [value, ends], [counts], {"cse": True}), carried=0)
 
 
 @dataclass(frozen=True, kw_only=True)
