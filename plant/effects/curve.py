@@ -99,7 +99,8 @@ class Curve(Unnamed):
     @classmethod
     def hats(cls, values: Array, low: float, high: float) -> Array:
         """(T, 9) how much each knot counts at each of the values (T,)."""
-        return _hats(cls)((), values[:, None], np.array([low, high]))[1][0]
+        hats = _hats(cls)  # type: ignore[arg-type]  # a class is hashable, whatever its instances are
+        return hats((), values[:, None], np.array([low, high]))[1][0]
 
     def height(self, at: Moment) -> Expression:
         """Of the curve at the load's variable."""
