@@ -199,14 +199,21 @@ def run_inputs(
 
     Of a delay only the part inside a sample is left in the parameters; whole samples are in the inputs.
     """
-    dt = np.diff(run.time[part.start : part.stop + 1])
-    if part.stop == len(run):
-        dt = np.append(dt, run.time[-1] - run.time[-2])
     whole = 0
     if "input_delay.time" in model.names:
         delay, values = model.names.index("input_delay.time"), values.copy()
         whole, values[delay] = whole_samples(float(values[delay]), run.sample_time)
-    gains = observer_gain(bandwidth, dt, wandering=model.wanders)
+    return _rows(run, part.start, part.stop, whole, bandwidth, width, model.wanders), values
+
+
+@lru_cache(maxsize=64)
+def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: float, wandering: bool) -> Array:
+    """The inputs of a part of a run behind a delay of whole samples; a fit asks for the same ones pass after pass."""
+    part = slice(start, stop)
+    dt = np.diff(run.time[start : stop + 1])
+    if stop == len(run):
+        dt = np.append(dt, run.time[-1] - run.time[-2])
+    gains = observer_gain(bandwidth, dt, wandering=wandering)
     rows = np.empty((dt.size, len(INPUTS) + 1 + len(gains)))
     columns = (
         _delayed(run.command, whole, part),
@@ -221,10 +228,9 @@ def run_inputs(
     )
     for place, column in enumerate(columns):
         rows[:, place] = column
-    masked = ~run.valid[part]
-    if masked.any():
-        rows[masked, len(INPUTS) :] = 0.0
-    return rows, values
+    rows[~run.valid[part], len(INPUTS) :] = 0.0
+    rows.flags.writeable = False
+    return rows
 
 
 def _delayed(values: Array, samples: int, part: slice) -> Array:
