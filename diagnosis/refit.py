@@ -15,6 +15,7 @@ from plant.effects import Effect
 from plant.servo import ServoModel
 
 _DESCENTS = 2  # starts of one effect that are followed to the end
+_FIRST_STEP = 2  # evaluations after which starts are compared: where they are, and where one step leads
 _SMOOTHER = 0.2  # of the bandwidth before, below which a rugged likelihood is not looked at from afar
 _STAGES = 3  # searches among shapes that look alike, each finer than the one before
 _REPEATS = 4  # of the finest as long as it finds better ones
@@ -33,7 +34,11 @@ def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
 
 
 def refined(fit: Fit, found: Fit, name: str) -> Fit:
-    """What a refit of a fit with one effect more found, or better: the best among the shapes that look alike."""
+    """What a refit of a fit with one effect more found, or better: the best among the shapes that look alike.
+
+    Each search begins from the best so far and at its bandwidth: behind the observer of the model without the effect a
+    fine shape is forgotten, and which peak is climbed from there is chance.
+    """
     best = found
     for stage in (*range(_STAGES), *[_STAGES - 1] * _REPEATS):
         effect = best.model.effect(name)
@@ -62,8 +67,8 @@ def fitted_near(fit: Fit, model: ServoModel) -> Fit:
 
 
 def _most_promising(problems: list[Problem], fit: Fit, bandwidth: float) -> list[Problem]:
-    """The problems by how well a few iterations from a fit serve them, the best first."""
-    costs = side_by_side(lambda each: each.glance(fit, bandwidth), problems)
+    """The problems by how well one step from a fit serves them, the best first."""
+    costs = side_by_side(lambda each: each.glance(fit, bandwidth, _FIRST_STEP), problems)
     return [problems[place] for place in np.argsort(costs, kind="stable")]
 
 

@@ -180,10 +180,9 @@ class Problem(Objective):
                 break
             best, bandwidth = trial, 4.0 * bandwidth
 
-    def glance(self, start: Fit, bandwidth: float | None = None) -> float:
-        """Cost after a few iterations from another fit, at its bandwidth or a given one: is it worth a descent?"""
-        at = start.bandwidth if bandwidth is None else bandwidth
-        return self.minimise(self._taken_over(start), at, 0.0, iterations=4).equations.cost
+    def glance(self, start: Fit, bandwidth: float, iterations: int = 4) -> float:
+        """Cost after a few iterations from another fit, at a bandwidth: is it worth a descent?"""
+        return self.minimise(self._taken_over(start), bandwidth, 0.0, iterations).equations.cost
 
     def _taken_over(self, start: Fit) -> Array:
         """The point (F + 2R,) with parameters of the same name and initial states from another fit."""
