@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import casadi as ca
 
 from plant.effects import Effect, Expression, State
+from plant.effects.ramp import Ramp
 from plant.servo import ServoModel
 
 Own: TypeAlias = Mapping[str, tuple[Any, ...]]  # states of the effects by name
@@ -27,7 +28,7 @@ class Course:
     Attributes:
         start, half, end: at the start, after half of the step, at its end [N m].
         early: share of the way from start to end that is missing in the mean of the three [-].
-        path: where the torque is after a share of the step [N m]; None where it does not change.
+        path: where the torque is after a share of the step [N m]; None where its way is straight, or there is none.
     """
 
     start: Expression
@@ -53,26 +54,56 @@ class Course:
 
     def through(self, law: Callable[[Expression], Expression]) -> Course:
         """Behind a law without memory."""
-        behind = Course(start=law(self.start), half=law(self.half), end=law(self.end), early=0.0)
-        if self.path is None:
-            return behind
-        behind = replace(behind, path=lambda share: law(self.at(share)))
+        if self.start is self.end:
+            return Course.held(law(self.start))
+        behind = Course(
+            start=law(self.start),
+            half=law(self.half),
+            end=law(self.end),
+            early=0.0,
+            path=lambda share: law(self.at(share)),
+        )
         way, way_behind = self.end - self.start, behind.end - behind.start
-        missed = self.early - self._seen_along() / _not_zero(way)
+        missed = self.early - (0.0 if self.path is None else self._seen_along() / _not_zero(way))
         early = missed + behind._seen_along() / _not_zero(way_behind)
         return replace(behind, early=ca.if_else(ca.fabs(way_behind) > 0, _bounded(early), 0))
 
+    def moved(self, factor: Expression, shift: Expression = 0.0) -> Course:
+        """Behind a law that is linear."""
+        if self.start is self.end:
+            return Course.held(factor * self.start + shift)
+        path = self.path
+        return Course(
+            start=factor * self.start + shift,
+            half=factor * self.half + shift,
+            end=factor * self.end + shift,
+            early=self.early,
+            path=None if path is None else lambda share: factor * path(share) + shift,
+        )
+
+    def limited(self, limit: Expression) -> Course:
+        """Between minus and plus a limit; of a straight way, which steps follow in parts, three values tell enough."""
+
+        def law(torque: Expression) -> Expression:
+            return ca.fmax(ca.fmin(torque, limit), -limit)
+
+        behind = self.through(law)
+        return behind if self.path is not None else replace(behind, early=0.0)
+
     def at(self, share: float) -> Expression:
         """After a share of the step [N m]."""
-        return self.start if self.path is None else self.path(share)
+        return self.start + share * (self.end - self.start) if self.path is None else self.path(share)
 
     def _seen_along(self) -> Expression:
         """What the path has more in the mean than the three values [N m]."""
         return sum(self.at(share) for share in _LOOKS) / len(_LOOKS) - (self.start + 4 * self.half + self.end) / 6
 
-    def followed_by(self, effect: Effect, state: Expression, h: Expression) -> Course:
-        """The state of an effect that follows this torque over `h`."""
+    def followed_by(self, effect: Effect, state: Expression, h: Expression, *, straight: bool) -> Course:
+        """The state of an effect that follows this torque over `h`, if `straight` without a bend on its way."""
         entering = self.mean
+        if straight:
+            after = effect.advance(state, entering, h)
+            return Course(start=state, half=(state + after) / 2, end=after, early=0.0)
         half, after = effect.advance(state, entering, h / 2), effect.advance(state, entering, h)
         missing, way = effect.mean(state, entering, h) - (state + 4 * half + after) / 6, after - state
         early = missing * way / (way**2 + _TINY)
@@ -86,12 +117,13 @@ class Course:
 
     def where(self, condition: Expression, other: Course) -> Course:
         """This one where a condition holds, elsewhere another."""
+        straight = self.path is None and other.path is None
         return Course(
             start=ca.if_else(condition, self.start, other.start),
             half=ca.if_else(condition, self.half, other.half),
             end=ca.if_else(condition, self.end, other.end),
             early=ca.if_else(condition, self.early, other.early),
-            path=lambda share: ca.if_else(condition, self.at(share), other.at(share)),
+            path=None if straight else lambda share: ca.if_else(condition, self.at(share), other.at(share)),
         )
 
 
@@ -115,30 +147,45 @@ def played(
     course = Course.held(command)
     for effect in model.effects:
         if State.COMMAND in effect.states:
-            course = course.followed_by(effect, own[effect.name][0], h)
+            course = course.followed_by(effect, own[effect.name][0], h, straight=_is_straight(model, effect))
             states[effect.name] = (course.end,)
         elif State.GOAL in effect.states:
-            goal = course.through(lambda torque: _goal(torque, gain)).followed_by(effect, own[effect.name][0], h)
+            wanted, straight = course.moved(1 / _or_one(gain)), _is_straight(model, effect)
+            goal = wanted.followed_by(effect, own[effect.name][0], h, straight=straight)
             states[effect.name] = (ca.if_else(gain > 0, goal.end, goal.start),)
-            course = goal.through(lambda angle: gain * angle).where(gain > 0, course)
+            course = goal.moved(gain).where(gain > 0, course)
     return course, states
+
+
+def _followers(model: ServoModel) -> list[Effect]:
+    """The effects whose state follows what enters them on the way to the drivetrain."""
+    kinds = (State.COMMAND, State.GOAL, State.TORQUE)
+    return [effect for effect in model.effects if effect.states and effect.states[0] in kinds]
+
+
+def _is_straight(model: ServoModel, effect: Effect) -> bool:
+    """Whether an effect's way has no bend inside an integration step: a ramp at whose end a step ends.
+
+    That is so where nothing else has a settling time beside it.
+    """
+    return isinstance(effect, Ramp) and len(_followers(model)) == 1
 
 
 def settling_time(model: ServoModel, own: Own, command: Expression, gain: Expression) -> Expression | None:
     """How long the states on the way to the drivetrain take to follow a new command [s], None if there are none."""
     times = []
-    for effect in model.effects:
+    for effect in _followers(model):
         if State.GOAL in effect.states:
-            ramp = effect.settling_time(own[effect.name][0], _goal(command, gain))
+            ramp = effect.settling_time(own[effect.name][0], command / _or_one(gain))
             times.append(ca.if_else(gain > 0, ramp, 0))
-        elif effect.states and effect.states[0] in (State.COMMAND, State.TORQUE):
+        else:
             times.append(effect.settling_time(own[effect.name][0], command))
     return sum(times) if times else None
 
 
-def _goal(command: Expression, gain: Expression) -> Expression:
-    """Of a position servo [rad]; at gain zero some number."""
-    return command / ca.if_else(gain > 0, gain, 1)
+def _or_one(gain: Expression) -> Expression:
+    """The servo gain, by which a command is divided for its goal; one where there is neither."""
+    return ca.if_else(gain > 0, gain, 1)
 
 
 def actuated(
@@ -149,7 +196,7 @@ def actuated(
     course = drive
     for effect in model.effects:
         if State.TORQUE in effect.states:
-            own_course = course.followed_by(effect, own[effect.name][0], h)
+            own_course = course.followed_by(effect, own[effect.name][0], h, straight=False)
             states[effect.name] = (own_course.end,)
             course = Course(
                 start=effect.command(course.start, own_course.start, velocity),

@@ -37,10 +37,8 @@ class Step:
     def drive(self, model: ServoModel, own: Own, angle: Expression) -> Course:
         """Torque that the drive's law asks for at an angle."""
 
-        def law(command: Expression) -> Expression:
-            return ca.fmax(ca.fmin(command - self.gain * angle, self.limit), -self.limit)
-
-        return played(model, own, self.command, self.gain, self.length)[0].through(law)
+        course, _ = played(model, own, self.command, self.gain, self.length)
+        return course.moved(1.0, -self.gain * angle).limited(self.limit)
 
 
 def advance(model: ServoModel, state: Any, step: Step) -> Any:
