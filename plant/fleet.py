@@ -96,8 +96,12 @@ class Fleet:
 
     def flank_torques(self, state: FleetState) -> Array:
         """(B, m) torque of each required flank [N m], follower side; positive: pushing in the required sense."""
-        rows, m = state.rows, self._drives
-        gap, rate = rows[:, 2 : 2 + m] - rows[:, :1], rows[:, 2 + m : 2 + 2 * m] - rows[:, 1:2]
+        return self._flank_torques(state.rows)
+
+    def _flank_torques(self, rows: Array) -> Array:
+        """(..., B, m) of states (..., B, S)."""
+        m = self._drives
+        gap, rate = rows[..., 2 : 2 + m] - rows[..., :1], rows[..., 2 + m : 2 + 2 * m] - rows[..., 1:2]
         pressed = np.maximum(np.abs(gap) - self._half_play, 0.0)
         push = self._stiffness * pressed + self._damping * np.sign(gap) * rate
         passed = np.sign(gap) * np.where(pressed > 0.0, np.maximum(push, 0.0), 0.0)
@@ -109,12 +113,19 @@ class Fleet:
 
     def measure(self, state: FleetState, noise: ArrayLike = 0.0) -> Array:
         """(B,) load angles as their encoders show them [rad], with noise (B,) in standard deviations."""
-        shown = seen(state.rows, state.trail, self._delay)[:, 0] + self._encoder_noise * np.asarray(noise)
-        return counted(shown, self._counts)
+        return self._load_readings(seen(state.rows, state.trail, self._delay), noise)
 
     def motor_angles(self, state: FleetState, noise: ArrayLike = 0.0) -> Array:
         """(B, m) motor shaft angles as their encoders show them [rad], with noise (B, m) in standard deviations."""
-        turned = self._shaft_map * seen(state.rows, state.trail, self._delay)[:, 1:]
+        return self._motor_readings(seen(state.rows, state.trail, self._delay), noise)
+
+    def _load_readings(self, angles: Array, noise: ArrayLike) -> Array:
+        """(..., B) of angles (..., B, 1 + m) as `plant.encoder.seen` gives them."""
+        return counted(angles[..., 0] + self._encoder_noise * np.asarray(noise), self._counts)
+
+    def _motor_readings(self, angles: Array, noise: ArrayLike) -> Array:
+        """(..., B, m) of angles (..., B, 1 + m) as `plant.encoder.seen` gives them."""
+        turned = self._shaft_map * angles[..., 1:]
         return counted(turned + self._motor_noise * np.asarray(noise), self._motor_counts)
 
     def run(
@@ -148,22 +159,23 @@ class Fleet:
         noise = np.stack([np.random.default_rng(seed).standard_normal(length) for seed in seeds], axis=1)
         shake = np.stack([_motor_noise(seed, length, m) for seed in seeds], axis=1)
         state = self.rest() if start is None else start
-        angle, true_angle, velocity = (np.empty((length, count)) for _ in range(3))
-        motors, given, flanks, least = (np.empty((length, count, m)) for _ in range(4))
+        rows = np.empty((length + 1, *state.rows.shape))
+        shown = np.empty((length, count, 1 + m))
+        rows[0] = state.rows
         for k, command in enumerate(commands):
-            angle[k], motors[k] = self.measure(state, noise[k]), self.motor_angles(state, shake[k])
-            true_angle[k], velocity[k], flanks[k] = state.rows[:, 0], state.rows[:, 1], self.flank_torques(state)
+            shown[k] = seen(state.rows, state.trail, self._delay)
             state = self.advance(state, command, sample_time, pushes[k])
-            least[k], given[k] = np.split(state.rows[:, 2 + 2 * m :], 2, axis=1)
+            rows[k + 1] = state.rows
+        least, given = np.split(rows[1:, :, 2 + 2 * m :], 2, axis=2)
         return FleetRecord(
             time=np.arange(length, dtype=np.float64) * sample_time,
             torques=commands.copy(),
-            angle=angle,
-            true_angle=true_angle,
-            velocity=velocity,
-            motor_angles=motors,
+            angle=self._load_readings(shown, noise),
+            true_angle=rows[:-1, :, 0].copy(),
+            velocity=rows[:-1, :, 1].copy(),
+            motor_angles=self._motor_readings(shown, shake),
             given_torques=given / self._torque_map,
-            flank_torques=flanks,
+            flank_torques=self._flank_torques(rows[:-1]),
             least_flank_torques=least + 0.0,  # no minus zero
             end=state,
         )
