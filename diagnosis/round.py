@@ -93,13 +93,6 @@ class Addition:
         return self.odds[self.effect] >= CLEAR
 
     @property
-    def settled(self) -> bool:
-        """Whether the name stands alone, or among those only that it is known to be confused with."""
-        effect = self.fit.model.effect(self.effect)
-        alike = (self.effect, *(effect.confused_with if effect is not None else ()))
-        return sum(self.odds.get(name, 0.0) for name in alike) >= CLEAR
-
-    @property
     def lead(self) -> float:
         """Log of its odds over the next name's."""
         others = [share for name, share in self.odds.items() if name not in (self.effect, NONE)]

@@ -16,7 +16,7 @@ from identification.problem import Problem
 from plant.effects import Effect, catalogue
 
 _ROUNDS = 6
-_AHEAD = 1  # names, clear but for their look-alikes, that may fail to hold up unseen as long as the next mends it
+_AHEAD = 1  # names that may fail to hold up unseen as long as the next mends it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,7 +73,7 @@ def search(
         held = firm[-1].fit if firm else base
         if additions and holds_up(held, fit):
             firm = list(additions)
-        elif not found.settled or len(additions) > len(firm) + _AHEAD:
+        elif len(additions) > len(firm) + _AHEAD:
             break
     named = with_best_names(firm, progress)
     kept = without_wanderers(base, named, progress)

@@ -52,6 +52,20 @@ def test_a_name_found_beside_what_was_still_missing_is_weighed_again() -> None:
     assert odds["torque_offset"]["torque_offset"] > 0.999
 
 
+def test_three_are_found_though_two_of_them_make_nothing_better() -> None:
+    """Beside friction, gravity and cogging are as likely; an observer holds the load until all three are there."""
+    hidden = {
+        "coulomb_friction": {"torque": 0.18},
+        "gravity_offset": {"beta": 0.17},
+        "cogging": {"amplitude": 0.18, "order": 11.0, "phase": 0.7},
+    }
+    found = diagnose(
+        log_of(28002, **hidden), None, log_of(28003, **hidden), candidates=[*hidden, "asymmetric_friction"]
+    )
+    assert found.verdict == "named"
+    assert named(found) == set(hidden)
+
+
 def test_a_law_stays_where_one_of_its_parameters_is_not_needed() -> None:
     log = log_of(10000, asymmetric_friction={"forward": 0.3, "backward": 0.2, "viscous_difference": 0.0})
     found = diagnose(log, candidates=["coulomb_friction", "asymmetric_friction"])
