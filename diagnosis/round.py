@@ -129,7 +129,8 @@ def one_round(
         for suspect, found in zip(some, found_here, strict=True):
             if evidence_of(found, fit) >= _WORTH * most:  # of a shape far behind no look-alike wins
                 found = refined(fit, found, suspect.name)
-            charge[suspect.name] = charged(suspect, peaks_beside(found, suspect.name))
+            peaks = peaks_beside(found, suspect.name) if suspect.searched > 1 else None
+            charge[suspect.name] = charged(suspect, peaks)
             own = Contestant.of(found, suspect.name, coefficients=suspect.coefficients, charge=charge[suspect.name])
             refits[suspect.name], contest[suspect.name] = found, own
             scores[suspect.name] = own.score(found, fit)
