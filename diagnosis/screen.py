@@ -123,13 +123,14 @@ class Screen:
         """Screens at the fit's bandwidth and, where that is above zero, of the free simulation, if it is not hopeless.
 
         An observer takes over part of what a small effect does; the free simulation shows all of it. Evidence in it
-        counts from the likelihood of the fit at hand: less the loss that comes with the screen.
+        counts from the likelihood of the fit at hand: less the loss that comes with the screen. Where the free one is
+        likelier there is none; what the model gains without any effect is no effect's.
         """
         problem = Problem.of(fit.log, fit.model, fixed=fit.fixed)
         views = [(cls.of(fit, problem, bandwidth=fit.bandwidth), 0.0)]
         free = problem.output_error(fit) if fit.bandwidth else None
         if free is not None:
-            views.append((cls.of(free, problem, bandwidth=0.0), fit.log_likelihood - free.log_likelihood))
+            views.append((cls.of(free, problem, bandwidth=0.0), max(fit.log_likelihood - free.log_likelihood, 0.0)))
         return views
 
     def ask(self, effects: Mapping[str, type[Effect]]) -> list[Suspect]:

@@ -93,6 +93,7 @@ def test_what_is_missing_beside_a_gap_is_found_and_nothing_else() -> None:
     found = diagnose(log, candidates=["backlash", "gravity_offset", "back_emf", "compliance"])
     assert found.verdict == "named"
     assert named(found) == {"backlash", "gravity_offset"}
+    assert found.unexplained.depends_on == ()
     gap = found.extended.model.effect("backlash")
     assert (gap.gap, gap.motor_share) == pytest.approx((0.005, 0.3), rel=0.1)
 
