@@ -20,7 +20,7 @@ from diagnosis.screen import Suspect
 from identification.fit import fit
 from identification.fit_result import Fit
 from plant import ServoModel
-from plant.effects import Backlash, CableStiffness, CoulombFriction, EndStop, InputDelay, RateLimit, TorqueOffset
+from plant.effects import Backlash, CableStiffness, CoulombFriction, EndStop, RateLimit, TorqueOffset
 
 
 def one_by_one(suspects: list[Suspect], promised: dict[str, float], delivered: dict[str, float]) -> list[str]:
@@ -96,27 +96,31 @@ def test_a_better_null_repeats_the_round_only_where_a_rival_could_win_from_it(
     assert outcome.additions[0].evidence == (90.0 if len(rounds) == 2 else 100.0)
 
 
-@pytest.mark.parametrize(("rival", "goes_on"), [("sensor_lag", True), ("torque_offset", False)])
-def test_the_search_goes_on_past_a_name_in_doubt_only_where_the_doubt_is_its_known_look_alike(
-    monkeypatch: pytest.MonkeyPatch, rival: str, goes_on: bool
+@pytest.mark.parametrize(("mended_by", "found"), [("both", ["input_delay", "payload_change"]), ("three", [])])
+@pytest.mark.parametrize("rival", ["sensor_lag", "torque_offset"])
+def test_the_search_goes_one_name_past_what_does_not_hold_up_and_no_further(
+    monkeypatch: pytest.MonkeyPatch, rival: str, mended_by: str, found: list[str]
 ) -> None:
-    """A delay with which the model does not hold up unseen; with the next name it does."""
-    late, both = ServoModel.paper().with_effect(InputDelay(time=0.01)), ServoModel.paper()
-    fits: list[Any] = [SimpleNamespace(name=n, model=m) for n, m in (("base", both), ("late", late), ("both", late))]
-    odds = {"input_delay": 0.55, rival: 0.44, NONE: 0.01}
-    in_doubt = Addition(effect="input_delay", fit=fits[1], odds=odds, evidence=50.0, contest=())
-    sure = Addition(effect="payload_change", fit=fits[2], odds={"payload_change": 1.0}, evidence=50.0, contest=())
-    assert not in_doubt.clear
-    assert in_doubt.settled is goes_on
-    following = {"base": in_doubt, "late": sure, "both": None}
+    """A delay with which the model does not hold up unseen, be it in doubt or not; with the next name it does."""
+    fits: list[Any] = [
+        SimpleNamespace(name=name, model=ServoModel.paper()) for name in ("base", "late", "both", "three")
+    ]
+    in_doubt = {"input_delay": 0.55, rival: 0.44, NONE: 0.01}
+    following = {
+        "base": Addition(effect="input_delay", fit=fits[1], odds=in_doubt, evidence=50.0, contest=()),
+        "late": Addition(effect="payload_change", fit=fits[2], odds={"payload_change": 1.0}, evidence=50.0, contest=()),
+        "both": Addition(effect="cogging", fit=fits[3], odds={"cogging": 1.0}, evidence=50.0, contest=()),
+        "three": None,
+    }
+    if mended_by == "both":
+        following["both"] = None
     monkeypatch.setattr(search, "one_round", lambda at, *_: following[at.name])
     monkeypatch.setattr(search, "_better_null", lambda *_: None)
     monkeypatch.setattr(search, "without_superfluous", lambda _, additions, __: additions)
-    monkeypatch.setattr(search, "holds_up", lambda before, after: after.name == "both")
+    monkeypatch.setattr(search, "holds_up", lambda before, after: after.name == mended_by)
     monkeypatch.setattr(search, "without_wanderers", lambda _, additions, __: additions)
     monkeypatch.setattr(search, "with_best_names", lambda additions, _: additions)
-    found = [addition.effect for addition in search.search(fits[0]).additions]
-    assert found == (["input_delay", "payload_change"] if goes_on else [])
+    assert [addition.effect for addition in search.search(fits[0]).additions] == found
 
 
 def test_against_nothing_a_name_stands_by_the_colour_of_its_own_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
