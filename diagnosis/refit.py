@@ -15,7 +15,7 @@ from plant.effects import Effect
 from plant.servo import ServoModel
 
 _DESCENTS = 2  # starts of one effect that are followed to the end
-_FIRST_STEP = 2  # evaluations after which starts are compared: where they are, and where one step leads
+_FIRST_STEP = 2  # evaluations after which shapes that look alike are compared: where they are, and one step on
 _SMOOTHER = 0.2  # of the bandwidth before, below which a rugged likelihood is not looked at from afar
 _STAGES = 3  # searches among shapes that look alike, each finer than the one before
 _REPEATS = 4  # of the finest as long as it finds better ones
@@ -48,7 +48,7 @@ def refined(fit: Fit, found: Fit, name: str) -> Fit:
             break
         at = max(best.bandwidth, _SMOOTHER * fit.bandwidth)
         near = replace(best, model=best.model.without_effect(name), bandwidth=at)
-        again = _most_promising(alike, near, at)[0].descend(near)
+        again = _most_promising(alike, near, at, _FIRST_STEP)[0].descend(near)
         if again.log_likelihood > best.log_likelihood:
             best = again
         elif stage == _STAGES - 1:
@@ -66,9 +66,9 @@ def fitted_near(fit: Fit, model: ServoModel) -> Fit:
     return problem_near(fit, model).descend(fit)
 
 
-def _most_promising(problems: list[Problem], fit: Fit, bandwidth: float) -> list[Problem]:
-    """The problems by how well one step from a fit serves them, the best first."""
-    costs = side_by_side(lambda each: each.glance(fit, bandwidth, _FIRST_STEP), problems)
+def _most_promising(problems: list[Problem], fit: Fit, bandwidth: float, iterations: int = 4) -> list[Problem]:
+    """The problems by how well a few iterations from a fit serve them, the best first."""
+    costs = side_by_side(lambda each: each.glance(fit, bandwidth, iterations), problems)
     return [problems[place] for place in np.argsort(costs, kind="stable")]
 
 
