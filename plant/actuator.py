@@ -43,6 +43,11 @@ class Course:
         return cls(start=torque, half=torque, end=torque, early=0.0)
 
     @property
+    def is_held(self) -> bool:
+        """Whether it does not change: start and end are one and the same expression."""
+        return self.start is self.end
+
+    @property
     def middle(self) -> Expression:
         """What stands for the middle of the step, so that Simpson's rule finds the mean [N m]."""
         return self.half + 1.5 * self.early * (self.end - self.start)
@@ -54,7 +59,7 @@ class Course:
 
     def through(self, law: Callable[[Expression], Expression]) -> Course:
         """Behind a law without memory."""
-        if self.start is self.end:
+        if self.is_held:
             return Course.held(law(self.start))
         behind = Course(
             start=law(self.start),
@@ -70,7 +75,7 @@ class Course:
 
     def moved(self, factor: Expression, shift: Expression = 0.0) -> Course:
         """Behind a law that is linear."""
-        if self.start is self.end:
+        if self.is_held:
             return Course.held(factor * self.start + shift)
         path = self.path
         return Course(

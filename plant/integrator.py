@@ -36,7 +36,6 @@ class Step:
 
     def drive(self, model: ServoModel, own: Own, angle: Expression) -> Course:
         """Torque that the drive's law asks for at an angle."""
-
         course, _ = played(model, own, self.command, self.gain, self.length)
         return course.moved(1.0, -self.gain * angle).limited(self.limit)
 
