@@ -43,7 +43,8 @@ def _simplest_that_does(fit: Fit, effect: Effect) -> tuple[Effect | None, Fit] |
     """The model without an effect, or with a special case of it instead, if that costs less evidence than it saves."""
     without = fit.model.without_effect(effect.name)
     variants: list[tuple[Effect | None, ServoModel]] = [(None, without)]
-    variants += [(special, without.with_effect(special)) for special in effect.reduced()]
+    others = [special for special in effect.reduced() if not without.holds(special.name)]
+    variants += [(special, without.with_effect(special)) for special in others]
     for special, model in variants:
         if falls_short(model, fit):
             continue
@@ -132,5 +133,5 @@ def _better_special_cases(leading: Fit, name: str, rest: ServoModel, fits: Mappi
 
 
 def fits_in(model: ServoModel, effect: Effect) -> bool:
-    """Whether an effect can be added without anything else having to go."""
-    return len(model.with_effect(effect).effects) == len(model.effects) + 1
+    """Whether an effect can be added without anything else having to go, and says what nothing in the model does."""
+    return not model.holds(effect.name) and len(model.with_effect(effect).effects) == len(model.effects) + 1

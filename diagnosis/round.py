@@ -254,5 +254,4 @@ def _reduced_leaders(
 
 def _would_add(fit: Fit, kind: type[Effect]) -> bool:
     """Whether an effect makes sense on this axis and is neither in the model nor a special case of one that is."""
-    held = {name for effect in fit.model.effects for name in (effect.name, *effect.contains)}
-    return kind.name not in held and fit.model.axis in kind.axes
+    return not fit.model.holds(kind.name) and fit.model.axis in kind.axes

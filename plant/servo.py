@@ -132,6 +132,10 @@ class ServoModel:
         kept = (e for e in self.effects if e.name not in gone and not (e.flexible and effect.flexible))
         return replace(self, effects=(*kept, effect))
 
+    def holds(self, name: str) -> bool:
+        """Whether an effect of that name is in the model, or a special case of one that is."""
+        return any(name in (effect.name, *effect.contains) for effect in self.effects)
+
     def without_effect(self, name: str) -> Self:
         """The model without the effect of that name."""
         return replace(self, effects=tuple(e for e in self.effects if e.name != name))

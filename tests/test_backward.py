@@ -9,14 +9,22 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import backward
-from diagnosis.backward import _handed_over, _simplest_that_does, with_best_names, without_superfluous
+from diagnosis.backward import _handed_over, _simplest_that_does, fits_in, with_best_names, without_superfluous
 from diagnosis.odds import NONE
 from diagnosis.refit import evidence_of, refit
 from diagnosis.round import Addition, Contestant
 from identification.fit import fit
 from identification.fit_result import Fit
 from plant import Effect, ServoModel
-from plant.effects import ActuatorLag, AsymmetricFriction, CoulombFriction, InputDelay, StribeckFriction, TorqueOffset
+from plant.effects import (
+    ActuatorLag,
+    AsymmetricFriction,
+    CoulombFriction,
+    InputDelay,
+    PreslidingHysteresis,
+    StribeckFriction,
+    TorqueOffset,
+)
 
 RUBS, PUSHES, WAITS = CoulombFriction(torque=0.3), TorqueOffset(torque=0.15), InputDelay(time=0.02)
 
@@ -144,3 +152,21 @@ def test_a_special_case_is_weighed_from_where_its_leader_came_to(monkeypatch: py
     named = with_best_names(spoiled, None)
     assert names(named) == ["coulomb_friction", "torque_offset"]
     assert named[-1].fit.log_likelihood > final.log_likelihood - 1.0
+
+
+def test_nothing_is_reduced_to_what_another_effect_says_already(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside friction of two levels, presliding that does not pay goes: of friction of one level nothing is new."""
+    tried: list[set[str]] = []
+
+    def short(model: ServoModel, at: Fit) -> bool:
+        tried.append({effect.name for effect in model.effects})
+        return True
+
+    two = AsymmetricFriction(forward=0.3, backward=0.2, viscous_difference=0.0)
+    contacts = PreslidingHysteresis(torque=0.1, stiffness=50.0)
+    start = base(RUBS)
+    monkeypatch.setattr(backward, "falls_short", short)
+    _simplest_that_does(replace(start, model=start.model.with_effect(two).with_effect(contacts)), contacts)
+    assert tried == [{"dead_zone", "asymmetric_friction"}]
+    assert not fits_in(start.model.with_effect(two), RUBS)
+    assert fits_in(start.model.with_effect(two), contacts)
