@@ -7,7 +7,7 @@ J, alpha and K are linear in it, and the relative torque error in which inverse 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as ca
@@ -187,13 +187,12 @@ def _passive(structure: Structure) -> Recursion:
     x, v, t, torque, travel, stands = ca.vertsplit(row)
     own = model.own_states(state)
     at = Moment(angle=x, velocity=v, torque=torque, time=t, travel=travel, step=dt)
-    still = replace(at, torque=0.0)
-    free = -model.load_inertia(still) * model.smooth_acceleration(still, own)
+    free = torque - model.load_inertia(at) * model.smooth_acceleration(at, own)
     levels = model.dry_friction(at)
     if levels is not None:
         holds = ca.fmax(ca.fmin(torque - free, levels[0]), -levels[1])
         free += ca.if_else(stands, holds, ca.if_else(v > 0, levels[0], -levels[1]) * ca.fabs(ca.sign(v)))
-    inertia = model.inertia + sum((effect.added_inertia(still) for effect in model.effects), start=0.0)
+    inertia = model.inertia + sum((effect.added_inertia(at) for effect in model.effects), start=0.0)
     slid = [
         effect.slide(own[effect.name][i], travel) if kind is State.RELAXED else own[effect.name][i]
         for effect in model.effects
