@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 
 from diagnosis.odds import MISSING, parameter_cost, schwarz_cost, search_charge
-from diagnosis.refit import evidence_of, fitted_near, refit
+from diagnosis.refit import evidence_of, fitted_near, refit, widening
 from diagnosis.round import Addition
 from diagnosis.screen import Screen, peaks_beside
 from diagnosis.unseen import holds_up
@@ -80,7 +80,7 @@ def carried(fit: Fit) -> Carried:
     simple = _path(fit, plain, seen, known)
     hides = _hides_something(simple[-1] if simple else fit)
     rich = _path(fit, unnamed, _promising(fit, unnamed), known) if hides else ()
-    better = rich and not follows_anything(rich[-1]) and charged(rich, fit) > (1.0 + CLEARLY) * charged(simple, fit)
+    better = rich and not follows_anything(rich[-1]) and says_more(rich, simple, fit, times=1.0 + CLEARLY)
     return Carried(path=rich if better else simple, seen=tuple(curve for curve, _ in seen))
 
 
@@ -94,9 +94,22 @@ def richer_promise(fit: Fit) -> float:
     return max((score for _, score in _promising(fit, unnamed)), default=0.0)
 
 
-def charged(path: tuple[Fit, ...], than: Fit) -> float:
-    """Evidence of the end of a path of fits over a simpler one, less the cost of its parameters."""
-    return evidence_of(path[-1], than) - parameter_cost(path[-1], than) if path else 0.0
+def charged(path: tuple[Fit, ...], than: Fit, *, over: float | None = None) -> float:
+    """Evidence of the end of a path of fits over a simpler one, less the cost of its parameters; `over` as there."""
+    return evidence_of(path[-1], than, over=over) - parameter_cost(path[-1], than) if path else 0.0
+
+
+def says_more(one: tuple[Fit, ...], other: tuple[Fit, ...], than: Fit, *, times: float) -> bool:
+    """Whether the end of one path of fits is worth more than so many times another's, both over a simpler fit.
+
+    The likelier one's colour counts for both, as among names.
+    """
+    over = _colour(one + other, than)
+    return charged(one, than, over=over) > times * charged(other, than, over=over)
+
+
+def _colour(fits: tuple[Fit, ...], than: Fit) -> float:
+    return widening(max(fits, key=lambda fit: fit.log_likelihood), than)
 
 
 def _hides_something(fit: Fit) -> bool:
@@ -131,7 +144,7 @@ def _one_more(fit: Fit, found: tuple[tuple[Unnamed, float], ...], known: dict[st
     random = max(evidence_of(if_it_wanders(fit), fit), 0.0) if tried and may_wander(fit) else 0.0
     for start in tried:
         if start.name not in known:
-            after = refit(fit, start, fixed=start.shape())
+            after = refit(fit, start.begun(), fixed=start.shape())
             cost = schwarz_cost(len(after.free) - len(fit.free), fit.samples)
             over = evidence_of(after, fit) - random - _CLEARS - cost
             pays = over > 0.0 and over > _line_charge(after, start) and holds_up(fit, after, must_show=True)

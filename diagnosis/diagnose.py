@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.candidates import Choice, chosen
-from diagnosis.curves import CLEARLY, Carried, beside_unnamed, carried, charged, nameless, richer_promise
+from diagnosis.curves import CLEARLY, Carried, beside_unnamed, carried, charged, nameless, richer_promise, says_more
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.holdout import cut, inverse_errors, measure_gain, remaining, split, spoken_against
 from diagnosis.identifiability import blind_spots, standstill
@@ -150,12 +150,12 @@ def _believed(outcome: Outcome) -> tuple[Outcome, Carried]:
     additions, beside = beside_unnamed(outcome.base, outcome.additions)
     strange = not all(is_plausible(outcome.fit, addition.effect) for addition in outcome.additions)
     if outcome.additions and (beside.path or beside.seen or outcome.fit.bandwidth or strange):
-        named, enough = charged((outcome.fit,), outcome.base), 1.0 - CLEARLY if strange else 1.0 + CLEARLY
+        names, enough = (outcome.fit,), 1.0 - CLEARLY if strange else 1.0 + CLEARLY
         alone = carried(outcome.base).path if beside.rich else nameless(outcome.base)
-        if not beside.rich and outcome.fit.bandwidth and charged(alone, outcome.base) <= enough * named:
-            promising = richer_promise(outcome.base) > _PROMISING * named
+        if not beside.rich and outcome.fit.bandwidth and not says_more(alone, names, outcome.base, times=enough):
+            promising = richer_promise(outcome.base) > _PROMISING * charged(names, outcome.base)
             alone, enough = carried(outcome.base).path if promising else (), 2.0
-        if alone and charged(alone, outcome.base) > enough * named:
+        if alone and says_more(alone, names, outcome.base, times=enough):
             return replace(outcome, additions=()), Carried(path=alone, seen=())
     return replace(outcome, additions=additions), beside
 

@@ -13,6 +13,7 @@ from identification.noise import log_likelihood
 from identification.objective import Objective
 from identification.over_runs import informations
 from identification.predictor import FADING, Prediction
+from identification.prior import natural_scales
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
@@ -23,16 +24,22 @@ def fit_of(objective: Objective, bandwidth: float, minimum: Minimum, evaluations
     """The fit that a minimum of an objective at a bandwidth [rad/s] amounts to, after so many passes over the log."""
     values, initial = objective.unpack(minimum.point)
     degrees = max(objective.samples - minimum.point.size, 1)
+    count = len(objective.free)
     predictions = objective.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0)
     innovations = np.concatenate([p.innovations for p in predictions])
     around = _around(objective, values, initial, bandwidth, predictions)
     power = float(sum(p.innovations @ p.innovations for p in around))
-    found = uncertainty(*informations(around), power / degrees)
-    count = len(objective.free)
+    variance = power / degrees
+    white, coloured = informations(around)
+    if objective.precision is not None:
+        white[:count, :count] += variance * objective.precision
+        coloured[:count, :count] += variance**2 * objective.precision
+    found = uncertainty(white, coloured, variance)
     spread, lost = found.covariance[:count, :count], found.undetermined[:count]
-    lost = lost | _nothing_moves(objective, minimum)
-    gone = np.array(objective.free, dtype=int)[lost]
-    values[gone] = objective.model.values[gone]
+    if _nothing_moves(objective, minimum):
+        lost, values = np.ones(count, dtype=bool), objective.model.values
+    else:
+        values, initial = _where_it_began(objective, minimum.point, found.unseen)
     lost = lost | _without_weight(objective, values, np.sqrt(np.maximum(np.diag(spread), 0.0)))
     fitted = objective.model.with_values(values)
     return Fit(
@@ -52,6 +59,17 @@ def fit_of(objective: Objective, bandwidth: float, minimum: Minimum, evaluations
         evaluations=evaluations + minimum.evaluations,
         log=objective.log,
     )
+
+
+def _where_it_began(objective: Objective, point: Array, unseen: Array) -> tuple[Array, Array]:
+    """Parameters and initial states of a point, moved back to the start along the directions that the log cannot see.
+
+    There alone: where two parameters trade places, what they are worth together is known, and is kept.
+    """
+    count = len(objective.free)
+    way = np.zeros_like(point)
+    way[:count] = point[:count] - objective.model.values[list(objective.free)]
+    return objective.unpack(np.clip(point - unseen @ way, objective.lower, objective.upper))
 
 
 def run_off(objective: Objective, initial: Array, bandwidth: float, evaluations: int) -> Fit:
@@ -122,15 +140,12 @@ def _without_weight(objective: Objective, values: Array, std: Array) -> NDArray[
     What a standard error is worth is the torque that it makes over the log's motion; for the parameters of an
     effect, whose torque is not known before it is named, the value itself is the scale.
     """
-    torque = np.concatenate([run.command - run.servo_gain * run.output for run in objective.log.runs])
-    level = float(np.sqrt(np.nanmean(torque**2)))
+    natural = natural_scales(objective.log)
+    level = natural["N m"]
     speeds = np.concatenate([np.gradient(run.output, run.time) for run in objective.log.runs])
     speed = float(np.sqrt(np.nanmean(speeds**2)))
     slowest = 2.0 * np.pi / max(run.duration for run in objective.log.runs)
     worth = {"inertia": slowest * speed, "gravity": 1.0, "viscous_friction": speed}
-    viscous = level / speed if speed > 0.0 else 0.0
-    # Of an effect's parameter that may well be zero.
-    natural = {"rad": 1.0, "N m": level, "N": level, "N m s/rad": viscous, "N s/m": viscous}
     lost = np.zeros(len(objective.free), dtype=bool)
     for row, place in enumerate(objective.free):
         name = objective.model.names[place]

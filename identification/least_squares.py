@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from plant.effects.effect import Array
 
+_ROUNDING = 1e-8  # component of a unit vector that may be none
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NormalEquations:
@@ -152,11 +154,13 @@ class Uncertainty:
         covariance: (n, n) of the estimate, for residuals of the colour that they have.
         white: (n, n) the same if the residuals were white.
         undetermined: (n,) parameters into which a direction of (numerically) no information reaches.
+        unseen: (n, n) projection of a displacement onto those directions.
     """
 
     covariance: Array
     white: Array
     undetermined: NDArray[np.bool_]
+    unseen: Array
 
 
 def uncertainty(information: Array, coloured: Array, variance: float) -> Uncertainty:
@@ -168,10 +172,11 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
         variance: of the residuals.
     """
     diagonal = np.diag(information)
-    scale = np.sqrt(np.maximum(diagonal, 1e-300))
+    scale = np.where(diagonal > 0.0, np.sqrt(np.maximum(diagonal, 1e-300)), 1.0)
     eigenvalues, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     lost = eigenvalues < 1e-12 * max(float(eigenvalues.max(initial=0.0)), 1e-300)
     inverse = (vectors[:, ~lost] / eigenvalues[~lost]) @ vectors[:, ~lost].T
+    silent = np.where(np.abs(vectors[:, lost]) > _ROUNDING, vectors[:, lost], 0.0)
     size = np.outer(scale, scale)
     with np.errstate(over="ignore", invalid="ignore"):
         covariance, white = inverse @ (coloured / size) @ inverse / size, variance * inverse / size
@@ -179,6 +184,7 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
         covariance=covariance,
         white=white,
         undetermined=(np.abs(vectors[:, lost]) > 1e-3).any(axis=1) | (diagonal <= 0.0),
+        unseen=silent @ silent.T * np.outer(1.0 / scale, scale),
     )
 
 

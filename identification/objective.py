@@ -12,10 +12,13 @@ from identification.least_squares import NormalEquations
 from identification.log import Log
 from identification.over_runs import normal_equations
 from identification.predictor import Predictor
+from identification.prior import precision
 from plant.discrete import integration_steps
 from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.servo import ServoModel
+
+_MOST = 100.0  # log of the factor by which a cost may rise, beyond which it would overflow
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,6 +30,7 @@ class Objective:
         model: the structure; its numbers are those of what is fixed, and one start.
         predictor: of the log's runs by the structure.
         lower, upper: (F + 2R,) bounds of a point.
+        precision: (F, F) inverse covariance of what moves before the log is seen, None where nothing is known of it.
     """
 
     log: Log
@@ -34,6 +38,7 @@ class Objective:
     predictor: Predictor
     lower: Array
     upper: Array
+    precision: Array | None
 
     @classmethod
     def of(cls, log: Log, model: ServoModel, *, fixed: Collection[str] = ()) -> Self:
@@ -55,6 +60,7 @@ class Objective:
             predictor=Predictor(model=model, runs=log.runs, free=free, substeps=substeps, colour=log.colour),
             lower=np.concatenate(([first if spec.instant else spec.lower for spec in specs], -unbounded)),
             upper=np.concatenate(([last if spec.instant else spec.upper for spec in specs], unbounded)),
+            precision=precision(log, model, free),
         )
 
     @property
@@ -81,7 +87,7 @@ class Objective:
         """The normal equations at a point."""
         values, initial = self.unpack(point)
         pieces = self.predictor.pieces(values, initial, bandwidth=bandwidth, width=width)
-        return normal_equations(pieces, len(self.log.runs))
+        return self._with_prior(normal_equations(pieces, len(self.log.runs)), point)
 
     def cost(self, point: Array, bandwidth: float, width: float) -> float:
         """Sum of squared innovations at a point, infinite where the prediction overflows."""
@@ -90,3 +96,15 @@ class Objective:
         with np.errstate(over="ignore", invalid="ignore"):
             total = float(sum(piece.innovations @ piece.innovations for _, piece in pieces))
         return total if np.isfinite(total) else np.inf
+
+    def _with_prior(self, found: NormalEquations, point: Array) -> NormalEquations:
+        """The same with what was known before, by so much that the log-likelihood falls as a Gaussian's."""
+        if self.precision is None or not np.isfinite(found.cost):
+            return found
+        own, weight = slice(len(self.free)), found.cost / self.samples
+        pull = self.precision @ point[own]
+        gradient, information = found.gradient.copy(), found.information.copy()
+        gradient[own] += weight * pull
+        information[own, own] += weight * self.precision
+        loss = float(np.exp(min(float(point[own] @ pull) / self.samples, _MOST)))
+        return NormalEquations(cost=loss * found.cost, gradient=loss * gradient, information=loss * information)

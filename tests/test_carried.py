@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +13,8 @@ import pytest
 from diagnosis import curves
 from diagnosis.curves import Carried, beside_unnamed, carried
 from diagnosis.search import Outcome
+from plant.effects.curve import HEIGHTS
+from plant.effects.effect import Array
 from plant.effects.varying import FrictionOverTurn
 
 diagnose: Any = import_module("diagnosis.diagnose")
@@ -40,7 +43,8 @@ def test_what_is_richer_must_say_clearly_more_and_leave_no_work_for_a_fast_obser
     monkeypatch.setattr(curves, "unnamed_dependence", lambda at, *kinds, **bar: ((None, 50.0),))
     monkeypatch.setattr(curves, "_path", lambda at, kinds, *more: (FIRST,) if kinds is curves.plain else (SECOND,))
     monkeypatch.setattr(curves, "follows_anything", lambda at: fast)
-    monkeypatch.setattr(curves, "charged", lambda path, than: 100.0 if path == (FIRST,) else worth)
+    monkeypatch.setattr(curves, "_colour", lambda fits, than: 1.0)
+    monkeypatch.setattr(curves, "charged", lambda path, than, over: 100.0 if path == (FIRST,) else worth)
     assert carried(fit).path == (taken,)
 
 
@@ -81,7 +85,9 @@ def test_what_is_richer_is_fitted_in_place_of_names_only_where_the_screen_gives_
     monkeypatch.setattr(diagnose, "is_plausible", lambda at, name: True)
     monkeypatch.setattr(diagnose, "nameless", lambda at: ())
     monkeypatch.setattr(diagnose, "richer_promise", lambda at: promise)
-    monkeypatch.setattr(diagnose, "charged", lambda path, than: explains[tuple(fit.name for fit in path)])
+    monkeypatch.setattr(curves, "_colour", lambda fits, than: 1.0)
+    for module in (curves, diagnose):
+        monkeypatch.setattr(module, "charged", lambda path, than, over=1.0: explains[tuple(fit.name for fit in path)])
     monkeypatch.setattr(diagnose, "carried", lambda at: asked.append(at.name) or Carried(path=(rich,), seen=()))
     believed, left = diagnose._believed(outcome)
     assert asked == (["base"] if fitted else [])
@@ -91,6 +97,8 @@ def test_what_is_richer_is_fitted_in_place_of_names_only_where_the_screen_gives_
 def test_a_first_step_is_fitted_once_for_what_is_plain_and_what_is_richer(monkeypatch: pytest.MonkeyPatch) -> None:
     fit: Any = SimpleNamespace(bandwidth=5.0, log=SimpleNamespace(colour=()), free=(), samples=100)
     starts = {name: SimpleNamespace(name=name, shape=tuple, variables=()) for name in ("plain", "rich")}
+    for start in starts.values():
+        start.begun = partial(getattr, SimpleNamespace(own=start), "own")
     fitted: list[str] = []
 
     def dependence(at: Any, kinds: Any = curves.plain, *, bar: float = 0.0) -> Any:
@@ -116,7 +124,11 @@ def test_a_ripple_pays_for_the_search_as_much_as_the_lines_beside_it_tell(
 ) -> None:
     fit: Any = SimpleNamespace(bandwidth=5.0, log=SimpleNamespace(colour=()), free=(), samples=100)
     start = SimpleNamespace(
-        name="ripple", shape=tuple, of_lines=True, traces=lambda motion: iter([SimpleNamespace(searched=1000)])
+        name="ripple",
+        shape=tuple,
+        begun=lambda: None,
+        of_lines=True,
+        traces=lambda motion: iter([SimpleNamespace(searched=1000)]),
     )
     after = SimpleNamespace(free=(), name="ripple")
     monkeypatch.setattr(curves, "may_wander", lambda at: False)
@@ -146,7 +158,24 @@ def test_a_name_that_does_not_pay_beside_it_goes(monkeypatch: pytest.MonkeyPatch
 
 def test_varying_friction_begins_where_none_of_it_is_cut_off() -> None:
     heights = np.array([0.1, -0.2, 0.0, 0.3, 0.1, 0.0, -0.1, 0.2, 0.0])
-    begun = FrictionOverTurn.begun(heights)
-    assert begun.min() == 0.0
-    assert np.ptp(begun) == pytest.approx(np.ptp(heights))
-    assert FrictionOverTurn.begun(np.abs(heights)) == pytest.approx(np.abs(heights))
+
+    def begun(some: Array) -> Array:
+        ends = {"low": 0.0, "high": 2.0 * np.pi}
+        return np.array(FrictionOverTurn(**ends, **dict(zip(HEIGHTS, some, strict=True))).begun().values[2:])
+
+    assert begun(heights).min() == 0.0
+    assert np.ptp(begun(heights)) == pytest.approx(np.ptp(heights))
+    assert begun(np.abs(heights)) == pytest.approx(np.abs(heights))
+
+
+@pytest.mark.parametrize(("likelier", "more"), [("one", True), ("other", False)])
+def test_two_ways_are_compared_by_the_colour_of_the_likelier(
+    monkeypatch: pytest.MonkeyPatch, likelier: str, more: bool
+) -> None:
+    """Evidence of 30 and 20 for costs of 5 and 2, twice as wide by the other's colour."""
+    fits: Any = {n: SimpleNamespace(name=n, log_likelihood=float(n == likelier)) for n in ("one", "other")}
+    rise, cost = {"one": 30.0, "other": 20.0}, {"one": 5.0, "other": 2.0}
+    monkeypatch.setattr(curves, "widening", lambda at, than: {"one": 1.0, "other": 2.0}[at.name])
+    monkeypatch.setattr(curves, "evidence_of", lambda at, than, over: rise[at.name] / over)
+    monkeypatch.setattr(curves, "parameter_cost", lambda at, than: cost[at.name])
+    assert curves.says_more((fits["one"],), (fits["other"],), BASE, times=1.3) is more  # type: ignore[arg-type]

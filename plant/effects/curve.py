@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from plant.servo import ServoModel
 
 KNOTS = 9
+HEIGHTS = tuple(f"c{k}" for k in range(KNOTS))
 _REACH = 2.5  # knots over which a curve keeps its course
 _DENSE = 0.05  # share of the range of velocity, about zero, within which the knots lie densest
 
@@ -55,6 +56,10 @@ class Unnamed(Effect):
     def beside(cls, model: ServoModel) -> bool:
         """Whether it makes sense beside a model."""
         return model.axis in cls.axes and model.effect(cls.name) is None
+
+    def begun(self) -> Self:
+        """Where a fit begins, if a regression suggests this."""
+        return self
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,13 +123,12 @@ class Curve(Unnamed):
             yield Trace(
                 columns=cls.hats(cls.along(motion), low, high) * cls.factor(motion)[:, None],
                 prior=cls.prior,
-                start=lambda c: cls(low=low, high=high, **{f"c{k}": float(v) for k, v in enumerate(cls.begun(c))}),
+                start=lambda c: cls(low=low, high=high, **dict(zip(HEIGHTS, map(float, c), strict=True))),
             )
 
-    @classmethod
-    def begun(cls, heights: Array) -> Array:
-        """Heights to begin a fit from, given those (9,) that a regression suggests."""
-        return heights
+    def begun(self) -> Self:
+        """Flat: a regression's heights are the best once all else has moved; before it has, far worse than none."""
+        return replace(self, **dict.fromkeys(HEIGHTS, 0.0))
 
     @classmethod
     def reach(cls, motion: Motion) -> tuple[float, float]:

@@ -8,13 +8,14 @@ varying coefficients).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Self
 
 import casadi as ca
 import numpy as np
 
-from plant.effects.curve import KNOTS, Curve, smooth
+from plant.effects.curve import HEIGHTS, KNOTS, Curve, smooth
 from plant.effects.effect import Array, Expression, Moment, Motion
 from plant.effects.interpolation import interpolated
 
@@ -57,10 +58,10 @@ class VaryingFriction(Curve):
         level = ca.fmax(self.height(at), 0)
         return level, level
 
-    @classmethod
-    def begun(cls, heights: Array) -> Array:
+    def begun(self) -> Self:
         """Lifted until none is below zero, where it would do nothing; a friction that does not vary gives way."""
-        return heights - min(float(heights.min()), 0.0)
+        least = min(0.0, *(getattr(self, name) for name in HEIGHTS))
+        return replace(self, **{name: getattr(self, name) - least for name in HEIGHTS})
 
     @classmethod
     def factor(cls, motion: Motion) -> Array:
