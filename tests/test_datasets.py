@@ -184,11 +184,12 @@ def test_ur10e_current_drives_the_joint(joint):
 def test_ur10e_put_down_no_load_where_its_sweep_begins():
     """Before the sweep joint 3 moves as it never does later: a payload change fits, but nobody would believe it."""
     dataset = load_dataset("ur10e", folder("ur10e"), joint=3)
-    names = ["payload_change", "presliding_hysteresis", "asymmetric_friction", "load_dependent_friction"]
-    found = diagnose(dataset.estimation, dataset.base, dataset.holdout, candidates=names)
+    found = diagnose(dataset.estimation, dataset.base, dataset.holdout)
+    causes = {cause.effect: cause for cause in found.causes}
     assert any(candidate.effect == "payload_change" and candidate.probability > 0.5 for candidate in found.candidates)
-    assert {"presliding_hysteresis", "load_dependent_friction"} <= {cause.effect for cause in found.causes}
-    assert "payload_change" not in {cause.effect for cause in found.causes}
+    assert {"presliding_hysteresis", "load_dependent_friction", "encoder_eccentricity"} <= set(causes)
+    assert "payload_change" not in causes
+    assert causes["encoder_eccentricity"].parameters["order"].value == pytest.approx(128.1, abs=0.5)  # a turn
     assert any("Payload change would fit too" in warning for warning in found.warnings)
     assert found.torque_error.held_out_after < 0.02  # a regression with Coulomb friction leaves 0.032
 
@@ -222,10 +223,10 @@ def test_bam_rubs_by_speed_and_load_and_no_name_says_how():
     assert first["load_dependent_friction"].evidence > 2.0 * first["stribeck_friction"].evidence
     assert found.verdict == "unknown"
     assert set(found.unexplained.depends_on) == {"velocity", "torque"}
-    assert found.torque_error.held_out_after < 0.85 * found.torque_error.held_out_before
+    assert found.torque_error.held_out_after < 0.7 * found.torque_error.held_out_before
     simulated = free_simulation(dataset.holdout, found.model)
     errors = [np.abs(s - run.output)[run.valid] for s, run in zip(simulated, dataset.holdout.runs, strict=True)]
-    assert np.mean(np.concatenate(errors)) < 0.085  # friction by the load alone leaves 0.090
+    assert np.mean(np.concatenate(errors)) < 0.072  # friction by the load alone leaves 0.090
 
 
 def test_bams_register_shows_the_duty_of_the_law():
