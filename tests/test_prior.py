@@ -20,10 +20,10 @@ from plant.effects.curve import HEIGHTS, CurveOverTorque, CurveOverVelocity
 PLAIN = Machine(effects={})
 
 
-def in_levels(levels: tuple[float, ...], *, scale: float = 1.0) -> Log:
+def in_levels(levels: tuple[float, ...], *, scale: float = 1.0, machine: Machine = PLAIN) -> Log:
     """A log in which the torque takes a few values only."""
     command = np.random.default_rng(5).choice(levels, size=80).repeat(50)
-    moved = record(PLAIN, scale * command, seed=5).run()
+    moved = record(machine, scale * command, seed=5).run()
     return Log(runs=(type(moved)(**{**vars(moved), "command": command}),), axis="rotary")
 
 
@@ -49,7 +49,7 @@ def test_two_parameters_that_trade_places_keep_what_they_are_worth_together() ->
 
 
 def test_between_the_few_torques_of_a_log_a_curve_is_no_higher_than_they_are() -> None:
-    log = in_levels((-6.0, -5.6, 1.0, 5.6, 6.0))
+    log = in_levels((-6.0, -0.2, -0.1, 0.1, 0.2, 6.0), machine=PLAIN.hiding(coulomb_friction={"torque": 0.5}))
     start = CurveOverTorque(low=-6.0, high=6.0)
     model = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8, effects=(start,))
     found = fit(log, model, fixed=("inertia", *start.shape()[:2]))
