@@ -35,7 +35,8 @@ class Fit:
     """A fitted model with its uncertainty.
 
     Attributes:
-        model: with the estimates; a parameter about which the data say nothing keeps its start.
+        model: with the estimates; a parameter about which the data say nothing keeps its start, and of several that
+            trade places what they are worth together is kept.
         parameters: one line each.
         free: (F,) places of the fitted parameters.
         covariance: (F, F) of the fitted parameters, for innovations of the colour that they have.
@@ -43,7 +44,7 @@ class Fit:
         initial: (R, 2) estimated angle and velocity at the first sample of each run.
         bandwidth: of the observer [rad/s]; 0 when what the model misses is measurement noise alone.
         noise_std: standard deviation of the innovations [rad].
-        log_likelihood: of the valid samples.
+        log_likelihood: of the valid samples, less what a prior takes of it (`identification.prior`).
         samples: number of valid samples.
         innovations: (T,) of all runs, one after another; zero where masked.
         substeps: integration steps in one sample.
