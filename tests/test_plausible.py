@@ -68,3 +68,14 @@ def test_an_offset_that_the_catalogue_lacks_is_no_cable_from_afar() -> None:
     assert found.verdict == "unknown"
     assert found.causes == ()
     assert found.gain.cut > 0.95
+
+
+def test_a_stop_that_is_met_in_the_last_thousandth_of_the_travel_is_named() -> None:
+    """After the hit a free simulation goes elsewhere; behind the observer that holds it a soft stop shows nothing."""
+    command = excitation(32000, duration=30.0)
+    (free,) = record(Machine(), command, seed=16000, noise=0.0).log().runs
+    angle = free.output.max() - 0.00093 * np.ptp(free.output)
+    stop = Machine().hiding(end_stop={"angle": angle, "stiffness": 30.0})
+    (cause,) = diagnose(record(stop, command, seed=16000).log()).causes
+    assert cause.effect == "end_stop"
+    assert cause.parameters["angle"].value == pytest.approx(angle, abs=0.01)
