@@ -53,8 +53,12 @@ def test_between_the_few_torques_of_a_log_a_curve_is_no_higher_than_they_are() -
     start = CurveOverTorque(low=-6.0, high=6.0)
     model = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8, effects=(start,))
     found = fit(log, model, fixed=("inertia", *start.shape()[:2]))
-    heights = found.model.values[-len(HEIGHTS) :]
-    assert np.abs(heights).max() < natural_scales(log)["N m"]
+    heights, level = found.model.values[-len(HEIGHTS) :], natural_scales(log)["N m"]
+    assert np.abs(heights).max() < level
+    assert found.unidentifiable == ()
+    stds = np.sqrt(np.diag(found.covariance))[-len(HEIGHTS) :]
+    assert 0.1 * level < stds[2] < 1.05 * level  # where no torque was: not known, but for what was known before
+    assert stds[[0, 4, 8]].max() < 0.03 * level
 
 
 def test_what_a_log_says_of_a_curve_outweighs_what_was_known_before() -> None:
