@@ -98,7 +98,7 @@ def test_a_first_step_is_fitted_once_for_what_is_plain_and_what_is_richer(monkey
     fit: Any = SimpleNamespace(bandwidth=5.0, log=SimpleNamespace(colour=()), free=(), samples=100)
     starts = {name: SimpleNamespace(name=name, shape=tuple, variables=()) for name in ("plain", "rich")}
     for start in starts.values():
-        start.begun = partial(getattr, SimpleNamespace(own=start), "own")
+        start.begun = partial(SimpleNamespace, name=f"{start.name} begun")
     fitted: list[str] = []
 
     def dependence(at: Any, kinds: Any = curves.plain, *, bar: float = 0.0) -> Any:
@@ -115,7 +115,7 @@ def test_a_first_step_is_fitted_once_for_what_is_plain_and_what_is_richer(monkey
     monkeypatch.setattr(curves, "evidence_of", lambda after, before: 100.0)
     monkeypatch.setattr(curves, "holds_up", lambda before, after, must_show: False)
     assert carried(fit).path == ()
-    assert fitted == ["plain", "rich"]
+    assert fitted == ["plain begun", "rich begun"]
 
 
 @pytest.mark.parametrize(("peaks", "kept"), [(1.0, True), (4.0, False)])
