@@ -222,9 +222,9 @@ def test_over_velocity_it_goes_on_as_a_damping_as_steep_as_it_ends() -> None:
         return float(curve.load_torque(Moment(velocity=velocity), 0.0))
 
     assert [torque(-3.0), torque(4.0)] == pytest.approx([0.3, 0.7])
-    ends = [(torque(-3.0 + 1e-6) - 0.3) / 1e-6, (0.7 - torque(4.0 - 1e-6)) / 1e-6]
-    slope = float(np.mean(ends))
-    assert [torque(9.0) - 0.7, torque(-9.0) - 0.3] == pytest.approx([5.0 * slope, -6.0 * slope], rel=1e-4)
+    first, last = (torque(-3.0 + 1e-6) - 0.3) / 1e-6, (0.7 - torque(4.0 - 1e-6)) / 1e-6
+    slope = (9.0 * first + 16.0 * last) / 25.0
+    assert [torque(9.0) - 0.7, torque(-9.0) - torque(-4.0)] == pytest.approx([5.0 * slope, -5.0 * slope], rel=1e-4)
     knots = [float(knot) for knot in curve.knots(-3.0, 4.0)]
     assert (knots[0], knots[-1]) == (-3.0, 4.0)
     assert np.all(np.diff(knots) > 0)
@@ -232,6 +232,18 @@ def test_over_velocity_it_goes_on_as_a_damping_as_steep_as_it_ends() -> None:
     speeds = np.linspace(-9.0, 8.0, 50)
     assert [float(viscous.load_torque(Moment(velocity=v), 0.0)) for v in speeds] == pytest.approx(-0.2 * speeds)
     assert "viscous_friction" in CurveOverVelocity.shape()
+
+
+@pytest.mark.parametrize("mirrored", [1.0, -1.0])
+def test_speeds_seen_in_one_direction_only_tell_of_the_other(mirrored: float) -> None:
+    """A held-out log may be as fast backward as the fit's was forward: a straight line is far from a cubic there."""
+    low, high = sorted((-0.7 * mirrored, 3.7 * mirrored))
+    knots = [float(knot) for knot in CurveOverVelocity.knots(low, high)]
+    curve = CurveOverVelocity(low=low, high=high, **{f"c{k}": -0.01 * knot**3 for k, knot in enumerate(knots)})
+    for speed in (-3.7, -2.0, -0.8, 0.8, 2.0, 3.7):
+        assert float(curve.load_torque(Moment(velocity=speed), 0.0)) == pytest.approx(-0.01 * speed**3, abs=0.005)
+    near, far = (float(curve.load_torque(Moment(velocity=-mirrored * speed), 0.0)) for speed in (0.69999, 0.70001))
+    assert near == pytest.approx(far, abs=1e-5)
 
 
 @pytest.mark.parametrize("kind", [CurveOverAngle, CurveOverVelocity])

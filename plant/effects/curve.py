@@ -159,9 +159,11 @@ def _hats(kind: type[Curve]) -> Recursion:
 
 @dataclass(frozen=True, kw_only=True)
 class CurveOverVelocity(Curve):
-    """Over velocity, with most knots where friction changes: near zero; outside, it goes on as steeply as it ends.
+    """Over velocity, with most knots where friction changes: near zero; outside, it goes on as against the motion.
 
-    What is viscous in it belongs to the viscous friction of the model: flat ends would take some of that away.
+    Friction is much the same in both directions: where one was seen at higher speeds, that tells more of the other than
+    a straight line does. Beyond both it goes on by the mean slope at its ends, the farther of which counts for more:
+    what is viscous in it belongs to the viscous friction of the model, and flat ends would take some of that away.
     """
 
     name = "curve_over_velocity"
@@ -190,12 +192,19 @@ class CurveOverVelocity(Curve):
     def course(
         cls, value: Expression, low: Expression, high: Expression, heights: Sequence[Expression] | Array
     ) -> Expression:
-        """As of a curve; outside, it goes on by the mean of the slopes at both ends."""
+        """As of a curve; outside, with its course in the other direction, and beyond that too, in a straight line."""
         knots = cls.knots(low, high)
+
+        def within(at: Expression) -> Expression:
+            return super(CurveOverVelocity, cls).course(at, low, high, heights)
+
         rises, bends = rises_and_bends(knots, heights)
         first, last = rises[0] - (knots[1] - low) * bends[0], rises[-1] + (high - knots[-2]) * bends[-1]
-        beyond = ca.fmax(value - high, 0) + ca.fmin(value - low, 0)
-        return super().course(value, low, high, heights) + 0.5 * (first + last) * beyond
+        slope = (low**2 * first + high**2 * last) / (low**2 + high**2)
+        farther = ca.fmax(-low, high)
+        beyond = value - ca.fmax(ca.fmin(value, farther), -farther)
+        nearest = ca.fmax(ca.fmin(value, high), low)
+        return within(value) + within(-nearest) - within(-value) + slope * beyond
 
 
 @dataclass(frozen=True, kw_only=True)
