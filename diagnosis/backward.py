@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from diagnosis.odds import MISSING, NONE, parameter_cost, schwarz_cost
 from diagnosis.refit import evidence_of, fitted_near, is_its_special_case, problem_near
-from diagnosis.round import Addition, weighed
+from diagnosis.round import Addition, among_look_alikes, weighed
 from diagnosis.unseen import holds_up
 from identification.fit_result import Fit
 from identification.noise import log_likelihood
@@ -80,8 +80,8 @@ def _handed_over(addition: Addition, special: Effect) -> dict[str, float]:
 def with_best_names(additions: list[Addition], progress: Callable[[str], None] | None) -> list[Addition]:
     """Weigh each addition once more against those that it was chosen from, beside all the others.
 
-    The first of several effects was found while the others were still missing: its rivals may fit better now, and
-    beside a better name another may have nothing left to explain.
+    The first of several effects was found while the others were still missing: its rivals may fit better now, another
+    shape of it too, and beside a better name another may have nothing left to explain.
     """
     for name in [addition.effect for addition in additions]:
         if len(additions) < 2:
@@ -104,6 +104,7 @@ def with_best_names(additions: list[Addition], progress: Callable[[str], None] |
             rival: final if rival == name else fitted_near(final, rest.with_effect(contestant.effect))
             for rival, contestant in rivals.items()
         }
+        fits = among_look_alikes(less, fits)
         odds = weighed(rivals, fits, less)
         if better := _better_special_cases(fits[_leader(odds)], _leader(odds), rest, fits):
             odds = weighed(rivals, fits := fits | better, less)

@@ -19,6 +19,8 @@ from plant import Effect, ServoModel
 from plant.effects import (
     ActuatorLag,
     AsymmetricFriction,
+    Backlash,
+    Compliance,
     CoulombFriction,
     InputDelay,
     PreslidingHysteresis,
@@ -126,6 +128,18 @@ def test_a_name_that_was_found_while_others_were_missing_is_weighed_again(
         assert weighed[0].odds["input_delay"] > 0.999
         without = refit(base(WAITS, PUSHES), PUSHES)
         assert weighed[0].evidence == pytest.approx(evidence_of(weighed[-1].fit, without), rel=1e-3)
+
+
+def test_beside_the_others_a_gap_has_another_shape() -> None:
+    """The shape that it had while an offset was missing is no better than a spring, and no descent leaves its peak."""
+    spring = Compliance(frequency=50.0, damping=0.5, motor_share=0.5)
+    start = base(Backlash(gap=0.005, motor_share=0.3), PUSHES)
+    additions = added(start, Backlash(gap=0.003, motor_share=0.56), PUSHES, rival=spring)
+    weighed = with_best_names(additions, None)
+    assert names(weighed) == ["backlash", "torque_offset"]
+    assert weighed[0].odds["backlash"] > 0.999
+    assert weighed[-1].fit.log_likelihood > additions[-1].fit.log_likelihood + 50.0
+    assert weighed[-1].fit["backlash.gap"].value == pytest.approx(0.005, rel=0.2)
 
 
 def test_a_single_name_has_been_weighed() -> None:
