@@ -51,10 +51,9 @@ def scoring_window(*path: Fit) -> float | None:
     log, model = path[0].log, path[0].model
     if any(fit.model.chaotic for fit in path):
         return _WINDOW
-    closed = any(np.any(run.servo_gain) for run in log.runs)
     torque = np.concatenate([run.command for run in log.runs])
     holds = model.axis == "rotary" and abs(model.gravity) > 0.02 * float(np.sqrt(np.mean(torque**2)))
-    if not (closed or holds):
+    if not (holds or any(run.positioned for run in log.runs)):
         return _WINDOW
     spread = np.concatenate([(run.output - run.output[run.valid].mean())[run.valid] for run in log.runs])
     squares, _ = squared_errors(log, model, None)

@@ -164,7 +164,7 @@ def linearised(
         gain = rows[:, len(INPUTS) + 1 :] @ moves_with(probe).T
         corrected = prediction.states[:, part].T + gain * prediction.errors[part, None]
         inputs = np.hstack((corrected, rows[:, : len(INPUTS)]))
-        _, (slopes, seen[part]) = _slopes(Structure(probe), substeps)((), inputs, values)
+        _, (slopes, seen[part]) = _slopes(Structure(probe), substeps, run.positioned)((), inputs, values)
         transition = slopes[:, n:].reshape(-1, n, n).transpose(0, 2, 1)
         by_torque[part], by_reading[part] = slopes[:, :n], -np.einsum("kij,kj->ki", transition, gain)
         closed_loop[part] = transition + by_reading[part, :, None] * seen[part, None, :]
@@ -180,14 +180,14 @@ def linearised(
 
 @one_at_a_time
 @lru_cache(maxsize=128)
-def _slopes(structure: Structure, substeps: int) -> Recursion:
+def _slopes(structure: Structure, substeps: int, positioned: bool) -> Recursion:
     """(state, inputs) at each sample, parameters -> derivative of the next state by torque and state, of the reading.
 
     It carries nothing: each sample stands alone.
     """
     probe = structure.model
     n, torque = len(probe.states), probe.names.index("push.torque")
-    step = step_with_slopes(probe, (torque,), 1 + n, substeps=substeps)
+    step = step_with_slopes(probe, (torque,), 1 + n, substeps=substeps, positioned=positioned)
     kind: Any = ca.SX if step.is_a("SXFunction") else ca.MX
     row, parameters = kind.sym("row", n + len(INPUTS)), kind.sym("parameters", len(probe.names))
     followed = forgetful(probe, kind(np.hstack((np.zeros((n, 1)), np.eye(n)))), row[n + INPUTS.index("dt")])

@@ -139,7 +139,8 @@ class Predictor:
         self, values: Array, initial: Array, *, bandwidth: float, width: float, sensitivities: bool = True
     ) -> Iterator[tuple[int, Prediction]]:
         """The same piece by piece with the place of its run: a pass over a long log that need not be kept."""
-        follow = _prediction(Structure(self.model), self.free if sensitivities else None, self.substeps)
+        positioned = any(run.positioned for run in self.runs)
+        follow = _prediction(Structure(self.model), self.free if sensitivities else None, self.substeps, positioned)
         for place, (run, start) in enumerate(zip(self.runs, initial, strict=True)):
             carried = self._beginning(run, values, start, sensitivities)
             whitened = Whitening(self.colour)
@@ -252,14 +253,14 @@ def moves_with(model: ServoModel) -> Array:
 
 @one_at_a_time
 @lru_cache(maxsize=512)
-def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: int) -> Recursion:
+def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: int, positioned: bool) -> Recursion:
     """(state, slopes), rows of `run_inputs`, parameters -> innovation, its slopes, predicted state, at each sample.
 
-    Without `free` there are no slopes.
+    Without `free` there are no slopes, and where no run is `positioned` no servo gain is asked for.
     """
     model = structure.model
     n, columns = len(model.states), 0 if free is None else len(free) + 2
-    step = step_with_slopes(model, free or (), columns, substeps=substeps)
+    step = step_with_slopes(model, free or (), columns, substeps=substeps, positioned=positioned)
     state, slopes = ca.SX.sym("state", n), ca.SX.sym("slopes", n, columns)
     moved_by = moves_with(model)
     row, parameters = ca.SX.sym("row", len(INPUTS) + 1 + moved_by.shape[1]), ca.SX.sym("parameters", len(model.names))

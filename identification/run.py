@@ -90,6 +90,11 @@ class Run:
         """Median time step [s]."""
         return float(np.median(np.diff(self.time)))
 
+    @cached_property
+    def positioned(self) -> bool:
+        """Whether the drive closes a position loop at some time: the log gives its goal and not its torque."""
+        return bool(np.any(self.servo_gain))
+
     def slice(self, start: int | None, stop: int | None) -> Run:
         """The samples `start` to `stop` (by index, as in `a[start:stop]`), with their times unchanged."""
         names = ("time", "command", "output", "valid", "servo_gain", *_OPTIONAL, "drive_angles", "torques")

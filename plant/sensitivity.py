@@ -18,7 +18,9 @@ from plant.symbolic import one_at_a_time
 
 
 @one_at_a_time
-def step_with_slopes(model: ServoModel, free: Sequence[int], columns: int, *, substeps: int) -> Any:
+def step_with_slopes(
+    model: ServoModel, free: Sequence[int], columns: int, *, substeps: int, positioned: bool = True
+) -> Any:
     """The step (state, slopes, inputs, parameters) -> (next state, next slopes), as a `casadi.Function`.
 
     Args:
@@ -27,6 +29,8 @@ def step_with_slopes(model: ServoModel, free: Sequence[int], columns: int, *, su
         columns: C derivatives are carried along; the first F are those by the free parameters, which act within the
             sample too, the others come from before it.
         substeps: integration steps in one sample.
+        positioned: whether the servo gain may be other than zero; where it may not, the way of the torque does not
+            depend on the angle, and is worked out once a step instead of at each stage of the integration.
 
     Returns:
         Function of (n,) state, (n, C) its derivatives, (7,) inputs (see `plant.discrete.INPUTS`), (P,) parameters.
@@ -40,7 +44,7 @@ def step_with_slopes(model: ServoModel, free: Sequence[int], columns: int, *, su
         """(m, C) derivatives of an expression (m,) of state and parameters."""
         return ca.mtimes(ca.jacobian(end, state), slopes) + _beside(ca.jacobian(end, moving), columns)
 
-    gain, limit, width = inputs[2], inputs[3], inputs[6]
+    gain, limit, width = inputs[2] if positioned else ca.SX(0), inputs[3], inputs[6]
     parts: list[tuple[Any, tuple[int, ...]]] = []
     for command, stretch in stretches(bound, inputs):
         lengths, counts = zip(*division(bound, state, command, gain, stretch, substeps), strict=True)

@@ -24,7 +24,8 @@ MODELS = {
 
 
 @pytest.mark.parametrize("names", MODELS.values(), ids=MODELS)
-def test_state_and_slopes_are_those_of_the_step(names: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("positioned", [True, False])
+def test_state_and_slopes_are_those_of_the_step(names: tuple[str, ...], positioned: bool) -> None:
     model = ServoModel.paper().with_effect(catalogue["dead_zone"](half_width=0.1))
     for name in names:
         model = model.with_effect(catalogue[name](**HIDDEN[name]))
@@ -34,18 +35,31 @@ def test_state_and_slopes_are_those_of_the_step(names: tuple[str, ...]) -> None:
     end = sample_step(model, substeps=substeps)(state, inputs, parameters)
     jacobians = [ca.jacobian(end, state), ca.jacobian(end, parameters[list(free)])]
     whole = ca.Function("whole", [state, inputs, parameters], [end, *jacobians])
-    step, rng = step_with_slopes(model, free, columns, substeps=substeps), np.random.default_rng(3)
+    step = step_with_slopes(model, free, columns, substeps=substeps, positioned=positioned)
+    rng, gain = np.random.default_rng(3), 0.7 if positioned else 0.0
     values = model.values
     if "input_delay.time" in model.names:
         values[model.names.index("input_delay.time")] = 0.002  # inside the sample
     for _ in range(20):
         start, before = rng.normal(size=n), rng.normal(size=(n, columns))
-        row = np.array([3.0 * rng.normal(), 3.0 * rng.normal(), 0.7, 50.0, 3.14, 0.005, 0.0])
+        row = np.array([3.0 * rng.normal(), 3.0 * rng.normal(), gain, 50.0, 3.14, 0.005, 0.0])
         expected, by_state, by_parameter = (np.array(value) for value in whole(start, row, values))
         found, slopes = (np.array(value) for value in step(start, before, row, values))
         chained = by_state @ before + np.pad(by_parameter, ((0, 0), (0, columns - len(free))))
         assert found == pytest.approx(expected, rel=1e-13, abs=1e-13)
         assert slopes == pytest.approx(chained, rel=1e-9, abs=1e-9 * np.abs(chained).max())
+
+
+def test_without_a_position_loop_the_way_of_the_torque_is_worked_out_once_a_step() -> None:
+    model = ServoModel.paper().with_effect(catalogue["actuator_lag"](**HIDDEN["actuator_lag"]))
+
+    def operations(positioned: bool) -> int:
+        step = step_with_slopes(model, (0, 1), 4, substeps=1, positioned=positioned)
+        generator = ca.CodeGenerator("step.c")
+        generator.add(step)
+        return len(generator.dump())
+
+    assert operations(False) < 0.6 * operations(True)
 
 
 def test_the_code_of_a_step_stands_once_however_many_there_are() -> None:

@@ -138,7 +138,7 @@ def separating_experiment(
     Raises:
         BadParameter: the log is of a position servo, or no signal keeps the limits.
     """
-    if any(np.any(run.servo_gain) for run in first.log.runs):
+    if any(run.positioned for run in first.log.runs):
         raise BadParameter("This log is of a position servo, which plays no torque: design its goal by hand.")
     start, sample_time = float(first.initial[0, 0]), first.log.sample_time
     if not limits.travel[0] <= start <= limits.travel[1]:
