@@ -120,11 +120,15 @@ def _around(
     """Innovations and Jacobians whose curvature says how sure the fit is.
 
     Where a model is chaotic the likelihood at a low bandwidth is a mountain range, and the curvature of its highest
-    peak says nothing of the others. An observer that is faster than the chaos smooths it.
+    peak says nothing of the others. An observer that is faster than the chaos smooths it, unless impacts in quick
+    succession make its slopes grow without bound; then that peak is all there is.
     """
     if not objective.model.chaotic or bandwidth >= FADING:
         return here
-    return objective.predictor.predict(values, initial, bandwidth=FADING, width=0.0)
+    smooth = objective.predictor.predict(values, initial, bandwidth=FADING, width=0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        bounded = all(np.isfinite(p.jacobian.T @ p.jacobian).all() for p in smooth)
+    return smooth if bounded else here
 
 
 def _nothing_moves(objective: Objective, minimum: Minimum) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +12,13 @@ from machine import Machine, excitation, record
 from diagnosis import rugged
 from diagnosis.refit import refit
 from diagnosis.rugged import scatter, with_scatter
+from identification.certainty import fit_of
 from identification.errors import Unidentifiable
 from identification.fit import fit
 from identification.fit_result import Fit
+from identification.least_squares import Minimum
+from identification.predictor import FADING, Prediction, Predictor
+from identification.problem import Problem
 from plant import ServoModel
 from plant.effects import Backlash, Effect
 
@@ -88,3 +93,23 @@ def test_a_model_that_is_not_chaotic_is_not_asked(monkeypatch: pytest.MonkeyPatc
     plain = fit(record(Machine(), excitation(1, duration=6.0)).log(), ServoModel.paper())
     in_turn(monkeypatch)  # which would raise
     assert with_scatter(plain).parameters == plain.parameters
+
+
+def test_where_an_observer_does_not_smooth_it_the_peak_itself_says_how_sure(
+    found: Fit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Impacts in quick succession: behind a fast observer too the slopes overflowed, and with them the diagnosis."""
+    predict = Predictor.predict
+
+    def overflowing(self: Predictor, *args: Any, bandwidth: float, **others: Any) -> list[Prediction]:
+        told = predict(self, *args, bandwidth=bandwidth, **others)
+        return [replace(one, jacobian=one.jacobian * 1e200) for one in told] if bandwidth == FADING else told
+
+    problem = Problem.of(found.log, found.model)
+    point = problem.pack(found.model.values, found.initial)
+    here = Minimum(point=point, equations=problem.linearise(point, 0.0, 0.0), converged=True, evaluations=1)
+    smooth = fit_of(problem, 0.0, here, 0)
+    monkeypatch.setattr(Predictor, "predict", overflowing)
+    alone = fit_of(problem, 0.0, here, 0)
+    assert alone.log_likelihood == smooth.log_likelihood
+    assert 0.1 < alone["backlash.gap"].std / smooth["backlash.gap"].std < 10.0
