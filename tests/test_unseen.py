@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import unseen
+from diagnosis.holdout import simulation_gain
 from diagnosis.refit import refit
 from diagnosis.unseen import _unseen, holds_up
 from identification.fit import fit
@@ -17,7 +19,7 @@ from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem
 from plant import ServoModel
-from plant.effects import CoulombFriction
+from plant.effects import Backlash, CoulombFriction
 
 QUIET, LOUD = 99.0, 101.0  # rise of the log-likelihood
 
@@ -53,6 +55,24 @@ def test_the_rule(
     monkeypatch.setattr(unseen, "_unseen", at_bandwidth)
     assert holds_up(before, after) == stands
     assert set(asked) <= {5.0}  # both behind the faster observer
+
+
+def test_a_gap_that_was_fitted_without_an_observer_is_judged_by_the_whole_run() -> None:
+    """Restarted every second from states with noise, its simulation was better by one standard error; it is by six."""
+    log = record(
+        Machine().hiding(backlash={"gap": 0.002, "motor_share": 0.3}),
+        excitation(200, duration=15.0),
+        seed=100,
+        noise=1e-3,
+    ).log()
+    before = fit(log, ServoModel.paper())
+    after = refit(before, Backlash(gap=0.002, motor_share=0.3))
+    assert after.bandwidth == 0.0
+    gained, left = simulation_gain(before, after)
+    assert gained > 4.0
+    assert left < 0.7
+    held = replace(after, bandwidth=5.0)  # as if an observer had had to hold it
+    assert simulation_gain(before, held)[0] < 2.0
 
 
 @pytest.fixture(scope="module")
