@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from diagnosis.odds import MISSING, NONE, parameter_cost, schwarz_cost
-from diagnosis.refit import evidence_of, fitted_near, is_its_special_case, problem_near
-from diagnosis.round import Addition, among_look_alikes, weighed
+from diagnosis.refit import evidence_of, fitted_near, is_its_special_case, problem_near, refined
+from diagnosis.round import Addition, weighed
 from diagnosis.unseen import holds_up
 from identification.fit_result import Fit
 from identification.noise import log_likelihood
@@ -104,7 +104,7 @@ def with_best_names(additions: list[Addition], progress: Callable[[str], None] |
             rival: final if rival == name else fitted_near(final, rest.with_effect(contestant.effect))
             for rival, contestant in rivals.items()
         }
-        fits = among_look_alikes(less, fits)
+        fits = {rival: refined(less, found, rival) for rival, found in fits.items()}
         odds = weighed(rivals, fits, less)
         if better := _better_special_cases(fits[_leader(odds)], _leader(odds), rest, fits):
             odds = weighed(rivals, fits := fits | better, less)

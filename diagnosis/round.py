@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +27,8 @@ from plant.effects import Effect
 
 _REFITS = 5  # effects refitted in one round because they are close to the leader of the screen
 _WORTH = 0.2  # share of the leader's evidence that counts as close
+_CATCHES_UP = 0.7  # share of the best one's evidence from which a shape that looks alike may still win: a gap began at
+# 0.85 or more where there was one, at 0.57 or less where there was none
 _CHANCE = 1.0  # evidence that a parameter which means nothing seldom has
 _STRANGE = float(np.log(1000.0))  # charge for values that a cause hardly ever has: in one of a thousand
 _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
@@ -77,18 +79,6 @@ def weighed(contest: Mapping[str, Contestant], fits: Mapping[str, Fit], than: Fi
     return probabilities(scores, {name: contest[name].visible(fit, than) for name, fit in fits.items()})
 
 
-def among_look_alikes(fit: Fit, rivals: Mapping[str, Fit], others: Iterable[Fit] = ()) -> dict[str, Fit]:
-    """Each refit of a fit with one effect more, or a better one among the shapes that look alike.
-
-    Of a shape far behind the best, the `others` among them, no look-alike wins.
-    """
-    most = max(evidence_of(found, fit) for found in (*rivals.values(), *others))
-    return {
-        name: refined(fit, found, name) if evidence_of(found, fit) >= _WORTH * most else found
-        for name, found in rivals.items()
-    }
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Addition:
     """One effect that the search added: the fit with it, its odds, what it was worth, and whom it was chosen from."""
@@ -137,9 +127,10 @@ def one_round(
     def ask(some: list[Suspect]) -> None:
         tell(f"round {number}: refitting with {', '.join(suspect.starts[0].title for suspect in some)}")
         found_here = side_by_side(lambda each: refit(fit, *each.starts), some)
-        names = [suspect.name for suspect in some]
-        finer = among_look_alikes(fit, dict(zip(names, found_here, strict=True)), refits.values())
-        for suspect, found in zip(some, finer.values(), strict=True):
+        most = max(evidence_of(found, fit) for found in (*found_here, *refits.values()))
+        for suspect, found in zip(some, found_here, strict=True):
+            if evidence_of(found, fit) >= _CATCHES_UP * most:  # of a shape far behind no look-alike wins
+                found = refined(fit, found, suspect.name)
             peaks = peaks_beside(found, suspect.name) if suspect.searched > 1 else None
             charge[suspect.name] = charged(suspect, peaks)
             own = Contestant.of(found, suspect.name, coefficients=suspect.coefficients, charge=charge[suspect.name])
