@@ -162,9 +162,12 @@ def test_whom_the_leader_is_known_to_be_confused_with_is_asked_though_the_screen
     assert _neighbours(suspects, {"end_stop": 55.0, "cable_stiffness": 70.0}, refits) == []  # an offset is not there
 
 
-def test_shapes_that_look_alike_are_searched_of_close_rivals_only(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("rate", "close"), [(500.0, True), (250.0, False)])
+def test_shapes_that_look_alike_are_searched_of_close_rivals_only(
+    monkeypatch: pytest.MonkeyPatch, rate: float, close: bool
+) -> None:
     """A gap has many of them and each costs a fit; of a gap far behind the leader none would win."""
-    log = record(Machine().hiding(rate_limit={"rate": 500.0}), excitation(22, duration=10.0), seed=22).log()
+    log = record(Machine().hiding(rate_limit={"rate": rate}), excitation(22, duration=10.0), seed=22).log()
     base, searched, tried = fit(log, ServoModel.paper()), list[str](), list[Candidate]()
 
     def noted(at: Fit, found: Fit, name: str) -> Fit:
@@ -175,5 +178,7 @@ def test_shapes_that_look_alike_are_searched_of_close_rivals_only(monkeypatch: p
     found = rounds.one_round(base, {kind.name: kind for kind in (RateLimit, Backlash)}, 1, tried, None)
     assert found is not None
     assert found.effect == "rate_limit"
-    assert searched == ["rate_limit"]
+    (gap,) = (candidate.evidence for candidate in tried if candidate.effect == "backlash")
+    assert (found.evidence - gap < 100.0) == close
+    assert sorted(searched) == (["backlash", "rate_limit"] if close else ["rate_limit"])
     assert {candidate.effect for candidate in tried if candidate.refitted} == {"rate_limit", "backlash"}
