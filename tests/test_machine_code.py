@@ -92,7 +92,7 @@ def test_both_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.Mo
         with monkeypatch.context() as patch:
             if not compiled:
                 patch.setattr(machine_code, "compiler", lambda: None)
-            follow = inspect.unwrap(predictor._prediction)(Structure(model), (0, 1, 2, 3), substeps)
+            follow = inspect.unwrap(predictor._prediction)(Structure(model), (0, 1, 2, 3), substeps, True)
             assert follow.wait() == compiled
             carried, shown = follow(begin, np.column_stack(columns), model.values)
             forms.append([*carried, *shown])
