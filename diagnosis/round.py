@@ -27,11 +27,9 @@ from plant.effects import Effect
 
 _REFITS = 5  # effects refitted in one round because they are close to the leader of the screen
 _WORTH = 0.2  # share of the leader's evidence that counts as close
-_LOOK_ALIKES_BRING = (
-    100.0,
-    0.3,
-)  # evidence by which one may be behind whose shape is not the best yet: so much, or such a
-# share of the best one's; a small gap began 57 behind, a large one at 0.85 of it, what was none at 0.57
+# By how much one may be behind that a shape which looks alike may still bring to the front: by so much evidence, or by
+# such a share of the best one's. A small gap began 57 behind, large ones at 0.85 of it, what was no gap at 0.57.
+_BEHIND, _BEHIND_SHARE = 100.0, 0.3
 _CHANCE = 1.0  # evidence that a parameter which means nothing seldom has
 _STRANGE = float(np.log(1000.0))  # charge for values that a cause hardly ever has: in one of a thousand
 _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
@@ -131,9 +129,8 @@ def one_round(
         tell(f"round {number}: refitting with {', '.join(suspect.starts[0].title for suspect in some)}")
         found_here = side_by_side(lambda each: refit(fit, *each.starts), some)
         most = max(evidence_of(found, fit) for found in (*found_here, *refits.values()))
-        much, share = _LOOK_ALIKES_BRING
         for suspect, found in zip(some, found_here, strict=True):
-            if evidence_of(found, fit) >= most - max(much, share * most):  # of a shape far behind no look-alike wins
+            if evidence_of(found, fit) >= most - max(_BEHIND, _BEHIND_SHARE * most):
                 found = refined(fit, found, suspect.name)
             peaks = peaks_beside(found, suspect.name) if suspect.searched > 1 else None
             charge[suspect.name] = charged(suspect, peaks)

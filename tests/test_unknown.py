@@ -234,6 +234,14 @@ def test_over_velocity_it_goes_on_as_a_damping_as_steep_as_it_ends() -> None:
     assert "viscous_friction" in CurveOverVelocity.shape()
 
 
+@pytest.mark.parametrize("ends", [(0.5, 3.0), (-3.0, -0.5), (-1.0, 3.0), (0.0, 3.0)])
+def test_what_is_viscous_stays_so_whatever_speeds_were_seen(ends: tuple[float, float]) -> None:
+    knots = [float(knot) for knot in CurveOverVelocity.knots(*ends)]
+    curve = CurveOverVelocity(low=ends[0], high=ends[1], **{f"c{k}": -0.2 * knot for k, knot in enumerate(knots)})
+    speeds = np.linspace(-5.0, 5.0, 41)
+    assert [float(curve.load_torque(Moment(velocity=v), 0.0)) for v in speeds] == pytest.approx(-0.2 * speeds)
+
+
 @pytest.mark.parametrize("mirrored", [1.0, -1.0])
 def test_speeds_seen_in_one_direction_only_tell_of_the_other(mirrored: float) -> None:
     """A held-out log may be as fast backward as the fit's was forward: a straight line is far from a cubic there."""

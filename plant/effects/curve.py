@@ -162,8 +162,9 @@ class CurveOverVelocity(Curve):
     """Over velocity, with most knots where friction changes: near zero; outside, it goes on as against the motion.
 
     Friction is much the same in both directions: where one was seen at higher speeds, that tells more of the other than
-    a straight line does. Beyond both it goes on by the mean slope at its ends, the farther of which counts for more:
-    what is viscous in it belongs to the viscous friction of the model, and flat ends would take some of that away.
+    a straight line does. Beyond both, and from a load that went one way only to the other, it goes on by the mean slope
+    at its ends, the farther of which counts for more: what is viscous in it belongs to the viscous friction of the
+    model, and flat ends would take some of that away.
     """
 
     name = "curve_over_velocity"
@@ -203,8 +204,10 @@ class CurveOverVelocity(Curve):
         slope = (low**2 * first + high**2 * last) / (low**2 + high**2)
         farther = ca.fmax(-low, high)
         beyond = value - ca.fmax(ca.fmin(value, farther), -farther)
+        slowest = ca.fmax(low, 0) + ca.fmin(high, 0)  # that was seen, where the load went one way only
+        between = ca.fmax(ca.fmin(value, ca.fabs(slowest)), -ca.fabs(slowest)) - slowest
         nearest = ca.fmax(ca.fmin(value, high), low)
-        return within(value) + within(-nearest) - within(-value) + slope * beyond
+        return within(value) + within(-nearest) - within(-value) + slope * (beyond + between)
 
 
 @dataclass(frozen=True, kw_only=True)
