@@ -29,9 +29,9 @@ class Nuisance:
     def of(cls, predictions: Sequence[Prediction]) -> Nuisance:
         """From the Jacobians of all runs."""
         free = predictions[0].jacobian.shape[1] - 2
-        own = tuple(_basis(p.jacobian[:, free:]) for p in predictions)
+        own = tuple(basis(p.jacobian[:, free:]) for p in predictions)
         shared = np.vstack([p.jacobian[:, :free] for p in predictions])
-        return cls(own=own, shared=_basis(_beyond(own, shared)))
+        return cls(own=own, shared=basis(_beyond(own, shared)))
 
     def beyond_initial_states(self, values: Array) -> Array:
         """What no initial state can follow of values (T,) or (T, M)."""
@@ -53,7 +53,7 @@ def _beyond(own: Sequence[Array], values: Array) -> Array:
     return left
 
 
-def _basis(columns: Array) -> Array:
+def basis(columns: Array) -> Array:
     """Orthonormal basis of what columns (T, n) span."""
     if columns.shape[1] == 0:
         return columns

@@ -55,14 +55,15 @@ class Contestant:
         (effect,) = (effect for effect in fit.model.effects if effect.name == name)
         return cls(effect=effect, coefficients=coefficients, charge=charge)
 
-    def score(self, fit: Fit, than: Fit, *, over: float | None = None) -> float:
-        """Of a fit with it over one without, among the names; for `over` see `evidence_of`."""
-        cost = 0.5 * (parameter_cost(fit, than) + visibility_cost(self.coefficients))
-        return evidence_of(fit, than, over=over) - cost - self._charged(fit)
+    def score(self, fit: Fit, than: Fit, evidence: float | None = None) -> float:
+        """Of a fit with it over one without, among the names; with the evidence of `evidence_of` if none is given."""
+        evidence = evidence_of(fit, than) if evidence is None else evidence
+        return evidence - 0.5 * (parameter_cost(fit, than) + visibility_cost(self.coefficients)) - self._charged(fit)
 
-    def visible(self, fit: Fit, than: Fit, *, over: float | None = None) -> float:
-        """Of a fit with it over one without, against nothing."""
-        return evidence_of(fit, than, over=over) - visibility_cost(self.coefficients) - self._charged(fit)
+    def visible(self, fit: Fit, than: Fit, evidence: float | None = None) -> float:
+        """The same, against nothing."""
+        evidence = evidence_of(fit, than) if evidence is None else evidence
+        return evidence - visibility_cost(self.coefficients) - self._charged(fit)
 
     def _charged(self, fit: Fit) -> float:
         """For the search, and for values that such a cause hardly ever has."""
@@ -75,7 +76,7 @@ def weighed(contest: Mapping[str, Contestant], fits: Mapping[str, Fit], than: Fi
     Among the names the likeliest one's colour counts for all; against nothing each has its own.
     """
     over = widening(max(fits.values(), key=lambda fit: fit.log_likelihood), than) if fits else None
-    scores = {name: contest[name].score(fit, than, over=over) for name, fit in fits.items()}
+    scores = {name: contest[name].score(fit, than, evidence_of(fit, than, over=over)) for name, fit in fits.items()}
     scores |= {name: -np.inf for name, fit in fits.items() if is_its_special_case(fit, name)}
     return probabilities(scores, {name: contest[name].visible(fit, than) for name, fit in fits.items()})
 

@@ -9,23 +9,25 @@ The function is a Gaussian process (Rasmussen and Williams 2006, sec. 8.3.1) ove
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.backward import falls_short, fits_in
-from diagnosis.odds import MISSING, NONE, probabilities
+from diagnosis.odds import NONE, probabilities
 from diagnosis.refit import evidence_of, fitted_near, is_its_special_case, is_plausible, problem_near
-from diagnosis.round import Addition
+from diagnosis.round import Addition, Contestant
 from diagnosis.screen import Screen
+from diagnosis.uneven import unevenness
 from diagnosis.unseen import holds_up
 from identification.fit_result import Fit
 from plant.effects import CoulombFriction, Motion, Trace
 from plant.effects.effect import Array
 
-_CLEARS = np.log(1000.0)  # log Bayes factor from which something is left for the function
+_CLEARS = np.log(1000.0)  # log of the odds from which there is such a function, and a name beside it
 _PLACES = 40  # states between which it is drawn
+_PASSES = 4  # over all names: what becomes of one may change what the others are worth
 _REACH = 2.0  # standard deviations of the states over which it keeps its course
 
 
@@ -39,17 +41,26 @@ def surface_evidence(fit: Fit) -> float:
 def beside_surface(
     additions: tuple[Addition, ...], base: Fit, progress: Callable[[str], None] | None = None
 ) -> tuple[Addition, ...]:
-    """Additions to a base that still pay beside such a function, by the names that are then the best."""
+    """Additions to a base that still pay beside such a function, by the names that are then the best.
+
+    Where one has gone or has another name, all are asked again, those that have gone too.
+    """
     if not additions or surface_evidence(additions[-1].fit) < _CLEARS:
         return additions
-    at_hand, kept = additions[-1].fit, dict[str, Addition]()
-    for addition in sorted(additions, key=lambda addition: addition.evidence):
-        if progress is not None:
-            progress(f"or is it not {addition.effect.replace('_', ' ')} but any smooth function of the state?")
-        again, at_hand = _once_more(addition, at_hand)
-        if again is not None:
-            kept[addition.effect] = again
-    left = [kept[addition.effect] for addition in additions if addition.effect in kept]
+    at_hand, asked, stays = additions[-1].fit, list(additions), [True for _ in additions]
+    for _ in range(_PASSES):
+        before = _names(asked, stays)
+        for place in sorted(range(len(asked)), key=lambda place: asked[place].evidence):
+            addition = asked[place]
+            if progress is not None:
+                progress(f"or is it not {addition.effect.replace('_', ' ')} but any smooth function of the state?")
+            beside = at_hand if stays[place] else _with(addition, at_hand)
+            again, after = _once_more(addition, beside) if beside is not None else (None, at_hand)
+            at_hand = after if again is not None or stays[place] else at_hand
+            asked[place], stays[place] = again or addition, again is not None
+        if _names(asked, stays) == before:
+            break
+    left = [addition for addition, stay in zip(asked, stays, strict=True) if stay]
     if [addition.effect for addition in left] == [addition.effect for addition in additions]:
         return tuple(replace(again, fit=addition.fit) for again, addition in zip(left, additions, strict=True))
     path, at = list[Addition](), base
@@ -58,6 +69,16 @@ def beside_surface(
         at = fitted_near(at_hand, at.model.with_effect(effect)) if effect is not None else at
         path.append(replace(addition, fit=at))
     return (*path, *(replace(addition, fit=at_hand) for addition in left[-1:]))
+
+
+def _names(asked: list[Addition], stays: list[bool]) -> list[str]:
+    return [addition.effect for addition, stay in zip(asked, stays, strict=True) if stay]
+
+
+def _with(addition: Addition, fit: Fit) -> Fit | None:
+    """A fit with an addition that had gone, if it finds room beside the others."""
+    own = next((rival.effect for rival in addition.contest if rival.effect.name == addition.effect), None)
+    return fitted_near(fit, fit.model.with_effect(own)) if own is not None and fits_in(fit.model, own) else None
 
 
 def gave_way(before: tuple[Addition, ...], after: tuple[Addition, ...]) -> list[str]:
@@ -83,7 +104,7 @@ def _once_more(addition: Addition, fit: Fit) -> tuple[Addition | None, Fit]:
     if less.runs_off:
         return addition, fit
     alone = surface_evidence(less)
-    fits, scores, visible = {}, {}, {}
+    contest, fits, evidence = dict[str, Contestant](), dict[str, Fit](), dict[str, float]()
     for rival in addition.contest:
         name, model = rival.effect.name, rest.with_effect(rival.effect)
         strange = timeless and rival.effect.clocked
@@ -92,20 +113,37 @@ def _once_more(addition: Addition, fit: Fit) -> tuple[Addition | None, Fit]:
         tried = fit if name == addition.effect else fitted_near(fit, model)
         if tried.runs_off:
             continue
-        more = surface_evidence(tried) - alone
-        fits[name] = tried
-        said = is_plausible(tried, name) and not is_its_special_case(tried, name)
-        scores[name] = rival.score(tried, less, over=1.0) + more if said else -np.inf
-        visible[name] = rival.visible(tried, less, over=1.0) + more
+        contest[name], fits[name] = rival, tried
+        evidence[name] = evidence_of(tried, less, over=1.0) + surface_evidence(tried) - alone
     if addition.effect not in fits:
         return addition, fit
-    odds = probabilities(scores, visible)
-    if odds[NONE] > 1.0 - MISSING:
+    odds = _odds(contest, fits, evidence, less)
+    if odds[NONE] > np.exp(-_CLEARS):
         return None, less
     best = next(name for name in odds if name != NONE)
     if best != addition.effect and not holds_up(less, fits[best]):
         return addition, fit
     return replace(addition, effect=best, odds=odds, evidence=evidence_of(fits[best], less)), fits[best]
+
+
+def _odds(
+    contest: Mapping[str, Contestant], fits: Mapping[str, Fit], evidence: Mapping[str, float], less: Fit
+) -> dict[str, float]:
+    """Probabilities of rivals, fitted, by their evidence beside the function; what is strange is no name there.
+
+    What each says beyond the charge for its search counts as far as the log speaks for it evenly, by one measure for
+    all: that of the rival with the most. The charge knows already how high the peaks of what is left are.
+    """
+    beyond = {name: rise - contest[name].charge for name, rise in evidence.items()}
+    first = max(beyond, key=lambda name: beyond[name])
+    over = unevenness(fits[first], first)
+    counts = {name: contest[name].charge + (more / over if more > 0.0 else more) for name, more in beyond.items()}
+    said = {name for name, fit in fits.items() if is_plausible(fit, name) and not is_its_special_case(fit, name)}
+    scores = {name: contest[name].score(fit, less, counts[name]) for name, fit in fits.items()}
+    return probabilities(
+        {name: score if name in said else -np.inf for name, score in scores.items()},
+        {name: contest[name].visible(fit, less, counts[name]) for name, fit in fits.items()},
+    )
 
 
 def _trace(motion: Motion, axis: str) -> Trace:

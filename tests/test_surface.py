@@ -14,13 +14,16 @@ from diagnosis.refit import refit
 from diagnosis.round import Addition, Contestant
 from diagnosis.search import Outcome, search
 from diagnosis.surface import beside_surface, surface_evidence
+from diagnosis.uneven import unevenness
 from identification.fit import fit
 from identification.fit_result import Fit
 from identification.log import Log
 from plant import Effect, ServoModel
 from plant.effects import (
     CableStiffness,
+    Cogging,
     CoulombFriction,
+    EncoderEccentricity,
     FrictionDrift,
     GravityOffset,
     PayloadChange,
@@ -32,6 +35,7 @@ PULLS = {"cable_stiffness": {"stiffness": 0.1, "cubic": 0.05, "rest_angle": 0.3}
 GIVES = {"presliding_hysteresis": {"torque": 0.5, "stiffness": 2.0}}
 GIVING = PreslidingHysteresis(torque=0.3, stiffness=1.0)
 CHANGING = PayloadChange(time=4.0, inertia=0.1, gravity=0.1)
+KNOWN = ServoModel.paper().with_effect(CableStiffness(stiffness=0.1, cubic=0.05, rest_angle=0.3))
 DRIFTING = FrictionDrift(viscous_rate=0.01, coulomb_rate=0.01)
 
 
@@ -173,3 +177,76 @@ def test_names_of_a_model_that_leaves_nothing_are_not_touched() -> None:
     outcome = search(fit(log), {"coulomb_friction": CoulombFriction})
     assert [addition.effect for addition in outcome.additions] == ["coulomb_friction"]
     assert beside_surface(outcome.additions, outcome.base) is outcome.additions
+
+
+def test_a_complete_model_speaks_as_evenly_as_noise_lets_it() -> None:
+    evenly = [
+        unevenness(fit(record(Machine().hiding(**PULLS), excitation(k, duration=15.0), seed=k).log(), KNOWN), name)
+        for k in range(6)
+        for name in ("cable_stiffness", "dead_zone")
+    ]
+    assert np.median(evenly) < 1.3
+    assert max(evenly) < 3.0
+
+
+def test_what_a_model_lacks_makes_the_parts_of_a_log_disagree() -> None:
+    """Contacts that give say one thing of the spring while the motion is small, and another in the sweep."""
+    assert unevenness(fit(sweep(PULLS), KNOWN), "cable_stiffness") < 2.0
+    assert unevenness(fit(sweep({**PULLS, **GIVES}), KNOWN), "cable_stiffness") > 5.0
+
+
+def test_the_more_unevenly_a_log_speaks_the_less_evidence_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of what a name says beyond the charge for its search, which knows already how high such peaks are."""
+    line, other = (
+        Cogging(amplitude=0.1, order=9.0, phase=0.0),
+        EncoderEccentricity(amplitude=1e-3, order=9.0, phase=0.0),
+    )
+    base = asked("presliding_hysteresis").base
+    names = {
+        effect.name: Contestant(effect=effect, coefficients=0, charge=charge)
+        for effect, charge in ((line, 100.0), (other, 20.0))
+    }
+    fits = {name: replace(base, model=base.model.with_effect(own.effect)) for name, own in names.items()}
+    evidence = {"cogging": 130.0, "encoder_eccentricity": 45.0}
+    for over, least, most in ((1.0, 0.99, 1.0), (10.0, 0.5, 0.9)):
+        monkeypatch.setattr(surface, "unevenness", lambda fit, name, over=over: over)
+        odds = surface._odds(names, fits, evidence, base)
+        assert next(iter(odds)) == "cogging"
+        assert least < odds["cogging"] < most
+
+
+def test_a_name_beside_the_function_has_to_be_as_sure_as_the_function(monkeypatch: pytest.MonkeyPatch) -> None:
+    outcome = asked("payload_change")
+    monkeypatch.setattr(surface, "surface_evidence", lambda fit: 99.0)
+    for none, left in ((0.0005, ["payload_change"]), (0.002, [])):
+        answer = {"payload_change": 1.0 - none, "none": none}
+        monkeypatch.setattr(surface, "_odds", lambda *_, answer=answer: answer)
+        assert [kept.effect for kept in beside_surface(outcome.additions, outcome.base)] == left
+
+
+@pytest.mark.parametrize(("beside_change", "alone"), [(True, False), (False, True), (False, False)])
+def test_where_one_name_has_gone_the_others_are_asked_again(
+    monkeypatch: pytest.MonkeyPatch, beside_change: bool, alone: bool
+) -> None:
+    """The weakest is asked first, beside a name that goes later: it may have held it up, or kept it down."""
+    base, spring = asked("presliding_hysteresis").base, CableStiffness(stiffness=0.1)
+    first = refit(base, spring)
+    names = (Contestant(effect=spring, coefficients=1, charge=4.0),)
+    weak = Addition(effect="cable_stiffness", fit=first, odds={"cable_stiffness": 1.0}, evidence=9.0, contest=names)
+    strong = Addition(effect="payload_change", fit=refit(first, CHANGING), odds={}, evidence=99.0, contest=())
+
+    def once_more(addition: Addition, fit: Fit) -> tuple[Addition | None, Fit]:
+        changes = fit.model.effect("payload_change") is not None
+        holds = addition.effect == "cable_stiffness" and (beside_change if changes else alone)
+        return (addition, fit) if holds else (None, refit_without(fit, addition.effect))
+
+    def refit_without(fit: Fit, name: str) -> Fit:
+        return surface.fitted_near(fit, fit.model.without_effect(name))
+
+    monkeypatch.setattr(surface, "_once_more", once_more)
+    monkeypatch.setattr(surface, "surface_evidence", lambda fit: 99.0)
+    left = beside_surface((weak, strong), base)
+    assert [addition.effect for addition in left] == (["cable_stiffness"] if alone else [])
+    for addition in left:
+        assert [effect.name for effect in addition.fit.model.effects] == ["dead_zone", "cable_stiffness"]
+        assert addition.fit.log_likelihood == pytest.approx(first.log_likelihood, abs=0.5)
