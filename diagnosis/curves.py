@@ -108,6 +108,12 @@ def says_more(one: tuple[Fit, ...], other: tuple[Fit, ...], than: Fit, *, times:
     return charged(one, than, over=over) > times * charged(other, than, over=over)
 
 
+def lead(one: tuple[Fit, ...], other: tuple[Fit, ...], than: Fit) -> float:
+    """By how much the end of one path of fits is worth more than another's, likewise."""
+    over = _colour(one + other, than)
+    return charged(one, than, over=over) - charged(other, than, over=over)
+
+
 def _colour(fits: tuple[Fit, ...], than: Fit) -> float:
     return widening(max(fits, key=lambda fit: fit.log_likelihood), than)
 

@@ -7,14 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.belief import believed, beside_a_curve
 from diagnosis.candidates import Choice, chosen
-from diagnosis.curves import CLEARLY, Carried, beside_unnamed, carried, charged, nameless, richer_promise, says_more
+from diagnosis.curves import Carried
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.holdout import cut, inverse_errors, measure_gain, remaining, split, spoken_against
 from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
 from diagnosis.odds import NONE
-from diagnosis.refit import estimates, is_plausible
+from diagnosis.refit import estimates
 from diagnosis.repeated_runs import repeats
 from diagnosis.result import Cause, Verdict
 from diagnosis.round import Addition
@@ -35,7 +36,6 @@ from plant.servo import ServoModel
 
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
 _TELLING = 0.2  # share of the missing torque's variance from which a variable is said to carry it
-_PROMISING = 0.1  # share of what names explain that the screen has to give to what is richer, for it to be fitted
 _MENTION = 1e-4  # probability from which a rival is listed
 
 
@@ -100,7 +100,9 @@ def diagnose(
     tell("looking for what has no name")
     surely = beside_surface(outcome.additions, null, progress)
     warnings.extend(gave_way(outcome.additions, surely))
-    outcome, beside = _believed(replace(outcome, additions=surely))
+    outcome, beside = believed(replace(outcome, additions=surely))
+    outcome, tie = beside_a_curve(outcome, beside)
+    warnings.extend(tie)
     if outcome.fit.model.chaotic:
         tell("asking parts of the log how sure the gap is")
         outcome, beside = _with_scatter(outcome, beside)
@@ -137,27 +139,6 @@ def diagnose(
         replays=replays,
         whiteness=predictable_share(final.innovations),
     )
-
-
-def _believed(outcome: Outcome) -> tuple[Outcome, Carried]:
-    """What the search found, as far as it is to be believed, and what is carried without a name beside it.
-
-    Names that explain clearly less than curves do by themselves only stand near the cause: what carries the gain is
-    what the log shows. Names that leave nothing do not, unless one came out with values such as its cause can hardly
-    have: then they have to explain clearly more. What is richer than a curve is asked alone where it is needed
-    beside the names, or where they leave much to an observer; there it has to explain twice as much.
-    """
-    additions, beside = beside_unnamed(outcome.base, outcome.additions)
-    strange = not all(is_plausible(outcome.fit, addition.effect) for addition in outcome.additions)
-    if outcome.additions and (beside.path or beside.seen or outcome.fit.bandwidth or strange):
-        names, enough = (outcome.fit,), 1.0 - CLEARLY if strange else 1.0 + CLEARLY
-        alone = carried(outcome.base).path if beside.rich else nameless(outcome.base)
-        if not beside.rich and outcome.fit.bandwidth and not says_more(alone, names, outcome.base, times=enough):
-            promising = richer_promise(outcome.base) > _PROMISING * charged(names, outcome.base)
-            alone, enough = carried(outcome.base).path if promising else (), 2.0
-        if alone and says_more(alone, names, outcome.base, times=enough):
-            return replace(outcome, additions=()), Carried(path=alone, seen=())
-    return replace(outcome, additions=additions), beside
 
 
 def _with_scatter(outcome: Outcome, beside: Carried) -> tuple[Outcome, Carried]:

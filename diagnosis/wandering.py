@@ -57,7 +57,7 @@ def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[
         if needed[addition.effect] < MISSING:
             at_hand = less
     sure = [(addition, needed[addition.effect]) for addition in additions]
-    kept = [_less_sure(addition, probability) for addition, probability in sure if probability >= MISSING]
+    kept = [less_sure(addition, probability) for addition, probability in sure if probability >= MISSING]
     return kept if len(kept) == len(additions) else refitted(base, kept, final)
 
 
@@ -80,7 +80,7 @@ def needed_with(addition: Addition, fit: Fit, less: Fit) -> float:
     return float(expit(own.visible(fit, replace(less, held_log_likelihood=None))))
 
 
-def _less_sure(addition: Addition, needed: float) -> Addition:
+def less_sure(addition: Addition, needed: float) -> Addition:
     """The addition with odds in which something is missing with that probability at most."""
     missing = 1.0 - addition.odds.get(NONE, 0.0)
     if needed >= missing:

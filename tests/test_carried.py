@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from functools import partial
-from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from diagnosis import curves
+from diagnosis import belief, curves
 from diagnosis.curves import Carried, beside_unnamed, carried
+from diagnosis.round import Addition
 from diagnosis.search import Outcome
 from plant.effects.curve import HEIGHTS
 from plant.effects.effect import Array
 from plant.effects.varying import FrictionOverTurn
 
-diagnose: Any = import_module("diagnosis.diagnose")
 BASE, FIRST, SECOND = (SimpleNamespace(name=name, bandwidth=5.0) for name in ("base", "first", "second"))
+
+
+SAID = "Curve over velocity alone explains as much as these names together; a log with other motion would tell."
 
 
 @pytest.mark.parametrize(("brings", "kept"), [(19.0, 1), (21.0, 2)])
@@ -81,17 +83,41 @@ def test_what_is_richer_is_fitted_in_place_of_names_only_where_the_screen_gives_
     explains = {(): 0.0, ("names",): 100.0, ("rich",): 300.0}
     asked: list[str] = []
     beside = Carried(path=(), seen=())
-    monkeypatch.setattr(diagnose, "beside_unnamed", lambda base, additions: (additions, beside))
-    monkeypatch.setattr(diagnose, "is_plausible", lambda at, name: True)
-    monkeypatch.setattr(diagnose, "nameless", lambda at: ())
-    monkeypatch.setattr(diagnose, "richer_promise", lambda at: promise)
+    monkeypatch.setattr(belief, "beside_unnamed", lambda base, additions: (additions, beside))
+    monkeypatch.setattr(belief, "is_plausible", lambda at, name: True)
+    monkeypatch.setattr(belief, "nameless", lambda at: ())
+    monkeypatch.setattr(belief, "richer_promise", lambda at: promise)
     monkeypatch.setattr(curves, "_colour", lambda fits, than: 1.0)
-    for module in (curves, diagnose):
+    for module in (curves, belief):
         monkeypatch.setattr(module, "charged", lambda path, than, over=1.0: explains[tuple(fit.name for fit in path)])
-    monkeypatch.setattr(diagnose, "carried", lambda at: asked.append(at.name) or Carried(path=(rich,), seen=()))
-    believed, left = diagnose._believed(outcome)
+    monkeypatch.setattr(belief, "carried", lambda at: asked.append(at.name) or Carried(path=(rich,), seen=()))
+    kept, left = belief.believed(outcome)
     assert asked == (["base"] if fitted else [])
-    assert (believed.additions, left.path) == (((), (rich,)) if fitted else (outcome.additions, ()))
+    assert (kept.additions, left.path) == (((), (rich,)) if fitted else (outcome.additions, ()))
+
+
+@pytest.mark.parametrize(
+    ("names", "ahead", "left"), [(2, 50.0, 0.96), (2, 1.0, 0.709), (2, -50.0, 0.485), (1, -50.0, 0.96)]
+)
+def test_several_names_are_no_surer_than_that_a_curve_does_not_explain_as_much(
+    monkeypatch: pytest.MonkeyPatch, names: int, ahead: float, left: float
+) -> None:
+    """One alone is believed; and a curve that explained clearly more would have taken their place."""
+    dry, curve = (SimpleNamespace(name=name, title=name) for name in ("dead_zone", "curve over velocity"))
+    models = [SimpleNamespace(effects=(dry,), effect=lambda name: {"dead_zone": dry}.get(name))]
+    models.append(SimpleNamespace(effects=(dry, curve)))
+    base, alone = (SimpleNamespace(model=model) for model in models)
+    odds = {"a": 0.96, "b": 0.03, "none": 0.01}
+    additions = tuple(Addition(effect="a", fit=BASE, odds=odds, evidence=9.0, contest=()) for _ in range(names))  # type: ignore[arg-type]
+    outcome = Outcome(base=base, additions=additions, candidates=())  # type: ignore[arg-type]
+    monkeypatch.setattr(belief, "nameless", lambda at: (alone,))
+    monkeypatch.setattr(belief, "lead", lambda one, other, than: ahead)
+    found, said = belief.beside_a_curve(outcome, Carried(path=(), seen=()))
+    for addition in found.additions:
+        assert addition.odds["a"] == pytest.approx(left, abs=0.001)
+        assert sum(addition.odds.values()) == pytest.approx(1.0)
+    surely = left == 0.96
+    assert said == ([] if surely else [SAID])
 
 
 def test_a_first_step_is_fitted_once_for_what_is_plain_and_what_is_richer(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from scipy.linalg import solve_discrete_are
 from diagnosis import Diagnosis, diagnose, wandering
 from diagnosis.odds import MISSING, NONE
 from diagnosis.round import Addition
-from diagnosis.wandering import _less_sure, without_wanderers
+from diagnosis.wandering import less_sure, without_wanderers
 from identification.fit import base_model, fit
 from identification.log import Log
 from identification.predictor import observer_gain
@@ -134,7 +134,7 @@ def test_a_simulation_and_an_observer_that_follows_anything_are_not_asked(
 
 def test_the_odds_among_names_stay_and_those_against_none_fall() -> None:
     found = addition(RUBS, None, evidence=20.0, none=0.02)
-    assert _less_sure(found, 0.99) is found
-    odds = _less_sure(found, 0.49).odds
+    assert less_sure(found, 0.99) is found
+    odds = less_sure(found, 0.49).odds
     assert odds == pytest.approx({NONE: 0.51, "coulomb_friction": 0.44, "cogging": 0.05})
     assert list(odds) == [NONE, "coulomb_friction", "cogging"]  # the likeliest first

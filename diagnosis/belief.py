@@ -1,0 +1,67 @@
+"""Whether names are to be believed, or what has no name: both explain the same log."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from scipy.special import expit
+
+from diagnosis.curves import (
+    CLEARLY,
+    Carried,
+    beside_unnamed,
+    carried,
+    charged,
+    lead,
+    nameless,
+    richer_promise,
+    says_more,
+)
+from diagnosis.odds import CLEAR
+from diagnosis.refit import is_plausible
+from diagnosis.search import Outcome
+from diagnosis.wandering import less_sure
+
+_PROMISING = 0.1  # share of what names explain that the screen has to give to what is richer, for it to be fitted
+_TOGETHER = 2  # names in whose place a curve is looked for: one alone is likelier than a curve that is as good
+
+
+def believed(outcome: Outcome) -> tuple[Outcome, Carried]:
+    """What the search found, as far as it is to be believed, and what is carried without a name beside it.
+
+    Names that explain clearly less than curves do by themselves only stand near the cause: what carries the gain is
+    what the log shows. Names that leave nothing do not, unless one came out with values such as its cause can hardly
+    have: then they have to explain clearly more. What is richer than a curve is asked alone where it is needed
+    beside the names, or where they leave much to an observer; there it has to explain twice as much.
+    """
+    additions, beside = beside_unnamed(outcome.base, outcome.additions)
+    strange = not all(is_plausible(outcome.fit, addition.effect) for addition in outcome.additions)
+    if outcome.additions and (beside.path or beside.seen or outcome.fit.bandwidth or strange):
+        names, enough = (outcome.fit,), 1.0 - CLEARLY if strange else 1.0 + CLEARLY
+        alone = carried(outcome.base).path if beside.rich else nameless(outcome.base)
+        if not beside.rich and outcome.fit.bandwidth and not says_more(alone, names, outcome.base, times=enough):
+            promising = richer_promise(outcome.base) > _PROMISING * charged(names, outcome.base)
+            alone, enough = carried(outcome.base).path if promising else (), 2.0
+        if alone and says_more(alone, names, outcome.base, times=enough):
+            return replace(outcome, additions=()), Carried(path=alone, seen=())
+    return replace(outcome, additions=additions), beside
+
+
+def beside_a_curve(outcome: Outcome, beside: Carried) -> tuple[Outcome, list[str]]:
+    """Several names with the odds that are left to them by a curve which explains as much by itself, and that said.
+
+    No less than even ones: a curve that explains clearly more would have taken their place.
+    """
+    if len(outcome.additions) < _TOGETHER:
+        return outcome, []
+    alone = nameless(outcome.base)
+    sure = max(float(expit(lead(beside.path or (outcome.fit,), alone, outcome.base))), 0.5) if alone else 1.0
+    if sure >= CLEAR:
+        return outcome, []
+    titles = [effect.title for effect in alone[-1].model.effects if outcome.base.model.effect(effect.name) is None]
+    explain = (
+        f"{titles[0].capitalize()} alone explains" if len(titles) == 1 else f"{' and '.join(titles)} alone explain"
+    )
+    told = f"{explain} as much as these names together; a log with other motion would tell."
+    additions = tuple(less_sure(addition, sure) for addition in outcome.additions)
+    return replace(outcome, additions=additions), [told[0].upper() + told[1:]]
