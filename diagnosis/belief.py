@@ -17,10 +17,12 @@ from diagnosis.curves import (
     richer_promise,
     says_more,
 )
-from diagnosis.odds import CLEAR
+from diagnosis.odds import CLEAR, MISSING, search_charge
 from diagnosis.refit import is_plausible
+from diagnosis.round import Addition
 from diagnosis.search import Outcome
 from diagnosis.wandering import less_sure
+from plant.effects.unnamed import plain
 
 _PROMISING = 0.1  # share of what names explain that the screen has to give to what is richer, for it to be fitted
 _TOGETHER = 2  # names in whose place a curve is looked for: one alone is likelier than a curve that is as good
@@ -47,21 +49,31 @@ def believed(outcome: Outcome) -> tuple[Outcome, Carried]:
     return replace(outcome, additions=additions), beside
 
 
-def beside_a_curve(outcome: Outcome, beside: Carried) -> tuple[Outcome, list[str]]:
+def beside_a_curve(outcome: Outcome, beside: Carried) -> tuple[Outcome, Carried, list[str]]:
     """Several names with the odds that are left to them by a curve which explains as much by itself, and that said.
 
-    No less than even ones: a curve that explains clearly more would have taken their place.
+    Each name pays for having been found in the catalogue, and a curve for its variable. Names that then are unlikely
+    only stand near the cause: the curve takes their place.
     """
-    if len(outcome.additions) < _TOGETHER:
-        return outcome, []
-    alone = nameless(outcome.base)
-    sure = max(float(expit(lead(beside.path or (outcome.fit,), alone, outcome.base))), 0.5) if alone else 1.0
+    alone = nameless(outcome.base) if len(outcome.additions) >= _TOGETHER else ()
+    if not alone:
+        return outcome, beside, []
+    variables = search_charge(searched=1, catalogue=len(plain))
+    paid = sum(_charge(addition) for addition in outcome.additions) + variables * (len(beside.path) - len(alone))
+    sure = float(expit(lead(beside.path or (outcome.fit,), alone, outcome.base) - paid))
     if sure >= CLEAR:
-        return outcome, []
+        return outcome, beside, []
+    if sure < 1.0 - MISSING:
+        return replace(outcome, additions=()), Carried(path=alone, seen=()), []
     titles = [effect.title for effect in alone[-1].model.effects if outcome.base.model.effect(effect.name) is None]
-    explain = (
-        f"{titles[0].capitalize()} alone explains" if len(titles) == 1 else f"{' and '.join(titles)} alone explain"
+    told = (
+        f"{' and '.join(titles)} alone {'explains' if len(titles) == 1 else 'explain'} as much as these names together"
     )
-    told = f"{explain} as much as these names together; a log with other motion would tell."
     additions = tuple(less_sure(addition, sure) for addition in outcome.additions)
-    return replace(outcome, additions=additions), [told[0].upper() + told[1:]]
+    said = f"{told[0].upper()}{told[1:]}; a log with other motion would tell."
+    return replace(outcome, additions=additions), beside, [said]
+
+
+def _charge(addition: Addition) -> float:
+    """What an addition's name pays for its search."""
+    return next((rival.charge for rival in addition.contest if rival.effect.name == addition.effect), 0.0)

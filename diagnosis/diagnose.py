@@ -101,7 +101,7 @@ def diagnose(
     surely = beside_surface(outcome.additions, null, progress)
     warnings.extend(gave_way(outcome.additions, surely))
     outcome, beside = believed(replace(outcome, additions=surely))
-    outcome, tie = beside_a_curve(outcome, beside)
+    outcome, beside, tie = beside_a_curve(outcome, beside)
     warnings.extend(tie)
     if outcome.fit.model.chaotic:
         tell("asking parts of the log how sure the gap is")
