@@ -15,6 +15,7 @@ from diagnosis.refit import problem_near
 from identification.fit_result import Fit
 
 _PARTS = 10
+_ELSEWHERE = 0.1  # share of what shows an effect that must not lie in one part; there it has none to disagree with
 
 
 def unevenness(fit: Fit, name: str) -> float:
@@ -32,5 +33,6 @@ def unevenness(fit: Fit, name: str) -> float:
         apart += float(((own.T @ left) ** 2).sum())
         # of white noise less what the fit has followed of it
         by_noise += float((own**2).sum() - ((own.T @ by_fit) ** 2).sum())
-    by_noise *= float(np.mean(innovations**2))
-    return max(apart / by_noise, 1.0) if by_noise > 0.0 else 1.0
+    if by_noise < _ELSEWHERE * directions.shape[1] or not directions.size:
+        return 1.0
+    return max(apart / (by_noise * float(np.mean(innovations**2))), 1.0)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
-from diagnosis import diagnose, surface
+from diagnosis import diagnose, surface, uneven
 from diagnosis.refit import refit
 from diagnosis.round import Addition, Contestant
 from diagnosis.search import Outcome, search
@@ -29,6 +30,7 @@ from plant.effects import (
     PayloadChange,
     PreslidingHysteresis,
 )
+from plant.effects.effect import Array
 
 CHANGES = {"payload_change": {"time": 9.3, "inertia": 0.15, "gravity": 0.1}}
 PULLS = {"cable_stiffness": {"stiffness": 0.1, "cubic": 0.05, "rest_angle": 0.3}}
@@ -177,6 +179,46 @@ def test_names_of_a_model_that_leaves_nothing_are_not_touched() -> None:
     outcome = search(fit(log), {"coulomb_friction": CoulombFriction})
     assert [addition.effect for addition in outcome.additions] == ["coulomb_friction"]
     assert beside_surface(outcome.additions, outcome.base) is outcome.additions
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """What a prediction has of it: innovations (T,) and their slopes (T, 5), the last two by the initial state."""
+
+    innovations: Array
+    jacobian: Array
+
+
+def spoken(monkeypatch: pytest.MonkeyPatch, slopes: Array, noise: Array) -> float:
+    """Unevenness about the first parameter of three, after a fit to noise."""
+    basis = np.linalg.qr(slopes)[0]
+    predicted = Predicted(noise - basis @ (basis.T @ noise), slopes)
+    predictor = SimpleNamespace(predict=lambda *_, **__: [predicted])
+    problem = SimpleNamespace(free=(0, 1, 2), predictor=predictor)
+    monkeypatch.setattr(uneven, "problem_near", lambda fit, model: problem)
+    model = SimpleNamespace(names=("effect.size", "inertia", "gravity"), values=None)
+    return unevenness(SimpleNamespace(model=model, initial=None, bandwidth=0.0), "effect")  # type: ignore[arg-type]
+
+
+def test_noise_makes_parts_disagree_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the fit has followed of it is allowed for: without that, parts would seem to agree far too well."""
+    rng, time = np.random.default_rng(0), np.arange(1000.0)
+    fading = np.exp(-time / 10.0)
+    slow = np.column_stack((np.sin(np.outer(time, (0.004, 0.01, 0.017))), fading, time * fading))
+    found = [spoken(monkeypatch, slow, rng.standard_normal(1000)) for _ in range(400)]
+    assert 0.33 < np.mean(np.array(found) > 1.0) < 0.5
+    changing = np.sign(np.sin(0.02 * time)) * slow[:, 0]  # what a model may lack
+    assert np.median([spoken(monkeypatch, slow, rng.standard_normal(1000) + changing) for _ in range(20)]) > 5.0
+
+
+def test_an_effect_that_shows_in_one_part_only_has_none_to_disagree_with(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    slopes = rng.standard_normal((1000, 5))
+    slopes[:, 0] *= np.arange(1000) < 100
+    for _ in range(20):
+        assert spoken(monkeypatch, slopes, rng.standard_normal(1000)) == 1.0
+    slopes[:, 0] = 0.0
+    assert spoken(monkeypatch, slopes, rng.standard_normal(1000)) == 1.0
 
 
 def test_a_complete_model_speaks_as_evenly_as_noise_lets_it() -> None:
