@@ -78,7 +78,10 @@ def _names(asked: list[Addition], stays: list[bool]) -> list[str]:
 def _with(addition: Addition, fit: Fit) -> Fit | None:
     """A fit with an addition that had gone, if it finds room beside the others."""
     own = next((rival.effect for rival in addition.contest if rival.effect.name == addition.effect), None)
-    return fitted_near(fit, fit.model.with_effect(own)) if own is not None and fits_in(fit.model, own) else None
+    if own is None or not fits_in(fit.model, own):
+        return None
+    again = fitted_near(fit, fit.model.with_effect(own))
+    return None if again.runs_off else again
 
 
 def gave_way(before: tuple[Addition, ...], after: tuple[Addition, ...]) -> list[str]:

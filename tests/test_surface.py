@@ -266,11 +266,18 @@ def test_a_name_beside_the_function_has_to_be_as_sure_as_the_function(monkeypatc
         assert [kept.effect for kept in beside_surface(outcome.additions, outcome.base)] == left
 
 
-@pytest.mark.parametrize(("beside_change", "alone"), [(True, False), (False, True), (False, False)])
+@pytest.mark.parametrize(
+    ("beside_change", "alone", "lost"),
+    [(True, False, False), (False, True, False), (False, False, False), (False, True, True)],
+)
 def test_where_one_name_has_gone_the_others_are_asked_again(
-    monkeypatch: pytest.MonkeyPatch, beside_change: bool, alone: bool
+    monkeypatch: pytest.MonkeyPatch, beside_change: bool, alone: bool, lost: bool
 ) -> None:
-    """The weakest is asked first, beside a name that goes later: it may have held it up, or kept it down."""
+    """The weakest is asked first, beside a name that goes later: it may have held it up, or kept it down.
+
+    One whose motion then grows without bound is not.
+    """
+    near = surface.fitted_near
     base, spring = asked("presliding_hysteresis").base, CableStiffness(stiffness=0.1)
     first = refit(base, spring)
     names = (Contestant(effect=spring, coefficients=1, charge=4.0),)
@@ -283,12 +290,17 @@ def test_where_one_name_has_gone_the_others_are_asked_again(
         return (addition, fit) if holds else (None, refit_without(fit, addition.effect))
 
     def refit_without(fit: Fit, name: str) -> Fit:
-        return surface.fitted_near(fit, fit.model.without_effect(name))
+        return near(fit, fit.model.without_effect(name))
 
+    def refit_with(fit: Fit, model: ServoModel) -> Fit:
+        fitted = near(fit, model)
+        return replace(fitted, log_likelihood=-np.inf) if lost else fitted
+
+    monkeypatch.setattr(surface, "fitted_near", refit_with)
     monkeypatch.setattr(surface, "_once_more", once_more)
     monkeypatch.setattr(surface, "surface_evidence", lambda fit: 99.0)
     left = beside_surface((weak, strong), base)
-    assert [addition.effect for addition in left] == (["cable_stiffness"] if alone else [])
+    assert [addition.effect for addition in left] == (["cable_stiffness"] if alone and not lost else [])
     for addition in left:
         assert [effect.name for effect in addition.fit.model.effects] == ["dead_zone", "cable_stiffness"]
         assert addition.fit.log_likelihood == pytest.approx(first.log_likelihood, abs=0.5)
