@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 
 from scipy.special import expit
 
@@ -22,14 +24,21 @@ from diagnosis.refit import is_plausible
 from diagnosis.round import Addition
 from diagnosis.search import Outcome
 from diagnosis.wandering import less_sure
+from identification.fit_result import Fit
 from plant.effects.unnamed import plain
 
 _PROMISING = 0.1  # share of what names explain that the screen has to give to what is richer, for it to be fitted
 _TOGETHER = 2  # names in whose place a curve is looked for: one alone is likelier than a curve that is as good
 
 
-def believed(outcome: Outcome) -> tuple[Outcome, Carried]:
-    """What the search found, as far as it is to be believed, and what is carried without a name beside it.
+def believed(outcome: Outcome) -> tuple[Outcome, Carried, list[str]]:
+    """What the search found, as far as it is to be believed, what is carried without a name beside it, and doubts."""
+    curves = cache(partial(nameless, outcome.base))
+    return _several(*_beside_curves(outcome, curves), curves)
+
+
+def _beside_curves(outcome: Outcome, curves: Callable[[], tuple[Fit, ...]]) -> tuple[Outcome, Carried]:
+    """The names unless curves explain clearly more, and what is carried.
 
     Names that explain clearly less than curves do by themselves only stand near the cause: what carries the gain is
     what the log shows. Names that leave nothing do not, unless one came out with values such as its cause can hardly
@@ -40,7 +49,7 @@ def believed(outcome: Outcome) -> tuple[Outcome, Carried]:
     strange = not all(is_plausible(outcome.fit, addition.effect) for addition in outcome.additions)
     if outcome.additions and (beside.path or beside.seen or outcome.fit.bandwidth or strange):
         names, enough = (outcome.fit,), 1.0 - CLEARLY if strange else 1.0 + CLEARLY
-        alone = carried(outcome.base).path if beside.rich else nameless(outcome.base)
+        alone = carried(outcome.base).path if beside.rich else curves()
         if not beside.rich and outcome.fit.bandwidth and not says_more(alone, names, outcome.base, times=enough):
             promising = richer_promise(outcome.base) > _PROMISING * charged(names, outcome.base)
             alone, enough = carried(outcome.base).path if promising else (), 2.0
@@ -49,13 +58,15 @@ def believed(outcome: Outcome) -> tuple[Outcome, Carried]:
     return replace(outcome, additions=additions), beside
 
 
-def beside_a_curve(outcome: Outcome, beside: Carried) -> tuple[Outcome, Carried, list[str]]:
+def _several(
+    outcome: Outcome, beside: Carried, curves: Callable[[], tuple[Fit, ...]]
+) -> tuple[Outcome, Carried, list[str]]:
     """Several names with the odds that are left to them by a curve which explains as much by itself, and that said.
 
     Each name pays for having been found in the catalogue, and a curve for its variable. Names that then are unlikely
     only stand near the cause: the curve takes their place.
     """
-    alone = nameless(outcome.base) if len(outcome.additions) >= _TOGETHER else ()
+    alone = curves() if len(outcome.additions) >= _TOGETHER else ()
     if not alone:
         return outcome, beside, []
     variables = search_charge(searched=1, catalogue=len(plain))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.belief import believed, beside_a_curve
+from diagnosis.belief import believed
 from diagnosis.candidates import Choice, chosen
 from diagnosis.curves import Carried
 from diagnosis.diagnosis import Diagnosis
@@ -100,9 +100,8 @@ def diagnose(
     tell("looking for what has no name")
     surely = beside_surface(outcome.additions, null, progress)
     warnings.extend(gave_way(outcome.additions, surely))
-    outcome, beside = believed(replace(outcome, additions=surely))
-    outcome, beside, tie = beside_a_curve(outcome, beside)
-    warnings.extend(tie)
+    outcome, beside, doubts = believed(replace(outcome, additions=surely))
+    warnings.extend(doubts)
     if outcome.fit.model.chaotic:
         tell("asking parts of the log how sure the gap is")
         outcome, beside = _with_scatter(outcome, beside)

@@ -91,7 +91,7 @@ def test_what_is_richer_is_fitted_in_place_of_names_only_where_the_screen_gives_
     for module in (curves, belief):
         monkeypatch.setattr(module, "charged", lambda path, than, over=1.0: explains[tuple(fit.name for fit in path)])
     monkeypatch.setattr(belief, "carried", lambda at: asked.append(at.name) or Carried(path=(rich,), seen=()))
-    kept, left = belief.believed(outcome)
+    kept, left, _ = belief.believed(outcome)
     assert asked == (["base"] if fitted else [])
     assert (kept.additions, left.path) == (((), (rich,)) if fitted else (outcome.additions, ()))
 
@@ -113,9 +113,8 @@ def test_several_names_are_no_surer_than_that_a_curve_does_not_explain_as_much(
     addition: Any = partial(Addition, effect="a", fit=BASE, odds=odds, evidence=9.0, contest=(own,))
     outcome = Outcome(base=base, additions=tuple(addition() for _ in range(names)), candidates=())  # type: ignore[arg-type]
     monkeypatch.setattr(belief, "plain", dict.fromkeys("1234"))
-    monkeypatch.setattr(belief, "nameless", lambda at: (alone,))
     monkeypatch.setattr(belief, "lead", lambda one, other, than: ahead)
-    found, beside, said = belief.beside_a_curve(outcome, Carried(path=(), seen=()))
+    found, beside, said = belief._several(outcome, Carried(path=(), seen=()), lambda: (alone,))  # type: ignore[arg-type, return-value]
     assert len(found.additions) == (names if left else 0)
     assert beside.path == (() if left else (alone,))
     for kept in found.additions:
