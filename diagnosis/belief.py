@@ -77,9 +77,8 @@ def _several(
     if sure < 1.0 - MISSING:
         return replace(outcome, additions=()), Carried(path=alone, seen=()), []
     titles = [effect.title for effect in alone[-1].model.effects if outcome.base.model.effect(effect.name) is None]
-    told = (
-        f"{' and '.join(titles)} alone {'explains' if len(titles) == 1 else 'explain'} as much as these names together"
-    )
+    explain = "explains" if len(titles) == 1 else "explain"
+    told = f"{' and '.join(titles)} alone {explain} as much as these names together"
     additions = tuple(less_sure(addition, sure) for addition in outcome.additions)
     said = f"{told[0].upper()}{told[1:]}; a log with other motion would tell."
     return replace(outcome, additions=additions), beside, [said]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from functools import partial
+from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from machine import Machine, excitation, record
 
 from diagnosis import belief, curves
 from diagnosis.curves import Carried, beside_unnamed, carried
@@ -18,8 +20,6 @@ from plant.effects.effect import Array
 from plant.effects.varying import FrictionOverTurn
 
 BASE, FIRST, SECOND = (SimpleNamespace(name=name, bandwidth=5.0) for name in ("base", "first", "second"))
-
-
 SAID = "Curve over velocity alone explains as much as these names together; a log with other motion would tell."
 
 
@@ -103,24 +103,35 @@ def test_what_is_richer_is_fitted_in_place_of_names_only_where_the_screen_gives_
 def test_several_names_are_no_surer_than_that_a_curve_does_not_explain_as_much(
     monkeypatch: pytest.MonkeyPatch, names: int, ahead: float, left: float | None
 ) -> None:
-    """Each pays 3 for its search, and the curve a ln 4 for its variable. One alone is believed."""
+    """Two names pay 4 more for their search than the curve for its variable. One alone is believed."""
     dry, curve = (SimpleNamespace(name=name, title=name) for name in ("dead_zone", "curve over velocity"))
     models = [SimpleNamespace(effects=(dry,), effect=lambda name: {"dead_zone": dry}.get(name))]
     models.append(SimpleNamespace(effects=(dry, curve)))
     base, alone = (SimpleNamespace(model=model) for model in models)
     own: Any = SimpleNamespace(effect=SimpleNamespace(name="a"), charge=2.0 + 0.5 * np.log(4.0))
     odds = {"a": 0.96, "b": 0.03, "none": 0.01}
-    addition: Any = partial(Addition, effect="a", fit=BASE, odds=odds, evidence=9.0, contest=(own,))
+    told: Any = SimpleNamespace(bandwidth=0.0)
+    addition: Any = partial(Addition, effect="a", fit=told, odds=odds, evidence=9.0, contest=(own,))
     outcome = Outcome(base=base, additions=tuple(addition() for _ in range(names)), candidates=())  # type: ignore[arg-type]
     monkeypatch.setattr(belief, "plain", dict.fromkeys("1234"))
     monkeypatch.setattr(belief, "lead", lambda one, other, than: ahead)
-    found, beside, said = belief._several(outcome, Carried(path=(), seen=()), lambda: (alone,))  # type: ignore[arg-type, return-value]
+    monkeypatch.setattr(belief, "nameless", lambda at: (alone,))
+    monkeypatch.setattr(belief, "is_plausible", lambda at, name: True)
+    monkeypatch.setattr(belief, "beside_unnamed", lambda base, additions: (additions, Carried(path=(), seen=())))
+    found, beside, said = belief.believed(outcome)
     assert len(found.additions) == (names if left else 0)
     assert beside.path == (() if left else (alone,))
     for kept in found.additions:
         assert kept.odds["a"] == pytest.approx(left, abs=0.001)
         assert sum(kept.odds.values()) == pytest.approx(1.0)
     assert said == ([SAID] if left in (0.709, 0.116) else [])
+
+
+def test_what_is_doubted_of_several_names_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole: Any = import_module("diagnosis.diagnose")
+    monkeypatch.setattr(whole, "believed", lambda outcome: (outcome, Carried(path=(), seen=()), [SAID]))
+    log = record(Machine(), excitation(1, duration=10.0), seed=1).log()
+    assert SAID in whole.diagnose(log, candidates=["coulomb_friction"]).warnings
 
 
 def test_a_first_step_is_fitted_once_for_what_is_plain_and_what_is_richer(monkeypatch: pytest.MonkeyPatch) -> None:
