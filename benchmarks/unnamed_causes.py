@@ -27,7 +27,7 @@ from identification.log import Log, Run  # noqa: E402
 from identification.problem import Problem  # noqa: E402
 from identification.simulation import free_simulation  # noqa: E402
 from plant import ServoModel, simulate  # noqa: E402
-from plant.effects import DeadZone, Effect, Stage  # noqa: E402
+from plant.effects import DeadZone, Effect, Stage, State  # noqa: E402
 from plant.effects.effect import Expression, Moment, parameter  # noqa: E402
 
 SEEDS = (1, 2, 3)
@@ -102,6 +102,22 @@ class Windage(Hidden):
         return -self.size * at.velocity**3
 
 
+class Harness(Hidden):
+    """Wires that are dragged along, more stiffly on the one side than on the other."""
+
+    name = title = "loop of dragged wires"
+    states = (State.RELAXED,)
+    longest_step = 1e-3
+
+    def slide(self, state: Expression, travel: Expression) -> Expression:
+        direction = ca.sign(travel)
+        return direction + (state - direction) * ca.exp(-ca.fabs(travel) / 0.4)
+
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
+        memory = self.slide(state, at.travel)
+        return -self.size * (memory + 0.5 * memory**2)
+
+
 CAUSES = (
     FrictionOfPlace(size=0.15),
     Teeth(size=0.4),
@@ -109,6 +125,7 @@ CAUSES = (
     Warming(size=0.4),
     Disc(size=0.01),
     Windage(size=0.01),
+    Harness(size=0.3),
 )
 
 

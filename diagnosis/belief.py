@@ -23,12 +23,25 @@ from diagnosis.odds import CLEAR, MISSING, search_charge
 from diagnosis.refit import is_plausible
 from diagnosis.round import Addition
 from diagnosis.search import Outcome
-from diagnosis.wandering import less_sure
+from diagnosis.wandering import less_sure, may_wander
 from identification.fit_result import Fit
 from plant.effects.unnamed import plain
 
 _PROMISING = 0.1  # share of what names explain that the screen has to give to what is richer, for it to be fitted
+_FAR = 2.0  # times what names explain, from which on nothing that is done to them makes up for it
 _TOGETHER = 2  # names in whose place a curve is looked for: one alone is likelier than a curve that is as good
+
+
+def only_near(outcome: Outcome) -> bool:
+    """Whether names need not even be weighed: what has no name explains far more by itself, and leaves nothing.
+
+    Not where an observer follows anything, which hides who explains what, nor where an effect is chaotic.
+    """
+    if not outcome.additions or not may_wander(outcome.fit) or outcome.fit.model.chaotic:
+        return False
+    alone = carried(outcome.base).path
+    leaves_nothing = bool(alone) and not alone[-1].bandwidth
+    return leaves_nothing and says_more(alone, (outcome.fit,), outcome.base, times=_FAR)
 
 
 def believed(outcome: Outcome) -> tuple[Outcome, Carried, list[str]]:
@@ -41,9 +54,11 @@ def _beside_curves(outcome: Outcome, curves: Callable[[], tuple[Fit, ...]]) -> t
     """The names unless curves explain clearly more, and what is carried.
 
     Names that explain clearly less than curves do by themselves only stand near the cause: what carries the gain is
-    what the log shows. Names that leave nothing do not, unless one came out with values such as its cause can hardly
-    have: then they have to explain clearly more. What is richer than a curve is asked alone where it is needed
-    beside the names, or where they leave much to an observer; there it has to explain twice as much.
+    what the log shows. They stay where, with what is carried beside them, they explain clearly more than that: then
+    something is missing that has a name, and something that has none. Names that leave nothing stay too; unless one
+    came out with values such as its cause can hardly have: then they have to explain clearly more by themselves. What
+    is richer than a curve is asked alone where it is needed beside the names, or where they leave much to an observer;
+    there it has to explain twice as much.
     """
     additions, beside = beside_unnamed(outcome.base, outcome.additions)
     strange = not all(is_plausible(outcome.fit, addition.effect) for addition in outcome.additions)
@@ -53,7 +68,8 @@ def _beside_curves(outcome: Outcome, curves: Callable[[], tuple[Fit, ...]]) -> t
         if not beside.rich and outcome.fit.bandwidth and not says_more(alone, names, outcome.base, times=enough):
             promising = richer_promise(outcome.base) > _PROMISING * charged(names, outcome.base)
             alone, enough = carried(outcome.base).path if promising else (), 2.0
-        if alone and says_more(alone, names, outcome.base, times=enough):
+        near = bool(alone) and says_more(alone, names, outcome.base, times=enough)
+        if near and (strange or not says_more(beside.path, alone, outcome.base, times=1.0 + CLEARLY)):
             return replace(outcome, additions=()), Carried(path=alone, seen=())
     return replace(outcome, additions=additions), beside
 

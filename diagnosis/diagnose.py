@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.belief import believed
+from diagnosis.belief import believed, only_near
 from diagnosis.candidates import Choice, chosen
 from diagnosis.curves import Carried
 from diagnosis.diagnosis import Diagnosis
@@ -20,7 +20,7 @@ from diagnosis.repeated_runs import repeats
 from diagnosis.result import Cause, Verdict
 from diagnosis.round import Addition
 from diagnosis.rugged import with_scatter
-from diagnosis.search import Outcome, search
+from diagnosis.search import Outcome, forward, weighed_again
 from diagnosis.second_opinion import second_opinions
 from diagnosis.suggestion import suggestion
 from diagnosis.surface import beside_surface, gave_way
@@ -84,7 +84,9 @@ def diagnose(
     if null.unidentifiable:
         warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
     warnings.extend(blind_spots(null))
-    outcome = search(null, effects, progress=progress)
+    outcome = forward(null, effects, progress=progress)
+    near = only_near(outcome)
+    outcome = replace(outcome, additions=()) if near else weighed_again(outcome, progress)
     null = outcome.base
     if null.log.colour:
         warnings.append(

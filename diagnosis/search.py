@@ -1,4 +1,4 @@
-"""The search: each round adds its winner, the superfluous is taken out, and in the end all names are weighed again."""
+"""The search: each round adds its winner and the superfluous is taken out; in the end all names are weighed again."""
 
 from __future__ import annotations
 
@@ -44,7 +44,14 @@ class Outcome:
 def search(
     base: Fit, effects: Mapping[str, type[Effect]] = catalogue, *, progress: Callable[[str], None] | None = None
 ) -> Outcome:
-    """Extend a fitted model by those of the effects that its log asks for.
+    """Extend a fitted model by those of the effects that its log asks for."""
+    return weighed_again(forward(base, effects, progress=progress), progress)
+
+
+def forward(
+    base: Fit, effects: Mapping[str, type[Effect]] = catalogue, *, progress: Callable[[str], None] | None = None
+) -> Outcome:
+    """The search as far as each name was chosen when it was found.
 
     Where several effects are missing, the first to be found may simulate worse than none at all; it stays as long as
     the next makes it hold up.
@@ -75,15 +82,16 @@ def search(
             firm = list(additions)
         elif len(additions) > len(firm) + _AHEAD:
             break
-    named = with_best_names(firm, progress)
-    kept = without_wanderers(base, named, progress)
+    return Outcome(base=base, additions=tuple(firm), candidates=tuple(candidates))
+
+
+def weighed_again(outcome: Outcome, progress: Callable[[str], None] | None = None) -> Outcome:
+    """What a search has found by the names that are the best beside all others, without those that only wander."""
+    named = with_best_names(list(outcome.additions), progress)
+    kept = without_wanderers(outcome.base, named, progress)
     names = {addition.effect for addition in kept}
-    return Outcome(
-        base=base,
-        additions=tuple(kept),
-        candidates=tuple(candidates),
-        wanderers=tuple(addition.effect for addition in named if addition.effect not in names),
-    )
+    gone = tuple(addition.effect for addition in named if addition.effect not in names)
+    return replace(outcome, additions=tuple(kept), wanderers=gone)
 
 
 def _better_null(fit: Fit, found: Addition) -> Fit | None:

@@ -1,8 +1,12 @@
-"""The longest tests begin first, so that none of them is left to one process while the others have nothing to do."""
+"""How the tests share the processors: one thread of linear algebra each, and the longest tests begin first."""
 
 from __future__ import annotations
 
+import os
+
 import pytest
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of numpy and scipy, which are not loaded yet
 
 LONG = (
     "test_datasets",

@@ -60,7 +60,7 @@ class PreslidingHysteresis(Effect):
         if typical <= 0.0 or reach <= 0.0:
             return
         travels = np.geomspace(0.3 * typical, max(0.25 * reach, typical), 8)
-        loops = motion.by_run(lambda rows: _loops(motion.angle[rows], travels))
+        loops = motion.by_run(lambda rows: memories(motion.angle[rows], travels))
         for place, travel in enumerate(travels):
             yield Trace(
                 columns=-loops[:, [place]],
@@ -73,8 +73,14 @@ class PreslidingHysteresis(Effect):
             )
 
 
-def _loops(angle: Array, travels: Array) -> Array:
-    """(T, S) Dahl's force over its level along an angle (T,), for each travel to slide (S,)."""
+def slid(state: Expression, travel: Expression, way: Expression) -> Expression:
+    """Dahl's friction over its level, between -1 and 1, after a travel in one direction; it forgets over a `way`."""
+    direction = ca.sign(travel)
+    return direction + (state - direction) * ca.exp(-ca.fabs(travel) / way)
+
+
+def memories(angle: Array, travels: Array) -> Array:
+    """(T, S) `slid` along an angle (T,) for each way to forget (S,), as the mean over each sample."""
     travelled = np.diff(angle, append=angle[-1])[:, None]
     return _contacts(travels.size)((np.zeros(travels.size),), travelled, travels)[1][0]
 
@@ -82,9 +88,8 @@ def _loops(angle: Array, travels: Array) -> Array:
 @one_at_a_time
 @lru_cache(maxsize=8)
 def _contacts(count: int) -> Recursion:
-    """Several contacts side by side, and the mean of their force over a sample."""
+    """Several contacts side by side, and the mean of each over a sample."""
     force, travels, travelled = ca.SX.sym("force", count), ca.SX.sym("travels", count), ca.SX.sym("travelled")
-    way = ca.sign(travelled)
-    after = way + (force - way) * ca.exp(-ca.fabs(travelled) / travels)
+    after = slid(force, travelled, travels)
     outputs = [after, 0.5 * (force + after)]
     return Recursion(ca.Function("contacts", [force, travelled, travels], outputs), carried=1)

@@ -1,4 +1,4 @@
-"""All that a model may carry without a name: curves, laws whose size varies, and ripples."""
+"""All that a model may carry without a name: curves, laws whose size varies, hysteresis and ripples."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 from plant.effects.curve import Curve, CurveOverAngle, CurveOverTime, CurveOverTorque, CurveOverVelocity, Unnamed
 from plant.effects.friction_over_velocity import FrictionOverVelocity
+from plant.effects.hysteresis import Hysteresis
 from plant.effects.ripple import ripples
 from plant.effects.varying import varying
 
@@ -14,5 +15,5 @@ _CURVES = (CurveOverVelocity, FrictionOverVelocity, CurveOverAngle, CurveOverTor
 plain: Mapping[str, type[Curve]] = MappingProxyType({curve.name: curve for curve in _CURVES})
 """A torque over one variable, by name."""
 
-unnamed: Mapping[str, type[Unnamed]] = MappingProxyType({**plain, **varying, **ripples})
+unnamed: Mapping[str, type[Unnamed]] = MappingProxyType({**plain, **varying, Hysteresis.name: Hysteresis, **ripples})
 """All of them, by name."""

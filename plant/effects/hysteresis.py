@@ -1,0 +1,59 @@
+"""Hysteresis of any shape: a curve over the way that the load has come since it turned, as `plant.effects.curve`.
+
+What gives before it slides, creeps or drags something along depends on more than where the load is and how fast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from plant.effects.curve import HEIGHTS, KNOTS, Curve
+from plant.effects.effect import Expression, Moment, Motion, State, Trace, parameter
+from plant.effects.presliding_hysteresis import memories, slid
+
+_WAYS = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hysteresis(Curve):
+    """A curve over a memory between minus and plus one, its state; Dahl's friction is a straight line over it."""
+
+    name = "hysteresis"
+    title = "hysteresis"
+    equation = r"\tau_u = f(z),\; dz/dx = (1 - \mathrm{sgn}(\dot x)\,z)/\ell"
+    trace = "loops at a reversal"
+    variables = ("angle", "velocity")
+    states = (State.RELAXED,)
+    longest_step = 1e-3
+
+    way: float = parameter("{angle}", "way l after which it is forgotten where the load came from", lower=1e-9)
+
+    def slide(self, state: Expression, travel: Expression) -> Expression:
+        """The memory after a travel in one direction."""
+        return slid(state, travel, self.way)
+
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
+        """The curve over the memory."""
+        return self.course(self.slide(state, at.travel), self.low, self.high, self.values[2 : 2 + KNOTS])
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """One column for each knot, for ways from a part of a sample's travel to a quarter of the range."""
+        typical = float(np.quantile(np.abs(motion.velocity), 0.9)) * motion.sample_time
+        reach = float(np.ptp(motion.angle))
+        if typical <= 0.0 or reach <= 0.0:
+            return
+        ways = np.geomspace(0.3 * typical, max(0.25 * reach, typical), _WAYS)
+        remembered = motion.by_run(lambda rows: memories(motion.angle[rows], ways))
+        for way, memory in zip(ways, remembered.T, strict=True):
+            yield Trace(
+                columns=cls.hats(memory, -1.0, 1.0),
+                prior=cls.prior,
+                start=lambda c, way=way: cls(  # type: ignore[misc]
+                    low=-1.0, high=1.0, way=float(way), **dict(zip(HEIGHTS, map(float, c), strict=True))
+                ),
+                searched=_WAYS,
+            )
