@@ -23,7 +23,7 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-_FLAGS = ("-O2", "-ffp-contract=off", "-fPIC", "-shared")
+_FLAGS = ("-ffp-contract=off", "-fPIC", "-shared")
 
 
 class MachineCode:
@@ -32,15 +32,22 @@ class MachineCode:
     Nothing of this can fail: without a compiler, a writable cache or patience there is no library.
     """
 
-    def __init__(self, name: str, source: str) -> None:
-        """Look for the library of a source, and start the compiler if there is none yet."""
+    def __init__(self, name: str, source: str, *, level: int = 2) -> None:
+        """Look for the library of a source, and start the compiler if there is none yet.
+
+        Args:
+            name: of the library.
+            source: its C code.
+            level: how much the compiler does for speed; each level takes it longer.
+        """
         self._lock = threading.Lock()
         self._library: ctypes.CDLL | None = None
         self._build: _Build | None = None
         command = compiler()
         if command is None:
             return
-        mark = hashlib.sha256("\n".join((*command, *_FLAGS, source)).encode()).hexdigest()
+        command = (*command, f"-O{level}", *_FLAGS)
+        mark = hashlib.sha256("\n".join((*command, source)).encode()).hexdigest()
         self._path = _cache() / f"{name}-{mark[:24]}.so"
         if not self._adopt():
             self._build = _Build.start(command, name, source)
@@ -88,7 +95,7 @@ class _Build:
         try:
             folder = Path(tempfile.mkdtemp(prefix="antidrive-"))
             (folder / f"{name}.c").write_text(source)
-            line = [*command, *_FLAGS, f"{name}.c", "-o", "code.so", "-lm"]
+            line = [*command, f"{name}.c", "-o", "code.so", "-lm"]
             quiet = subprocess.DEVNULL
             return cls(subprocess.Popen(line, cwd=folder, stdin=quiet, stdout=quiet, stderr=quiet), folder)
         except OSError:

@@ -20,6 +20,7 @@ from plant.symbolic import one_at_a_time
 Array: TypeAlias = NDArray[np.float64]
 CHUNK = 250  # rows that one call of the virtual machine covers
 PATIENCE = 1000  # rows after which it is left: it takes from the compiler what it could do in a tenth of the time
+_LEVEL = 1  # of optimisation: the second takes a third longer to compile and makes a step 3 % faster at most
 
 _LOOP = """
 #include <stdlib.h>
@@ -58,7 +59,7 @@ class Recursion:
         self._function, self._handed = function, carried
         self._entering = [function.size_in(place) for place in range(function.n_in())]
         self._leaving = [function.size_out(place) for place in range(function.n_out())]
-        self._code = MachineCode(function.name(), self._source())
+        self._code = MachineCode(function.name(), self._source(), level=_LEVEL)
         self._chunk: Any = None
         self._slowly = 0  # rows that the virtual machine has followed
 
