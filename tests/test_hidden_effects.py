@@ -26,7 +26,7 @@ def held_out_error(model: ServoModel, held_out: Log) -> float:
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.effect)
 def test_the_hidden_effect_is_named_and_its_size_recovered(case: Hidden) -> None:
     size = case.sizes[1]
-    log, held_out = logs_of(case.machine(size), seed=12)
+    log, held_out = logs_of(case.machine(size), seed=12, duration=40.0)
     found = diagnose(log, case.base, held_out)
     if case.effect in LATE and found.verdict == "ambiguous":
         (cause,) = found.causes
@@ -63,6 +63,16 @@ def test_a_gap_is_named_alone_in_a_short_log_and_measured(gap: float, share: flo
     assert abs(found_gap - gap) < 3.0 * std < 1.5 * gap
     assert found_gap * found_share == pytest.approx(gap * share, rel=0.05)
     assert found_gap == pytest.approx(gap, rel=0.3)
+
+
+def test_an_instant_is_found_among_the_peaks_beside_it() -> None:
+    """From the nearest instant of the screen the fit ends 1.2 s late, and what it leaves was an end stop at 0.99."""
+    change = {"time": 23.1416, "inertia": 0.006, "gravity": 0.0018}
+    log, held_out = logs_of(Machine().hiding(payload_change=change), seed=12, duration=40.0)
+    found = diagnose(log, None, held_out, candidates=["payload_change", "end_stop"])
+    (cause,) = found.causes
+    assert cause.effect == "payload_change"
+    assert cause.parameters["time"].value == pytest.approx(23.1416, abs=0.02)
 
 
 @pytest.mark.parametrize("seed", [21, 22])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import casadi as ca
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from plant.servo import ServoModel
 
 _TIMES = 40
+_APART = (0.3, 0.1, 0.03)  # seconds between instants that look alike: a servo turns back in a few of the first
+_ALIKE = (8, 3, 3)  # of them on each side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +50,11 @@ class PayloadChange(Effect):
     def load_torque(self, at: Moment, state: Expression) -> Expression:
         """The gravity of what has come."""
         return -self.gravity * self._after(at) * ca.cos(at.angle)
+
+    def look_alikes(self, stage: int) -> tuple[PayloadChange, ...]:
+        """Instants before and after: whatever the load did in between has a peak of its own."""
+        steps = _APART[stage] * np.arange(1, _ALIKE[stage] + 1)
+        return tuple(replace(self, time=float(self.time + step)) for step in (*-steps[::-1], *steps))
 
     def without_clock(self, rest: ServoModel, end: float | None) -> ServoModel:
         """The payload as part of the load, since its instant lies within the log."""
