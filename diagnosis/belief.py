@@ -29,15 +29,16 @@ from plant.effects.unnamed import plain
 
 _PROMISING = 0.1  # share of what names explain that the screen has to give to what is richer, for it to be fitted
 _FAR = 2.0  # times what names explain, from which on nothing that is done to them makes up for it
-_TOGETHER = 2  # names in whose place a curve is looked for: one alone is likelier than a curve that is as good
+_TOGETHER = 2  # names in whose place what has none is looked for: one alone is likelier than what is as good
 
 
 def only_near(outcome: Outcome) -> bool:
     """Whether names need not even be weighed: what has no name explains far more by itself, and leaves nothing.
 
-    Not where an observer follows anything, which hides who explains what, nor where an effect is chaotic.
+    One name is weighed sooner than this is asked. Nor is it asked where an observer follows anything, which hides who
+    explains what, nor where an effect is chaotic.
     """
-    if not outcome.additions or not may_wander(outcome.fit) or outcome.fit.model.chaotic:
+    if len(outcome.additions) < _TOGETHER or not may_wander(outcome.fit) or outcome.fit.model.chaotic:
         return False
     alone = carried(outcome.base).path
     leaves_nothing = bool(alone) and not alone[-1].bandwidth
