@@ -41,17 +41,10 @@ class Outcome:
         return self.additions[-1].fit if self.additions else self.base
 
 
-def search(
-    base: Fit, effects: Mapping[str, type[Effect]] = catalogue, *, progress: Callable[[str], None] | None = None
-) -> Outcome:
-    """Extend a fitted model by those of the effects that its log asks for."""
-    return weighed_again(forward(base, effects, progress=progress), progress)
-
-
 def forward(
     base: Fit, effects: Mapping[str, type[Effect]] = catalogue, *, progress: Callable[[str], None] | None = None
 ) -> Outcome:
-    """The search as far as each name was chosen when it was found.
+    """Extend a fitted model by those of the effects that its log asks for, each as it was chosen when it was found.
 
     Where several effects are missing, the first to be found may simulate worse than none at all; it stays as long as
     the next makes it hold up.

@@ -13,7 +13,7 @@ from machine import Machine, excitation, record
 from diagnosis import diagnose, surface, uneven
 from diagnosis.refit import refit
 from diagnosis.round import Addition, Contestant, one_round
-from diagnosis.search import Outcome, search
+from diagnosis.search import Outcome, forward, weighed_again
 from diagnosis.surface import beside_surface, surface_evidence
 from diagnosis.uneven import unevenness
 from identification.fit import fit
@@ -109,7 +109,7 @@ def test_a_name_whose_motion_grows_without_bound_beside_the_rest_is_none(monkeyp
 
 def test_a_name_that_stays_is_fitted_without_the_one_that_goes() -> None:
     log = sweep({**GIVES, **PULLS})
-    outcome = search(fit(log), {"payload_change": PayloadChange, "cable_stiffness": CableStiffness})
+    outcome = weighed_again(forward(fit(log), {"payload_change": PayloadChange, "cable_stiffness": CableStiffness}))
     assert {addition.effect for addition in outcome.additions} == {"payload_change", "cable_stiffness"}
     (left,) = beside_surface(outcome.additions, outcome.base)
     assert left.effect == "cable_stiffness"
@@ -120,7 +120,7 @@ def test_a_name_that_stays_is_fitted_without_the_one_that_goes() -> None:
 
 def test_every_step_of_the_way_is_fitted_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     """The gain of each name is measured from step to step."""
-    outcome = search(fit(sweep({**GIVES, **PULLS})), {"cable_stiffness": CableStiffness})
+    outcome = weighed_again(forward(fit(sweep({**GIVES, **PULLS})), {"cable_stiffness": CableStiffness}))
     (first,) = outcome.additions
     second = replace(first, effect="payload_change", fit=refit(first.fit, CHANGING))
     third = replace(first, effect="presliding_hysteresis", fit=refit(second.fit, GIVING))
@@ -182,7 +182,7 @@ def test_a_complete_model_leaves_nothing_to_the_function() -> None:
 
 def test_names_of_a_model_that_leaves_nothing_are_not_touched() -> None:
     log = record(Machine().hiding(coulomb_friction={"torque": 0.1}), excitation(4, duration=15.0), seed=4).log()
-    outcome = search(fit(log), {"coulomb_friction": CoulombFriction})
+    outcome = weighed_again(forward(fit(log), {"coulomb_friction": CoulombFriction}))
     assert [addition.effect for addition in outcome.additions] == ["coulomb_friction"]
     assert beside_surface(outcome.additions, outcome.base) is outcome.additions
 

@@ -8,13 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from plant.effects.curve import HEIGHTS, KNOTS, Curve
 from plant.effects.effect import Expression, Moment, Motion, State, Trace, parameter
-from plant.effects.presliding_hysteresis import memories, slid
-
-_WAYS = 8
+from plant.effects.presliding_hysteresis import remembered, slid
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,18 +38,13 @@ class Hysteresis(Curve):
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """One column for each knot, for ways from a part of a sample's travel to a quarter of the range."""
-        typical = float(np.quantile(np.abs(motion.velocity), 0.9)) * motion.sample_time
-        reach = float(np.ptp(motion.angle))
-        if typical <= 0.0 or reach <= 0.0:
-            return
-        ways = np.geomspace(0.3 * typical, max(0.25 * reach, typical), _WAYS)
-        remembered = motion.by_run(lambda rows: memories(motion.angle[rows], ways))
-        for way, memory in zip(ways, remembered.T, strict=True):
+        memories = list(remembered(motion))
+        for way, memory in memories:
             yield Trace(
                 columns=cls.hats(memory, -1.0, 1.0),
                 prior=cls.prior,
                 start=lambda c, way=way: cls(  # type: ignore[misc]
-                    low=-1.0, high=1.0, way=float(way), **dict(zip(HEIGHTS, map(float, c), strict=True))
+                    low=-1.0, high=1.0, way=way, **dict(zip(HEIGHTS, map(float, c), strict=True))
                 ),
-                searched=_WAYS,
+                searched=len(memories),
             )

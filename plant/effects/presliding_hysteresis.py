@@ -14,6 +14,8 @@ from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Stag
 from plant.recursion import Recursion
 from plant.symbolic import one_at_a_time
 
+_WAYS = 8
+
 
 @dataclass(frozen=True, kw_only=True)
 class PreslidingHysteresis(Effect):
@@ -55,22 +57,27 @@ class PreslidingHysteresis(Effect):
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """The loop for travels to slide from a hundredth of a sample's travel to a quarter of the range."""
-        typical = float(np.quantile(np.abs(motion.velocity), 0.9)) * motion.sample_time
-        reach = float(np.ptp(motion.angle))
-        if typical <= 0.0 or reach <= 0.0:
-            return
-        travels = np.geomspace(0.3 * typical, max(0.25 * reach, typical), 8)
-        loops = motion.by_run(lambda rows: memories(motion.angle[rows], travels))
-        for place, travel in enumerate(travels):
+        loops = list(remembered(motion))
+        for travel, loop in loops:
             yield Trace(
-                columns=-loops[:, [place]],
+                columns=-loop[:, None],
                 positive=(True,),
                 start=lambda c, travel=travel: cls(  # type: ignore[misc]
                     torque=within(c[0], cls, "torque", floor=1e-6),
                     stiffness=within(c[0] / travel, cls, "stiffness", floor=1e-5),
                 ),
-                searched=travels.size,
+                searched=len(loops),
             )
+
+
+def remembered(motion: Motion) -> Iterator[tuple[float, Array]]:
+    """Ways to forget, from a part of a sample's travel to a quarter of the range, and (T,) `slid` along a motion."""
+    typical = float(np.quantile(np.abs(motion.velocity), 0.9)) * motion.sample_time
+    reach = float(np.ptp(motion.angle))
+    if typical > 0.0 and reach > 0.0:
+        ways = np.geomspace(0.3 * typical, max(0.25 * reach, typical), _WAYS)
+        memories = motion.by_run(lambda rows: _memories(motion.angle[rows], ways))
+        yield from zip(ways.tolist(), memories.T, strict=True)
 
 
 def slid(state: Expression, travel: Expression, way: Expression) -> Expression:
@@ -79,7 +86,7 @@ def slid(state: Expression, travel: Expression, way: Expression) -> Expression:
     return direction + (state - direction) * ca.exp(-ca.fabs(travel) / way)
 
 
-def memories(angle: Array, travels: Array) -> Array:
+def _memories(angle: Array, travels: Array) -> Array:
     """(T, S) `slid` along an angle (T,) for each way to forget (S,), as the mean over each sample."""
     travelled = np.diff(angle, append=angle[-1])[:, None]
     return _contacts(travels.size)((np.zeros(travels.size),), travelled, travels)[1][0]
