@@ -56,15 +56,17 @@ def _beside_curves(outcome: Outcome, curves: Callable[[], tuple[Fit, ...]]) -> t
 
     Names that explain clearly less than curves do by themselves only stand near the cause: what carries the gain is
     what the log shows. They stay where, with what is carried beside them, they explain clearly more than that: then
-    something is missing that has a name, and something that has none. Names that leave nothing stay too; unless one
-    came out with values such as its cause can hardly have: then they have to explain clearly more by themselves. What
-    is richer than a curve is asked alone where it is needed beside the names, or where they leave much to an observer;
-    there it has to explain twice as much.
+    something is missing that has a name, and something that has none. Names that leave nothing stay too, or little: if
+    with what is richer beside them they do not explain clearly more, it does not without them. Unless one came out with
+    values such as its cause can hardly have: then they have to explain clearly more by themselves. What is richer than
+    a curve is asked alone where it is needed beside the names, or where they leave much to an observer; there it has to
+    explain twice as much.
     """
     additions, beside = beside_unnamed(outcome.base, outcome.additions)
     strange = not all(is_plausible(outcome.fit, addition.effect) for addition in outcome.additions)
-    if outcome.additions and (beside.path or beside.seen or outcome.fit.bandwidth or strange):
-        names, enough = (outcome.fit,), 1.0 - CLEARLY if strange else 1.0 + CLEARLY
+    names, enough = (outcome.fit,), 1.0 - CLEARLY if strange else 1.0 + CLEARLY
+    little = beside.rich and not says_more(beside.path, names, outcome.base, times=enough)
+    if outcome.additions and not little and (beside.path or beside.seen or outcome.fit.bandwidth or strange):
         alone = carried(outcome.base).path if beside.rich else curves()
         if not beside.rich and outcome.fit.bandwidth and not says_more(alone, names, outcome.base, times=enough):
             promising = richer_promise(outcome.base) > _PROMISING * charged(names, outcome.base)

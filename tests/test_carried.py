@@ -96,6 +96,33 @@ def test_what_is_richer_is_fitted_in_place_of_names_only_where_the_screen_gives_
     assert (kept.additions, left.path) == (((), (rich,)) if fitted else (outcome.additions, ()))
 
 
+@pytest.mark.parametrize(("adds", "asked"), [(9.0, []), (11.0, ["base"])])
+def test_what_is_richer_is_weighed_against_names_only_where_it_adds_a_tenth_beside_them(
+    monkeypatch: pytest.MonkeyPatch, adds: float, asked: list[str]
+) -> None:
+    """Names explain 100 and leave something that only a law over two variables takes up, which alone explains 300."""
+    names, base, both, rich = (
+        SimpleNamespace(name=name, bandwidth=0.0, model=SimpleNamespace(effects=(FrictionOverTurn(low=0.0, high=0.0),)))
+        for name in ("names", "base", "both", "rich")
+    )
+    outcome = Outcome(
+        base=base,  # type: ignore[arg-type]
+        additions=(SimpleNamespace(effect="a", fit=names),),  # type: ignore[arg-type]
+        candidates=(),
+    )
+    explains = {"names": 100.0, "both": 100.0 + adds, "rich": 300.0}
+    questions: list[str] = []
+    beside, alone = (Carried(path=(fit,), seen=()) for fit in (both, rich))  # type: ignore[arg-type]
+    monkeypatch.setattr(belief, "beside_unnamed", lambda base, additions: (additions, beside))
+    monkeypatch.setattr(belief, "is_plausible", lambda at, name: True)
+    monkeypatch.setattr(curves, "_colour", lambda fits, than: 1.0)
+    monkeypatch.setattr(curves, "charged", lambda path, than, over=1.0: explains[path[-1].name])
+    monkeypatch.setattr(belief, "carried", lambda at: questions.append(at.name) or alone)
+    kept, left, _ = belief.believed(outcome)
+    assert questions == asked
+    assert (kept.additions, left.path) == (((), (rich,)) if asked else (outcome.additions, (both,)))
+
+
 @pytest.mark.parametrize(
     ("names", "ahead", "left"),
     [(2, 50.0, 0.96), (2, 5.0, 0.709), (2, 2.0, 0.116), (2, 1.0, None), (2, -50.0, None), (1, -50.0, 0.96)],
