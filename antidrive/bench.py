@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from diagnosis.experiment.separation import blank_run
-from diagnosis.linear import Linear, linearised
+from diagnosis.linear import AT_ONCE, Linear, linearised
 from identification.predictor import Prediction, Predictor
 from identification.run import Run
 from plant.discrete import INPUTS, integration_steps
@@ -98,7 +98,13 @@ class Bench:
 
     def score(self, mark: Array) -> tuple[Array, Array]:
         """(T,) how much a torque, and an error of the reading, at each sample would take of a mark (T,) in it."""
-        return self._linear.score(-mark)
+        torque, reading = self._linear.score(-mark[:, None])
+        return torque[:, 0], reading[:, 0]
+
+    def chance(self) -> tuple[Array, Array]:
+        """(T, M) the same of white noise, of what a refit leaves of it."""
+        noise = np.random.default_rng(0).normal(size=(self.command.size, AT_ONCE))
+        return self._linear.score(noise - self.absorbed @ (self.absorbed.T @ noise))
 
     @cached_property
     def absorbed(self) -> Array:

@@ -34,7 +34,8 @@ def mistaken(kind: type[Effect], other: type[Effect]) -> float | None:
         if effect is not None:
             left = _beyond(on, _mark(effect, on))
             torque, reading = on.score(left[:, 0])
-            asked = list(other.traces(replace(on.motion, score=torque, reading_score=reading)))
+            motion = replace(on.motion, score=torque, reading_score=reading, chance=on.chance)
+            asked = list(other.traces(motion))
             return max((_explained(left, _beyond(on, seen)) for seen in on.responses(asked)), default=None)
     return None
 

@@ -62,13 +62,13 @@ class Linear:
         return whiten(found, np.array(self.colour)) * self.weight[:, None] if self.colour else found
 
     def score(self, innovations: Array) -> tuple[Array, Array]:
-        """(T,) see the function `score`."""
-        push = self.weight * innovations
+        """(T, M) see the function `score`; M at most `AT_ONCE`."""
+        push = self.weight[:, None] * innovations
         if self.colour:
-            push = self.weight * whiten(push[::-1], np.array(self.colour))[::-1]
+            push = self.weight[:, None] * whiten(push[::-1], np.array(self.colour))[::-1]
         backwards, seen = self.closed_loop.transpose(0, 2, 1)[::-1], self.seen[::-1]
         torque, reading = (
-            follow(backwards, seen, path[::-1], push[::-1, None])[::-1, 0] for path in (self.by_torque, self.by_reading)
+            follow(backwards, seen, path[::-1], push[::-1])[::-1] for path in (self.by_torque, self.by_reading)
         )
         return torque, push + reading
 
@@ -122,10 +122,10 @@ def score(runs: tuple[Linear, ...], innovations: Array) -> tuple[Array, Array]:
 
     Args:
         runs: the predictor along each run.
-        innovations: (T,) of all runs.
+        innovations: (T, M) of all runs, M times others, at most `AT_ONCE`.
 
     Returns:
-        (T,) per unit of torque, (T,) per unit of the reading.
+        (T, M) per unit of torque, (T, M) per unit of the reading.
     """
     ends = np.cumsum([linear.weight.size for linear in runs])
     pieces = np.split(innovations, ends[:-1])

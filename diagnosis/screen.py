@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -36,6 +36,7 @@ from plant.symbolic import one_at_a_time
 
 _NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own, where there are many peaks
 _STARTS = 8
+_SHARPENED = 12  # of the best shapes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,10 +110,12 @@ class Screen:
             linearised(fit.model, run, p, bandwidth, substeps=problem.predictor.substeps, colour=problem.log.colour)
             for run, p in zip(problem.log.runs, predictions, strict=True)
         )
-        scores = score(linear, nuisance.beyond(innovations))
+        scores = score(linear, nuisance.beyond(innovations)[:, None])
         return cls(
             fit=fit,
-            motion=_motion(fit, problem, predictions, bandwidth, scores),
+            motion=replace(
+                _motion(fit, problem, predictions, bandwidth, scores), chance=cache(partial(_chance, linear, nuisance))
+            ),
             innovations=innovations,
             nuisance=nuisance,
             filters=linear,
@@ -149,6 +152,8 @@ class Screen:
             tried.append(_Shape(evidence, paid, searched, trace.start(coefficients)))
         if not tried:
             return None
+        tried.sort(key=lambda shape: -shape.evidence)
+        tried[:_SHARPENED] = self._sharpened(tried[:_SHARPENED])
         best = max(tried, key=lambda shape: shape.evidence - np.log(shape.searched))
         # Whoever has been searched for longer would not have paid for it.
         near = [s for s in tried if s.evidence > _NEAR * best.evidence and s.searched <= best.searched]
@@ -160,6 +165,22 @@ class Screen:
             searched=best.searched,
             starts=tuple(starts[:_STARTS]) or (best.start,),
         )
+
+    def _sharpened(self, shapes: list[_Shape]) -> list[_Shape]:
+        """Each shape, or the best of those that lie closer to it than the search looks."""
+        best, owners = list(shapes), list[int]()
+
+        def closer() -> Iterator[Trace]:
+            for place, shape in enumerate(shapes):
+                for trace in shape.start.closer(self.motion):
+                    owners.append(place)
+                    yield trace
+
+        for row, (trace, evidence, coefficients) in enumerate(self.regress(closer())):
+            own = owners[row]
+            if evidence > best[own].evidence:
+                best[own] = best[own]._replace(evidence=evidence, start=trace.start(coefficients))
+        return best
 
     def regress(self, traces: Iterable[Trace], *, discounted: bool = False) -> Iterator[tuple[Trace, float, Array]]:
         """Evidence and coefficients of each trace; evidence discounted for the colour of the innovations on request.
@@ -205,6 +226,12 @@ def _handfuls(traces: Iterable[Trace]) -> Iterator[list[Trace]]:
         yield some
 
 
+def _chance(linear: tuple[Linear, ...], nuisance: Nuisance) -> tuple[Array, Array]:
+    """(T, M) both scores of as many draws of white noise as are followed at once, the same each time."""
+    draws = np.random.default_rng(0).normal(size=(len(nuisance.shared), AT_ONCE))
+    return score(linear, nuisance.beyond(draws))
+
+
 def _motion(
     fit: Fit, problem: Problem, predictions: list[Prediction], bandwidth: float, scores: tuple[Array, Array]
 ) -> Motion:
@@ -228,8 +255,8 @@ def _motion(
         command=command,
         servo_gain=gain,
         torque=law(command),
-        score=scores[0],
-        reading_score=scores[1],
+        score=scores[0][:, 0],
+        reading_score=scores[1][:, 0],
         inertia=float(fit.model.inertia),
         law=law,
         arriving=lambda torque: _arriving(fit.model, torque, velocity),

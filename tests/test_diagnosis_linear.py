@@ -57,7 +57,7 @@ def test_the_score_is_the_adjoint_of_the_response(on_reading: bool, colour: tupl
     linear, rng = random_linear(400, 3, colour), np.random.default_rng(2)
     innovations, column = rng.normal(size=400), rng.normal(size=(400, 1))
     along = -innovations @ linear.response(column, np.array([on_reading]))[:, 0]
-    assert linear.score(innovations)[int(on_reading)] @ column[:, 0] == pytest.approx(along, rel=1e-12)
+    assert linear.score(innovations[:, None])[int(on_reading)][:, 0] @ column[:, 0] == pytest.approx(along, rel=1e-12)
 
 
 def told_and_seen(log: Log, model: ServoModel, initial: np.ndarray, bandwidth: float) -> tuple[np.ndarray, np.ndarray]:

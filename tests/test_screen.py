@@ -20,7 +20,9 @@ from identification.predictor import Prediction
 from identification.problem import Problem
 from identification.side_by_side import side_by_side, without_blas_threads
 from plant import ServoModel
-from plant.effects import Backlash, CoulombFriction, Motion, TorqueOffset, Trace, catalogue
+from plant.effects import Backlash, Cogging, CoulombFriction, Motion, TorqueOffset, Trace, catalogue
+from plant.effects.effect import Array
+from plant.effects.order_lines import strongest_lines
 
 
 def prediction(rng: np.random.Generator, samples: int, free: int) -> Prediction:
@@ -134,3 +136,37 @@ def test_a_gap_in_the_model_does_not_hide_what_was_seen_without_it(seed: int) ->
         seen[found.model] = suspect.evidence
     assert loose.log_likelihood > base.log_likelihood + 50.0
     assert seen[loose.model] > 0.7 * seen[base.model] > 20.0
+
+
+def test_a_line_stands_out_in_the_measure_of_what_white_noise_has_there() -> None:
+    """Twenty slow lines of chance are each higher than the one that is meant, where chance has next to nothing."""
+    rng = np.random.default_rng(4)
+    place = np.linspace(0.0, 50.0, 4000)
+    slow = 0.5 + 0.3 * np.arange(20)
+
+    def chance() -> Array:
+        waves = [rng.normal() * np.sin(w * place) + rng.normal() * np.cos(w * place) for w in slow]
+        return np.sum(waves, axis=0) + 0.01 * rng.normal(size=place.size)
+
+    score = chance() + 0.05 * np.sin(29.0 * place)
+    draws = np.column_stack([chance() for _ in range(16)])
+    apart = 2.0 * np.pi / 50.0
+    found, searched = strongest_lines(place, score, draws, 40.0)
+    blind, _ = strongest_lines(place, score, draws[:, :0], 40.0)
+    assert searched > 1000
+    assert min(abs(rate - 29.0) for rate in found) < 0.5 * apart
+    assert min(abs(rate - 29.0) for rate in blind) > apart
+
+
+def test_of_a_narrow_peak_the_top_is_taken(monkeypatch: pytest.MonkeyPatch, screen: Screen) -> None:
+    """The search takes steps of a quarter of a line; what lies in between comes from the effect itself."""
+    (before,) = screen.ask({"cogging": Cogging})
+    top = Cogging(amplitude=0.02, order=1.234, phase=0.0)
+
+    def closer(self: Cogging, motion: Motion) -> Iterator[Trace]:
+        yield Trace(columns=motion.score[:, None], start=lambda c: top)
+
+    monkeypatch.setattr(Cogging, "closer", closer)
+    (after,) = screen.ask({"cogging": Cogging})
+    assert after.evidence > before.evidence
+    assert after.starts[0] == top

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import as_wave, eight_periods, lines_over_angle, neighbouring, waves
+from plant.effects.order_lines import as_wave, closer, eight_periods, lines_over_angle, neighbouring, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,15 +35,20 @@ class Cogging(Effect):
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """Sine and cosine at the orders that would improve the fit most."""
-        orders, searched = lines_over_angle(motion, motion.score)
-        for order in orders:
-            yield Trace(
-                columns=waves(motion.angle, order),
-                start=lambda c, order=order: cls(  # type: ignore[misc]
-                    amplitude=as_wave(c)[0], order=order, phase=as_wave(c)[1]
-                ),
-                searched=searched,
-            )
+        orders, searched = lines_over_angle(motion)
+        return (cls._at(order, motion, searched) for order in orders)
+
+    def closer(self, motion: Motion) -> Iterator[Trace]:
+        """Sine and cosine at orders next to its own."""
+        return (self._at(order, motion) for order in closer(motion.angle, self.order))
+
+    @classmethod
+    def _at(cls, order: float, motion: Motion, searched: int = 1) -> Trace:
+        return Trace(
+            columns=waves(motion.angle, order),
+            start=lambda c: cls(amplitude=as_wave(c)[0], order=order, phase=as_wave(c)[1]),
+            searched=searched,
+        )
 
     def neighbours(self, motion: Motion) -> Iterator[Trace]:
         """Sine and cosine at orders beside its own."""

@@ -20,10 +20,11 @@ import copy
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias
 
 from plant.effects.motion import Array as Array
 from plant.effects.motion import Motion as Motion
+from plant.effects.motion import Place as Place
 from plant.effects.parameter import Axis as Axis
 from plant.effects.parameter import Parameter as Parameter
 from plant.effects.parameter import parameter as parameter
@@ -96,7 +97,7 @@ class Trace:
     start: Callable[[Array], Effect]
     positive: tuple[bool, ...] = ()
     searched: int = 1
-    acts_on: Literal["torque", "reading"] = "torque"
+    acts_on: Place = "torque"
     prior: Array | None = None
 
 
@@ -266,6 +267,10 @@ class Effect:
         What they explain beside the effect itself says how high the peaks are that mean nothing.
         """
         return self.traces(motion) if self.rugged else iter(())
+
+    def closer(self, motion: Motion) -> Iterator[Trace]:
+        """Traces of shapes between its own and the next that `traces` has, where a peak may be narrower than that."""
+        return iter(())
 
     @classmethod
     def typical(cls, motion: Motion) -> Effect | None:

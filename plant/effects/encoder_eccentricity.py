@@ -9,7 +9,9 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import as_wave, lines_over_angle, neighbouring, waves
+from plant.effects.order_lines import as_wave, closer, lines_over_angle, neighbouring, waves
+
+_FIRST = (1.0, 2.0)  # orders of a disc off its centre, and of one that is not round
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,17 +41,23 @@ class EncoderEccentricity(Effect):
 
         A part of a wave that is no longer than a radian cannot be told from a scale that is a little off.
         """
-        found, searched = lines_over_angle(motion, motion.reading_score)
-        first = [(order, 2) for order in (1.0, 2.0) if order * float(np.ptp(motion.angle)) > 1.0]
-        for order, among in [*first, *((order, searched) for order in found)]:
-            yield Trace(
-                columns=waves(motion.angle, order),
-                start=lambda c, order=order: cls(  # type: ignore[misc]
-                    amplitude=as_wave(c)[0], order=order, phase=as_wave(c)[1]
-                ),
-                searched=among,
-                acts_on="reading",
-            )
+        found, searched = lines_over_angle(motion, "reading")
+        first = [(order, 2) for order in _FIRST if order * float(np.ptp(motion.angle)) > 1.0]
+        return (cls._at(order, motion, among) for order, among in [*first, *((order, searched) for order in found)])
+
+    def closer(self, motion: Motion) -> Iterator[Trace]:
+        """Sine and cosine at orders next to its own; the first two are what they are."""
+        orders = closer(motion.angle, self.order) if self.order not in _FIRST else ()
+        return (self._at(order, motion) for order in orders)
+
+    @classmethod
+    def _at(cls, order: float, motion: Motion, searched: int = 1) -> Trace:
+        return Trace(
+            columns=waves(motion.angle, order),
+            start=lambda c: cls(amplitude=as_wave(c)[0], order=order, phase=as_wave(c)[1]),
+            searched=searched,
+            acts_on="reading",
+        )
 
     def neighbours(self, motion: Motion) -> Iterator[Trace]:
         """Sine and cosine at orders beside its own."""

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
+Place: TypeAlias = Literal["torque", "reading"]
+"""What a cause adds to: the torque on the load, or the reading."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,6 +29,7 @@ class Motion:
         score: (T,) how much a load torque at each sample would improve the fit: half the squared innovations that it
             would take away, per N m [rad^2/(N m)].
         reading_score: (T,) the same for an error of the reading at each sample, per rad [rad^2/rad].
+        chance: both scores (T, M) of M draws of white noise in place of the innovations; by default there are none.
         run: (T,) index of the run of each sample.
         inertia: J of the fitted model [N m s^2/rad].
         velocity_resolution: velocity below which its sign is not known [rad/s].
@@ -48,6 +51,13 @@ class Motion:
     velocity_resolution: float
     law: Callable[[Array], Array] = field(default=lambda command: command)
     arriving: Callable[[Array], Array] = field(default=lambda torque: torque)
+    chance: Callable[[], tuple[Array, Array]] | None = None
+
+    def scores(self, acts_on: Place) -> tuple[Array, Array]:
+        """The score (T,) of what acts there, and those (T, M) that chance has."""
+        place = ("torque", "reading").index(acts_on)
+        score = (self.score, self.reading_score)[place]
+        return score, self.chance()[place] if self.chance is not None else np.empty((score.size, 0))
 
     @property
     def sample_time(self) -> float:
@@ -59,7 +69,7 @@ class Motion:
         """(T,) direction of motion, soft where the velocity is below its resolution."""
         return np.tanh(self.velocity / self.velocity_resolution)
 
-    def visible(self, columns: Array, acts_on: Literal["torque", "reading"] = "torque") -> Array:
+    def visible(self, columns: Array, acts_on: Place = "torque") -> Array:
         """(m,) coefficients with which the columns (T, m) of a trace show: each half as much as the one before.
 
         The first by a tenth of the rms torque, or as an error of the reading by a fiftieth of the angle's spread.

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import numpy as np
-from scipy.ndimage import median_filter
+from collections.abc import Iterable
 
-from plant.effects.motion import Array, Motion
+import numpy as np
+
+from plant.effects.motion import Array, Motion, Place
 from plant.effects.returns import returning
 
-_NEIGHBOURHOOD = 101  # grid points, a quarter of a resolvable line each, whose median is the background of a peak
+_BY_POWER, _BY_MEASURE = 16, 12  # lines that are tried for their power, and for it in the measure of white noise's
+_ROUNDED = 0.2  # share of the covariance of sine and cosine that is taken to be the same for both
 _BESIDE = 16  # lines on each side of one by which it is told what chance, or a poor model, makes there
+_BETWEEN = (-0.25, -0.125, 0.125, 0.25)  # of a resolvable line
 _LONGEST = 4000  # lines that a search may reach
 _RETURNS = 0.7  # mean agreement of a wave's phases between visits to a state, from which it is taken for the state's
 
 
-def lines_over_angle(motion: Motion, score: Array) -> tuple[list[float], int]:
+def lines_over_angle(motion: Motion, acts_on: Place = "torque") -> tuple[list[float], int]:
     """Orders [rad/rad] at which a ripple over the angle would improve the fit most, and how many were looked at.
 
     A period must take more than four samples at typical speed, or it is not resolved.
@@ -22,7 +25,8 @@ def lines_over_angle(motion: Motion, score: Array) -> tuple[list[float], int]:
     speed = float(np.quantile(np.abs(motion.velocity), 0.5))
     if speed <= 0.0:
         return [], 1
-    return strongest_lines(motion.angle, score, 2.0 * np.pi / (4.0 * speed * motion.sample_time))
+    highest = 2.0 * np.pi / (4.0 * speed * motion.sample_time)
+    return strongest_lines(motion.angle, *motion.scores(acts_on), highest)
 
 
 def lines_over_time(motion: Motion) -> tuple[list[float], int]:
@@ -30,7 +34,8 @@ def lines_over_time(motion: Motion) -> tuple[list[float], int]:
 
     Of a repeated motion, a wave that comes back with it is any torque that depends on angle and velocity.
     """
-    rates, searched = strongest_lines(motion.time, motion.score, 2.0 * np.pi / (4.0 * motion.sample_time))
+    highest = 2.0 * np.pi / (4.0 * motion.sample_time)
+    rates, searched = strongest_lines(motion.time, *motion.scores("torque"), highest)
     return [rate for rate in rates if returning(motion, np.exp(1j * rate * motion.time)) <= _RETURNS], searched
 
 
@@ -43,6 +48,12 @@ def neighbouring(place: Array, rate: float) -> Array:
     steps = np.arange(2.0, 2.0 + _BESIDE)
     rates = rate + apart * np.concatenate((-steps[::-1], steps))
     return np.asarray(rates[(rates >= 2.0 * apart) & (rates <= _LONGEST * apart)])
+
+
+def closer(place: Array, rate: float) -> Array:
+    """Rates on both sides of one between which a search does not look: where a load rests, peaks may be that narrow."""
+    apart = 2.0 * np.pi / max(float(np.ptp(place)), 1e-300)
+    return np.asarray(rate + apart * np.array(_BETWEEN))
 
 
 def waves(place: Array, rate: float) -> Array:
@@ -61,10 +72,20 @@ def eight_periods(place: Array) -> float:
     return 16.0 * np.pi / reach if reach > 0.0 else 1.0
 
 
-def strongest_lines(place: Array, score: Array, highest: float) -> tuple[list[float], int]:
-    """Peaks of the periodogram of a score (T,) over a variable (T,), and the number of frequencies looked at.
+def strongest_lines(place: Array, score: Array, chance: Array, highest: float) -> tuple[list[float], int]:
+    """Frequencies over a variable (T,) at which a wave would improve a fit most, and the number that were looked at.
 
     A line must complete two periods within the range, or it cannot be told from a trend.
+
+    Where the innovations are white, a wave explains its score's power in the measure of what white noise has there: by
+    the frequency, the phase and the places where the load rests, it moves the reading more or less. Where a model
+    leaves more than noise, the highest power is the better guide. Some lines are tried for either reason.
+
+    Args:
+        place: the variable.
+        score: (T,) how much a push at each sample would improve the fit.
+        chance: (T, M) the same with draws of white noise in place of the innovations; M may be 0.
+        highest: frequency [rad per unit].
     """
     reach = float(np.ptp(place))
     if reach <= 0.0:
@@ -74,12 +95,12 @@ def strongest_lines(place: Array, score: Array, highest: float) -> tuple[list[fl
     if highest <= 2.0 * apart:
         return [], 1
     frequencies = np.arange(2.0 * apart, highest, apart / 4.0)
-    power = _periodogram(place, score, frequencies)
-    # A slow torque moves the load further than a fast one, so the background falls with the frequency: a line may stand
-    # out of it without being among the highest. Of the highest more are tried, for some are only drift.
-    background = np.maximum(median_filter(power, size=_NEIGHBOURHOOD, mode="nearest"), 1e-300)
+    seen, *white = _sines_and_cosines(place, (score, *chance.T), frequencies)
+    heights = [(np.sum(seen**2, axis=0), _BY_POWER)]
+    if white:
+        heights.append((_explained(seen, np.array(white)), _BY_MEASURE))
     chosen: list[float] = []
-    for height, count in ((power, 16), (power / background, 6)):
+    for height, count in heights:
         found = 0
         for index in np.argsort(height)[::-1]:
             if all(abs(frequencies[index] - other) > apart for other in chosen):
@@ -90,11 +111,22 @@ def strongest_lines(place: Array, score: Array, highest: float) -> tuple[list[fl
     return chosen, frequencies.size
 
 
-def _periodogram(place: Array, values: Array, frequencies: Array) -> Array:
-    """Power of `values` at each frequency over `place`, by binning it finely and transforming the bins."""
+def _explained(seen: Array, white: Array) -> Array:
+    """(F,) what sines and cosines with scores (2, F) explain up to a factor, by those of white noise (M, 2, F).
+
+    The covariance of few draws is rounded, or it would be narrow somewhere by chance alone.
+    """
+    covariance = np.einsum("maf,mbf->fab", white, white)
+    size = 0.5 * np.trace(covariance, axis1=1, axis2=2)[:, None, None]
+    round_ = (1.0 - _ROUNDED) * covariance + (_ROUNDED * size + 1e-300) * np.eye(2)
+    return np.asarray(np.einsum("af,fab,bf->f", seen, np.linalg.inv(round_), seen))
+
+
+def _sines_and_cosines(place: Array, scores: Iterable[Array], frequencies: Array) -> list[Array]:
+    """(2, F) sums of each score (T,) times sine and cosine over `place`, by binning it finely."""
     step = 2.0 * np.pi / frequencies[-1] / 6.0
     bins = np.floor((place - place.min()) / step).astype(int)
-    sums = np.bincount(bins, weights=values)
-    length = int(2 ** np.ceil(np.log2(8 * sums.size)))
-    spectrum = np.abs(np.fft.rfft(sums, length)) ** 2
-    return np.asarray(np.interp(frequencies, 2.0 * np.pi * np.fft.rfftfreq(length, step), spectrum), dtype=float)
+    length = int(2 ** np.ceil(np.log2(8 * (bins.max() + 1))))
+    nearest = np.minimum(np.rint(frequencies * length * step / (2.0 * np.pi)).astype(int), length // 2)
+    spectra = (np.fft.rfft(np.bincount(bins, weights=score), length)[nearest] for score in scores)
+    return [np.stack((spectrum.real, spectrum.imag)) for spectrum in spectra]

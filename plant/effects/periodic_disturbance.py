@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import as_wave, eight_periods, lines_over_time, neighbouring, waves
+from plant.effects.order_lines import as_wave, closer, eight_periods, lines_over_time, neighbouring, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,15 +41,19 @@ class PeriodicDisturbance(Effect):
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """Sine and cosine at the frequencies that would improve the fit most, if the motion does not repeat in them."""
         rates, searched = lines_over_time(motion)
-        middle = motion.time + 0.5 * motion.sample_time  # of the sample over which the torque acts
-        for rate in rates:
-            yield Trace(
-                columns=waves(middle, rate),
-                start=lambda c, rate=rate: cls(  # type: ignore[misc]
-                    amplitude=as_wave(c)[0], frequency=rate / (2.0 * np.pi), phase=as_wave(c)[1]
-                ),
-                searched=searched,
-            )
+        return (cls._at(rate, motion, searched) for rate in rates)
+
+    def closer(self, motion: Motion) -> Iterator[Trace]:
+        """Sine and cosine at frequencies next to its own."""
+        return (self._at(rate, motion) for rate in closer(motion.time, 2.0 * np.pi * self.frequency))
+
+    @classmethod
+    def _at(cls, rate: float, motion: Motion, searched: int = 1) -> Trace:
+        return Trace(
+            columns=waves(motion.time + 0.5 * motion.sample_time, rate),  # the middle of the sample over which it acts
+            start=lambda c: cls(amplitude=as_wave(c)[0], frequency=rate / (2.0 * np.pi), phase=as_wave(c)[1]),
+            searched=searched,
+        )
 
     def neighbours(self, motion: Motion) -> Iterator[Trace]:
         """Sine and cosine at frequencies beside its own."""

@@ -53,7 +53,7 @@ class Ripple(Unnamed):
     @classmethod
     def lines(cls, motion: Motion) -> tuple[list[float], int]:
         """Rates of the fundamental worth a try, and how many were looked at."""
-        return lines_over_angle(motion, motion.score)
+        return lines_over_angle(motion)
 
     def neighbours(self, motion: Motion) -> Iterator[Trace]:
         """Sine and cosine at rates beside its fundamental."""
@@ -140,7 +140,7 @@ class RippleOfReading(Ripple):
     @classmethod
     def lines(cls, motion: Motion) -> tuple[list[float], int]:
         """One turn, and what an error of the reading would improve most."""
-        found, searched = lines_over_angle(motion, motion.reading_score)
+        found, searched = lines_over_angle(motion, "reading")
         return [*([1.0] if np.ptp(motion.angle) > 1.0 else []), *found], searched
 
 
