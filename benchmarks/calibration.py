@@ -45,10 +45,13 @@ from machine import (  # noqa: E402
 )
 
 from diagnosis import Diagnosis, diagnose  # noqa: E402
+from identification.fit import fit  # noqa: E402
 from identification.fit_result import Fit  # noqa: E402
 from identification.log import Log  # noqa: E402
+from identification.problem import Problem  # noqa: E402
 from identification.simulation import free_simulation  # noqa: E402
-from plant import BadParameter  # noqa: E402
+from plant import BadParameter, ServoModel  # noqa: E402
+from plant.effects import catalogue  # noqa: E402
 
 STORE = HERE / "results" / "calibration.jsonl"
 SIZES = HERE / "results" / "sizes.json"
@@ -216,7 +219,20 @@ def several(number: int, seed: int) -> dict[str, Any]:
     held = record(machine, excitation(2 * seed + 1, duration=HELD_OUT), seed=seed + 1, noise=NOISE).log()
     begin = time.perf_counter()
     found = diagnose(log, None, held)
-    return {"truth": list(names), **answer(found, time.perf_counter() - begin)}
+    told = answer(found, time.perf_counter() - begin)
+    return {"truth": list(names), "shown": shown(names, log), **told}
+
+
+def shown(names: tuple[str, ...], log: Log) -> dict[str, float]:
+    """lambda of each of several true effects beside the others: a load at rest does not show what it carries."""
+    truth = ServoModel.paper()
+    for name in names:
+        case = BY_NAME[name]
+        truth = truth.with_effect(catalogue[name](**case.at(case.sizes[1 if name == "backlash" else 2])))
+    told = fit(log, truth, fixed=[name for name in truth.names if name != "inertia"])
+    best = Problem.of(log, truth).descend(told)
+    without = {name: Problem.of(log, best.model.without_effect(name)).descend(best) for name in names}
+    return {name: 2.0 * (best.log_likelihood - less.log_likelihood) for name, less in without.items()}
 
 
 def deleted(number: int, seed: int) -> dict[str, Any]:

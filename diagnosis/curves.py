@@ -13,6 +13,7 @@ from diagnosis.odds import MISSING, parameter_cost, schwarz_cost, search_charge
 from diagnosis.refit import evidence_of, fitted_near, refit, widening
 from diagnosis.round import Addition
 from diagnosis.screen import Screen, peaks_beside
+from diagnosis.uneven import unevenness
 from diagnosis.unseen import holds_up
 from diagnosis.wandering import follows_anything, if_it_wanders, may_wander, needed_with, refitted
 from identification.fit_result import Fit
@@ -173,7 +174,8 @@ def beside_unnamed(base: Fit, additions: tuple[Addition, ...]) -> tuple[tuple[Ad
     """Additions to a base that still pay beside what is carried without a name, and that.
 
     A law that varies over the turn passes for the nearest that does not, and a ripple of any shape for a sine and a
-    stop: such names only stood near the cause.
+    stop: such names only stood near the cause. Where an observer still follows something, the model is not right, and a
+    name counts as far as the parts of the log agree about it.
     """
     more = carried(additions[-1].fit if additions else base)
     if not more.path:
@@ -181,9 +183,12 @@ def beside_unnamed(base: Fit, additions: tuple[Addition, ...]) -> tuple[tuple[Ad
     at, kept = more.path[-1], list(additions)
     for addition in sorted(additions, key=lambda addition: addition.evidence):
         less = fitted_near(at, at.model.without_effect(addition.effect))
-        if needed_with(addition, at, less) < MISSING:
+        uneven = unevenness(at, addition.effect) if at.bandwidth else 1.0
+        if needed_with(addition, at, less, over=uneven) < MISSING:
             at = less
             kept.remove(addition)
     if len(kept) == len(additions):
         return additions, more
+    if not kept:
+        return (), carried(base)
     return tuple(refitted(base, kept, at)), replace(more, path=(at,))

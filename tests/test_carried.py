@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
+from scipy.special import expit
 
-from diagnosis import belief, curves
+from diagnosis import belief, curves, wandering
 from diagnosis.curves import Carried, beside_unnamed, carried
 from diagnosis.round import Addition
 from diagnosis.search import Outcome
@@ -208,19 +209,58 @@ def test_a_ripple_pays_for_the_search_as_much_as_the_lines_beside_it_tell(
     assert (curves._one_more(fit, found, {}) is after) == kept
 
 
-def test_a_name_that_does_not_pay_beside_it_goes(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("bandwidth", "over"), [(0.0, 1.0), (5.0, 3.0)])
+def test_a_name_that_does_not_pay_beside_it_goes(
+    monkeypatch: pytest.MonkeyPatch, bandwidth: float, over: float
+) -> None:
+    """Where an observer still follows something, as far as the parts of the log agree about it."""
+    counted: list[float] = []
+
     def fit(*names: str) -> Any:
         model = SimpleNamespace(names=names, without_effect=lambda gone: [name for name in names if name != gone])
-        return SimpleNamespace(model=model)
+        return SimpleNamespace(model=model, bandwidth=bandwidth)
+
+    def needed_with(addition: Any, at: Any, less: Any, *, over: float) -> float:
+        counted.append(over)
+        return 0.96 if addition.effect == "true" else 0.94
 
     near, true = (SimpleNamespace(effect=name, evidence=10.0, fit=fit(name)) for name in ("near", "true"))
     monkeypatch.setattr(curves, "carried", lambda at: Carried(path=(fit("near", "true", "curve"),), seen=()))
     monkeypatch.setattr(curves, "fitted_near", lambda at, names: fit(*names))
-    monkeypatch.setattr(curves, "needed_with", lambda addition, at, less: 0.96 if addition.effect == "true" else 0.94)
+    monkeypatch.setattr(curves, "needed_with", needed_with)
+    monkeypatch.setattr(curves, "unevenness", lambda at, name: 3.0)
     monkeypatch.setattr(curves, "refitted", lambda base, kept, at: kept)
     additions, beside = beside_unnamed(fit(), (near, true))  # type: ignore[arg-type]
     assert [addition.effect for addition in additions] == ["true"]
     assert beside.path[-1].model.names == ("true", "curve")
+    assert counted == [over, over]
+
+
+def test_what_is_carried_beside_names_that_all_go_is_asked_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fit(name: str) -> Any:
+        return SimpleNamespace(name=name, model=SimpleNamespace(without_effect=lambda gone: gone), bandwidth=0.0)
+
+    asked: list[str] = []
+    beside, alone = (Carried(path=(fit(name),), seen=()) for name in ("beside", "alone"))
+    near: Any = SimpleNamespace(effect="near", evidence=10.0, fit=fit("near"))
+    monkeypatch.setattr(curves, "carried", lambda at: asked.append(at.name) or (beside if at.name == "near" else alone))
+    monkeypatch.setattr(curves, "fitted_near", lambda at, model: fit("less"))
+    monkeypatch.setattr(curves, "needed_with", lambda addition, at, less, over: 0.94)
+    assert beside_unnamed(fit("base"), (near,)) == ((), alone)
+    assert asked == ["near", "base"]
+
+
+def test_evidence_counts_as_far_as_the_parts_of_a_log_agree(monkeypatch: pytest.MonkeyPatch) -> None:
+    addition: Any = SimpleNamespace(
+        effect="a",
+        contest=(SimpleNamespace(effect=SimpleNamespace(name="a"), visible=lambda at, less, rise: rise - 5.0),),
+    )
+    fit: Any = SimpleNamespace(model=SimpleNamespace(effect=lambda name: name))
+    monkeypatch.setattr(wandering, "replace", lambda at, **changes: at)
+    monkeypatch.setattr(wandering, "widening", lambda at, than: 2.0)
+    monkeypatch.setattr(wandering, "evidence_of", lambda at, than, over: 20.0 / over)
+    assert wandering.needed_with(addition, fit, fit) == pytest.approx(expit(5.0))
+    assert wandering.needed_with(addition, fit, fit, over=8.0) == pytest.approx(expit(-2.5))
 
 
 def test_varying_friction_begins_where_none_of_it_is_cut_off() -> None:
