@@ -183,8 +183,8 @@ def beside_unnamed(base: Fit, additions: tuple[Addition, ...]) -> tuple[tuple[Ad
     at, kept = more.path[-1], list(additions)
     for addition in sorted(additions, key=lambda addition: addition.evidence):
         less = fitted_near(at, at.model.without_effect(addition.effect))
-        uneven = unevenness(at, addition.effect) if at.bandwidth else 1.0
-        if needed_with(addition, at, less, over=uneven) < MISSING:
+        uneven = unevenness(at, addition.effect) if at.bandwidth else None
+        if needed_with(addition, at, less, uneven=uneven) < MISSING:
             at = less
             kept.remove(addition)
     if len(kept) == len(additions):

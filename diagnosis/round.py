@@ -65,6 +65,14 @@ class Contestant:
         evidence = evidence_of(fit, than) if evidence is None else evidence
         return evidence - visibility_cost(self.coefficients) - self._charged(fit)
 
+    def evenly(self, rise: float, uneven: float) -> float:
+        """Evidence of a rise in likelihood, if parts of the log disagree about it by such a factor.
+
+        Only what goes beyond the charge for the search: that knows already how high the peaks of what is left are.
+        """
+        beyond = rise - self.charge
+        return self.charge + (beyond / uneven if beyond > 0.0 else beyond)
+
     def _charged(self, fit: Fit) -> float:
         """For the search, and for values that such a cause hardly ever has."""
         return self.charge + (0.0 if is_plausible(fit, self.effect.name) else _STRANGE)

@@ -134,13 +134,12 @@ def _odds(
 ) -> dict[str, float]:
     """Probabilities of rivals, fitted, by their evidence beside the function; what is strange is no name there.
 
-    What each says beyond the charge for its search counts as far as the log speaks for it evenly, by one measure for
-    all: that of the rival with the most. The charge knows already how high the peaks of what is left are.
+    What each says counts as far as the log speaks for it evenly, by one measure for all: that of the rival with the
+    most beyond the charge for its search.
     """
-    beyond = {name: rise - contest[name].charge for name, rise in evidence.items()}
-    first = max(beyond, key=lambda name: beyond[name])
-    over = unevenness(fits[first], first)
-    counts = {name: contest[name].charge + (more / over if more > 0.0 else more) for name, more in beyond.items()}
+    first = max(evidence, key=lambda name: evidence[name] - contest[name].charge)
+    uneven = unevenness(fits[first], first)
+    counts = {name: contest[name].evenly(rise, uneven) for name, rise in evidence.items()}
     said = {name for name, fit in fits.items() if is_plausible(fit, name) and not is_its_special_case(fit, name)}
     scores = {name: contest[name].score(fit, less, counts[name]) for name, fit in fits.items()}
     return probabilities(

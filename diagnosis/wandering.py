@@ -14,7 +14,7 @@ from dataclasses import replace
 from scipy.special import expit
 
 from diagnosis.odds import MISSING, NONE
-from diagnosis.refit import evidence_of, fitted_near, widening
+from diagnosis.refit import evidence_of, fitted_near
 from diagnosis.round import Addition
 from diagnosis.unseen import lost_unseen
 from identification.fit_result import Fit
@@ -71,17 +71,18 @@ def refitted(base: Fit, additions: list[Addition], final: Fit) -> list[Addition]
     return path
 
 
-def needed_with(addition: Addition, fit: Fit, less: Fit, *, over: float = 1.0) -> float:
+def needed_with(addition: Addition, fit: Fit, less: Fit, *, uneven: float | None = None) -> float:
     """Probability, by one-step predictions, that something is missing without it though the load may wander.
 
-    What it explains counts an `over`-th, if not less for its colour.
+    If a factor is given by which the parts of the log disagree about it, its evidence counts as far as they agree.
     """
     own = next((rival for rival in addition.contest if rival.effect.name == addition.effect), None)
     if own is None or fit.model.effect(addition.effect) is None:
         return 1.0
     # An observer that holds a gap also follows a load that wanders: there the two are not to be compared.
     rest = replace(less, held_log_likelihood=None)
-    return float(expit(own.visible(fit, rest, evidence_of(fit, rest, over=max(over, widening(fit, rest))))))
+    evidence = own.evenly(evidence_of(fit, rest, over=1.0), uneven) if uneven is not None else None
+    return float(expit(own.visible(fit, rest, evidence)))
 
 
 def less_sure(addition: Addition, needed: float) -> Addition:

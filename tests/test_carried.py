@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
-from scipy.special import expit
 
 from diagnosis import belief, curves, wandering
 from diagnosis.curves import Carried, beside_unnamed, carried
-from diagnosis.round import Addition
+from diagnosis.round import Addition, Contestant
 from diagnosis.search import Outcome
+from plant.effects import CoulombFriction
 from plant.effects.curve import HEIGHTS
 from plant.effects.effect import Array
 from plant.effects.varying import FrictionOverTurn
@@ -209,19 +209,19 @@ def test_a_ripple_pays_for_the_search_as_much_as_the_lines_beside_it_tell(
     assert (curves._one_more(fit, found, {}) is after) == kept
 
 
-@pytest.mark.parametrize(("bandwidth", "over"), [(0.0, 1.0), (5.0, 3.0)])
+@pytest.mark.parametrize(("bandwidth", "uneven"), [(0.0, None), (5.0, 3.0)])
 def test_a_name_that_does_not_pay_beside_it_goes(
-    monkeypatch: pytest.MonkeyPatch, bandwidth: float, over: float
+    monkeypatch: pytest.MonkeyPatch, bandwidth: float, uneven: float | None
 ) -> None:
     """Where an observer still follows something, as far as the parts of the log agree about it."""
-    counted: list[float] = []
+    counted: list[float | None] = []
 
     def fit(*names: str) -> Any:
         model = SimpleNamespace(names=names, without_effect=lambda gone: [name for name in names if name != gone])
         return SimpleNamespace(model=model, bandwidth=bandwidth)
 
-    def needed_with(addition: Any, at: Any, less: Any, *, over: float) -> float:
-        counted.append(over)
+    def needed_with(addition: Any, at: Any, less: Any, *, uneven: float | None) -> float:
+        counted.append(uneven)
         return 0.96 if addition.effect == "true" else 0.94
 
     near, true = (SimpleNamespace(effect=name, evidence=10.0, fit=fit(name)) for name in ("near", "true"))
@@ -233,7 +233,7 @@ def test_a_name_that_does_not_pay_beside_it_goes(
     additions, beside = beside_unnamed(fit(), (near, true))  # type: ignore[arg-type]
     assert [addition.effect for addition in additions] == ["true"]
     assert beside.path[-1].model.names == ("true", "curve")
-    assert counted == [over, over]
+    assert counted == [uneven, uneven]
 
 
 def test_what_is_carried_beside_names_that_all_go_is_asked_anew(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -245,22 +245,25 @@ def test_what_is_carried_beside_names_that_all_go_is_asked_anew(monkeypatch: pyt
     near: Any = SimpleNamespace(effect="near", evidence=10.0, fit=fit("near"))
     monkeypatch.setattr(curves, "carried", lambda at: asked.append(at.name) or (beside if at.name == "near" else alone))
     monkeypatch.setattr(curves, "fitted_near", lambda at, model: fit("less"))
-    monkeypatch.setattr(curves, "needed_with", lambda addition, at, less, over: 0.94)
+    monkeypatch.setattr(curves, "needed_with", lambda addition, at, less, uneven: 0.94)
     assert beside_unnamed(fit("base"), (near,)) == ((), alone)
     assert asked == ["near", "base"]
 
 
 def test_evidence_counts_as_far_as_the_parts_of_a_log_agree(monkeypatch: pytest.MonkeyPatch) -> None:
-    addition: Any = SimpleNamespace(
-        effect="a",
-        contest=(SimpleNamespace(effect=SimpleNamespace(name="a"), visible=lambda at, less, rise: rise - 5.0),),
-    )
-    fit: Any = SimpleNamespace(model=SimpleNamespace(effect=lambda name: name))
+    """The charge for a search knows of high peaks; only what goes beyond it, 12 here, is divided."""
+    own = Contestant(effect=CoulombFriction(torque=0.1), coefficients=1, charge=8.0)
+    assert own.evenly(20.0, 4.0) == pytest.approx(11.0)
+    assert own.evenly(5.0, 4.0) == pytest.approx(5.0)
+    seen: list[float | None] = []
+    monkeypatch.setattr(Contestant, "visible", lambda self, at, than, evidence: seen.append(evidence) or 0.0)
     monkeypatch.setattr(wandering, "replace", lambda at, **changes: at)
-    monkeypatch.setattr(wandering, "widening", lambda at, than: 2.0)
-    monkeypatch.setattr(wandering, "evidence_of", lambda at, than, over: 20.0 / over)
-    assert wandering.needed_with(addition, fit, fit) == pytest.approx(expit(5.0))
-    assert wandering.needed_with(addition, fit, fit, over=8.0) == pytest.approx(expit(-2.5))
+    monkeypatch.setattr(wandering, "evidence_of", lambda at, than, over: 20.0)
+    addition: Any = SimpleNamespace(effect="coulomb_friction", contest=(own,))
+    fit: Any = SimpleNamespace(model=SimpleNamespace(effect=lambda name: name))
+    for uneven in (None, 4.0):
+        wandering.needed_with(addition, fit, fit, uneven=uneven)
+    assert seen == [None, pytest.approx(11.0)]
 
 
 def test_varying_friction_begins_where_none_of_it_is_cut_off() -> None:

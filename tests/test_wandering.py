@@ -100,7 +100,9 @@ def fitted(model: ServoModel, log_likelihood: float, bandwidth: float = 2.0) -> 
 
 def addition(effect: Effect, fit: Any, evidence: float, none: float = 0.0) -> Addition:
     """Found with that evidence; visible by as much as the likelihood rises."""
-    rival: Any = SimpleNamespace(effect=effect, visible=lambda fit, less: fit.log_likelihood - less.log_likelihood)
+    rival: Any = SimpleNamespace(
+        effect=effect, visible=lambda fit, less, evidence: fit.log_likelihood - less.log_likelihood
+    )
     odds = {effect.name: 0.9 - none, "cogging": 0.1, NONE: none}
     return Addition(effect=effect.name, fit=fit, odds=odds, evidence=evidence, contest=(rival,))
 
