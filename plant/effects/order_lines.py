@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from scipy.fft import next_fast_len, rfft
 
 from plant.effects.motion import Array, Motion, Place
 from plant.effects.returns import returning
@@ -126,7 +127,7 @@ def _sines_and_cosines(place: Array, scores: Iterable[Array], frequencies: Array
     """(2, F) sums of each score (T,) times sine and cosine over `place`, by binning it finely."""
     step = 2.0 * np.pi / frequencies[-1] / 6.0
     bins = np.floor((place - place.min()) / step).astype(int)
-    length = int(2 ** np.ceil(np.log2(8 * (bins.max() + 1))))
+    length = next_fast_len(8 * int(bins.max() + 1), real=True)
     nearest = np.minimum(np.rint(frequencies * length * step / (2.0 * np.pi)).astype(int), length // 2)
-    spectra = (np.fft.rfft(np.bincount(bins, weights=score), length)[nearest] for score in scores)
+    spectra = (rfft(np.bincount(bins, weights=score), length)[nearest] for score in scores)
     return [np.stack((spectrum.real, spectrum.imag)) for spectrum in spectra]
