@@ -36,7 +36,8 @@ from plant.symbolic import one_at_a_time
 
 _NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own, where there are many peaks
 _STARTS = 8
-_SHARPENED = 12  # of the best shapes
+_SHARPENED = 12  # of the best shapes that are looked at more closely ...
+_ROWS = 20_000  # ... in logs up to that long; in longer ones fewer, for it takes as long as the rest of the screen
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -153,7 +154,8 @@ class Screen:
         if not tried:
             return None
         tried.sort(key=lambda shape: -shape.evidence)
-        tried[:_SHARPENED] = self._sharpened(tried[:_SHARPENED])
+        best_few = _SHARPENED * _ROWS // max(len(self.innovations), _ROWS)
+        tried[:best_few] = self._sharpened(tried[:best_few])
         best = max(tried, key=lambda shape: shape.evidence - np.log(shape.searched))
         # Whoever has been searched for longer would not have paid for it.
         near = [s for s in tried if s.evidence > _NEAR * best.evidence and s.searched <= best.searched]
