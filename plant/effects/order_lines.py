@@ -10,7 +10,7 @@ from scipy.fft import next_fast_len, rfft
 from plant.effects.motion import Array, Motion, Place
 from plant.effects.returns import returning
 
-_BY_POWER, _BY_MEASURE = 16, 8  # lines that are tried for their power, and for it in the measure of white noise's
+_BY_POWER, _BY_MEASURE = 16, 12  # lines that are tried for their power, and for it in the measure of white noise's
 _ROUNDED = 0.2  # share of the covariance of sine and cosine that is taken to be the same for both
 _BESIDE = 16  # lines on each side of one by which it is told what chance, or a poor model, makes there
 _BETWEEN = (-0.25, -0.125, 0.125, 0.25)  # of a resolvable line
