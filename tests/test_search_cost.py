@@ -142,7 +142,8 @@ def test_a_shape_that_was_not_searched_for_is_not_refitted_to_one_that_was() -> 
         for start, searched in ((first, 2), (among, 5000))
     ]
     kind = SimpleNamespace(name="any", rugged=True, traces=lambda motion: traces)
-    found = Screen._suspect(SimpleNamespace(regress=regress, motion=None), kind)  # type: ignore[arg-type]
+    screen: Any = SimpleNamespace(regress=regress, motion=None, innovations=[0.0], _sharpened=lambda shapes: shapes)
+    found = Screen._suspect(screen, kind)  # type: ignore[arg-type]
     assert found is not None
     assert found.starts == (first,)
     assert (found.evidence, found.searched) == (20.0, 2)
