@@ -90,11 +90,14 @@ class Bench:
 
     def responses(self, traces: Sequence[Trace]) -> list[Array]:
         """(T, m) for each trace, what a small effect of it does to the reading [rad per unit], to first order."""
-        if not traces:
-            return []
-        on_reading = np.concatenate([np.full(t.columns.shape[1], t.acts_on == "reading") for t in traces])
-        whole = -self._linear.response(np.hstack([trace.columns for trace in traces]), on_reading)
-        return np.split(whole, np.cumsum([trace.columns.shape[1] for trace in traces])[:-1], axis=1)
+        found: dict[int, Array] = {}
+        for reading in (False, True):
+            some = [place for place, trace in enumerate(traces) if (trace.acts_on == "reading") == reading]
+            if some:
+                whole = -self._linear.response(np.hstack([traces[k].columns for k in some]), on_reading=reading)
+                ends = np.cumsum([traces[place].columns.shape[1] for place in some])[:-1]
+                found.update(zip(some, np.split(whole, ends, axis=1), strict=True))
+        return [found[place] for place in range(len(traces))]
 
     def score(self, mark: Array) -> tuple[Array, Array]:
         """(T,) how much a torque, and an error of the reading, at each sample would take of a mark (T,) in it."""

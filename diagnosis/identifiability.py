@@ -79,7 +79,7 @@ def blind_spots(fit: Fit) -> tuple[str, ...]:
         return (still,)
     screen = Screen.of(fit, Problem.of(fit.log, fit.model, fixed=fit.fixed), bandwidth=fit.bandwidth)
     motion, columns = screen.motion, _columns(screen.motion, fit)
-    shown = response(screen.filters, np.column_stack(list(columns.values())), np.zeros(len(columns), dtype=bool))
+    shown = response(screen.filters, np.column_stack(list(columns.values())), on_reading=False)
     seen = dict(zip(columns, screen.nuisance.beyond_initial_states(shown).T, strict=True))
     worth = {"inertia": _rms(motion.acceleration), "viscous": _rms(motion.velocity)}
     limit, told = _rms(motion.torque) / (_SURE * fit.noise_std), _words(motion, fit)

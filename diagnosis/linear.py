@@ -13,7 +13,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.log import Run
 from identification.noise import whiten
@@ -48,17 +47,17 @@ class Linear:
     weight: Array
     colour: tuple[float, ...] = ()
 
-    def response(self, columns: Array, on_reading: NDArray[np.bool_]) -> Array:
-        """(T, M) change of the innovations by torques, or errors of the reading where marked (M,), of (T, M)."""
-        found = np.empty_like(columns)
-        for marked, path in ((False, self.by_torque), (True, self.by_reading)):
-            places = np.flatnonzero(on_reading == marked)
-            for first in range(0, places.size, AT_ONCE):
-                some = places[first : first + AT_ONCE]
-                shown = follow(self.closed_loop, path, self.seen, columns[:, some])
-                if marked:
-                    shown += columns[:, some]
-                found[:, some] = np.multiply(shown, -self.weight[:, None], out=shown)
+    def response(self, columns: Array, *, on_reading: bool = False) -> Array:
+        """(T, M) change of the innovations by torques (T, M), or by errors of the reading."""
+        path = self.by_reading if on_reading else self.by_torque
+        parts = [
+            follow(self.closed_loop, path, self.seen, columns[:, first : first + AT_ONCE])
+            for first in range(0, columns.shape[1], AT_ONCE)
+        ]
+        found = parts[0] if len(parts) == 1 else np.hstack(parts)
+        if on_reading:
+            found += columns
+        found *= -self.weight[:, None]
         return whiten(found, np.array(self.colour)) * self.weight[:, None] if self.colour else found
 
     def score(self, innovations: Array) -> tuple[Array, Array]:
@@ -106,13 +105,11 @@ def _side_by_side(n: int) -> Recursion:
     return Recursion(ca.Function("side_by_side", [z, row], [following, ca.mtimes(seen.T, z)]), carried=1)
 
 
-def response(runs: tuple[Linear, ...], columns: Array, on_reading: NDArray[np.bool_]) -> Array:
-    """(T, M) change of the innovations of all runs by torques, or where marked (M,) errors of the reading, (T, M)."""
-    parts, row = [], 0
-    for linear in runs:
-        parts.append(linear.response(columns[row : row + linear.weight.size], on_reading))
-        row += linear.weight.size
-    return np.vstack(parts)
+def response(runs: tuple[Linear, ...], columns: Array, *, on_reading: bool) -> Array:
+    """(T, M) change of the innovations of all runs by torques (T, M), or by errors of the reading."""
+    pieces = np.split(columns, np.cumsum([linear.weight.size for linear in runs])[:-1])
+    parts = [linear.response(piece, on_reading=on_reading) for linear, piece in zip(runs, pieces, strict=True)]
+    return parts[0] if len(parts) == 1 else np.vstack(parts)
 
 
 def score(runs: tuple[Linear, ...], innovations: Array) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from identification.predictor import Prediction
 from plant.effects.effect import Array
 
 _NOTHING = 1e-10  # of the largest direction, below which a direction is rounding
+_ROUNDING = 1e-12  # of the squares of a column, below which what is left of them is rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,6 +33,22 @@ class Nuisance:
         own = tuple(basis(p.jacobian[:, free:]) for p in predictions)
         shared = np.vstack([p.jacobian[:, :free] for p in predictions])
         return cls(own=own, shared=basis(_beyond(own, shared)))
+
+    def information(self, columns: Array, values: Array) -> tuple[Array, Array]:
+        """(M, M) and (M,) products of what is beyond of columns (T, M) with itself and with values (T,) beyond.
+
+        Zero for a column of which nothing is beyond but rounding.
+        """
+        found, first = columns.T @ columns, 0
+        whole = np.diag(found).copy()
+        for basis in self.own:
+            held = basis.T @ columns[first : first + len(basis)]
+            found -= held.T @ held
+            first += len(basis)
+        held = self.shared.T @ columns
+        found -= held.T @ held
+        left = np.diag(found) > _ROUNDING * whole
+        return np.where(np.outer(left, left), found, 0.0), np.where(left, columns.T @ values, 0.0)
 
     def beyond_initial_states(self, values: Array) -> Array:
         """What no initial state can follow of values (T,) or (T, M)."""

@@ -63,23 +63,21 @@ def parameter_cost(fit: Fit, than: Fit) -> float:
     return min(schwarz, max(laplace, 0.0))
 
 
-def smooth_evidence(regressors: Array, values: Array, prior: Array) -> tuple[float, Array]:
+def smooth_evidence(information: Array, pull: Array, prior: Array) -> tuple[float, Array]:
     """Log Bayes factor of a smooth curve against none, and the curve.
 
     The coefficients have a Gaussian prior of a given shape, whose size is taken at its best of a few and charged for
     (MacKay 1992). A curve so pays for the bends that it uses and not for the knots that it has.
 
     Args:
-        regressors: (T, m) with everything projected out that other parameters absorb.
-        values: (T,) to explain, likewise.
+        information: (m, m) R'R over the variance of the values to explain, y, with R and y what no other parameters
+            absorb.
+        pull: (m,) R'y over that variance.
         prior: (m, m) covariance up to a factor.
     """
     root = np.linalg.cholesky(prior)
-    variance = float(np.mean(values**2))
-    seen = regressors @ root
-    information, pull = seen.T @ seen / variance, seen.T @ values / variance
-    eigenvalues, vectors = np.linalg.eigh(information)
-    eigenvalues, along = np.maximum(eigenvalues, 0.0), vectors.T @ pull
+    eigenvalues, vectors = np.linalg.eigh(root.T @ information @ root)
+    eigenvalues, along = np.maximum(eigenvalues, 0.0), vectors.T @ (root.T @ pull)
     top = float(eigenvalues.max(initial=0.0))
     if top <= 0.0:
         return 0.0, np.zeros(pull.size)

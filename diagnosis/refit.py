@@ -30,7 +30,13 @@ def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
     problems = [problem(start) for start in starts]
     if len(problems) > _DESCENTS:
         problems = _most_promising(problems, fit, fit.bandwidth)[:_DESCENTS]
-    return max(side_by_side(lambda each: each.descend(fit), problems), key=lambda found: found.log_likelihood)
+    begun = side_by_side(lambda each: each.begun(fit), problems)
+    ways = [  # those that come by the same place go on alike
+        (problem, here)
+        for place, (problem, here) in enumerate(zip(problems, begun, strict=True))
+        if not any(here.is_at(other.point, fit.samples) for other in begun[:place])
+    ]
+    return max(side_by_side(lambda way: way[0].descend(fit, way[1]), ways), key=lambda found: found.log_likelihood)
 
 
 def refined(fit: Fit, found: Fit, name: str) -> Fit:

@@ -190,23 +190,28 @@ class Screen:
         A few traces are drawn and followed at a time, for their columns are as long as the log.
         """
         e = self.nuisance.beyond(self.innovations)
+        power = max(float(e @ e), 1e-300)
         for some in _handfuls(traces):
-            on_reading = np.concatenate([np.full(t.columns.shape[1], t.acts_on == "reading") for t in some])
-            columns = np.hstack([trace.columns for trace in some])
-            responses, first = self.nuisance.beyond(response(self.filters, columns, on_reading)), 0
+            columns = np.hstack([trace.columns for trace in some]) if len(some) > 1 else some[0].columns
+            regressors = response(self.filters, columns, on_reading=some[0].acts_on == "reading")
+            np.negative(regressors, out=regressors)
+            information, pull = self.nuisance.information(regressors, e)
+            first = 0
             for trace in some:
-                regressors = -responses[:, first : first + trace.columns.shape[1]]
-                first += trace.columns.shape[1]
-                evidence, coefficients = self._regression(regressors, e, trace)
-                yield trace, evidence / (self._widening(regressors) if discounted else 1.0), coefficients
+                own = slice(first, first + trace.columns.shape[1])
+                first = own.stop
+                evidence, coefficients = self._regression(information[own, own], pull[own], power, trace)
+                wide = self._widening(self.nuisance.beyond(regressors[:, own])) if discounted else 1.0
+                yield trace, evidence / wide, coefficients
 
-    def _regression(self, regressors: Array, e: Array, trace: Trace) -> tuple[float, Array]:
+    def _regression(self, information: Array, pull: Array, power: float, trace: Trace) -> tuple[float, Array]:
+        """Evidence and coefficients from the products of the regressors, and with innovations of that power."""
         if trace.prior is not None:
-            return smooth_evidence(regressors, e, trace.prior)
-        coefficients = bounded_least_squares(regressors, e, trace.positive)
-        total, left = float(e @ e), float(((e - regressors @ coefficients) ** 2).sum())
-        evidence = 0.5 * self.fit.samples * float(np.log(total / max(left, 1e-300 + 1e-12 * total)))
-        return evidence, coefficients
+            variance = power / len(self.innovations)
+            return smooth_evidence(information / variance, pull / variance, trace.prior)
+        found = bounded_least_squares(information, pull, trace.positive)
+        left = 1.0 - float(2.0 * pull @ found - found @ information @ found) / power
+        return -0.5 * self.fit.samples * float(np.log(max(left, 1e-12))), found
 
     def _widening(self, regressors: Array) -> float:
         """Factor by which the innovations' colour widens the variance of regression coefficients, at least 1."""
@@ -217,10 +222,14 @@ class Screen:
 
 
 def _handfuls(traces: Iterable[Trace]) -> Iterator[list[Trace]]:
-    """The traces a few at a time, with as many columns together as are followed at once, or one that has more."""
+    """The traces a few at a time: with as many columns together as are followed at once, or one that has more.
+
+    Those of torques and those of errors of the reading apart.
+    """
     some: list[Trace] = []
     for trace in traces:
-        if some and sum(t.columns.shape[1] for t in (*some, trace)) > AT_ONCE:
+        full = sum(t.columns.shape[1] for t in (*some, trace)) > AT_ONCE
+        if some and (full or trace.acts_on != some[0].acts_on):
             yield some
             some = []
         some.append(trace)

@@ -90,5 +90,8 @@ def weighed_again(outcome: Outcome, progress: Callable[[str], None] | None = Non
 def _better_null(fit: Fit, found: Addition) -> Fit | None:
     """The model without the addition, fitted from the addition's optimum, if it is clearly likelier than it was."""
     problem = Problem.of(fit.log, fit.model, fixed=fit.fixed)
+    here = problem.pack(fit.model.values, fit.initial)
+    if problem.begun(replace(found.fit, bandwidth=fit.bandwidth)).is_at(here, fit.samples):
+        return None
     again = problem.descend(found.fit)
     return again if evidence_of(again, fit) > 3.0 else None

@@ -35,11 +35,12 @@ def _coloured(fit: Fit) -> Iterator[Fit]:
     problem = Problem.of(fit.log, fit.model, fixed=fit.fixed)
     free = problem.solve(free=True) if fit.bandwidth else fit
     if not free.bandwidth and autoregression(free.innovations).size:
-        yield problem.recoloured(free)
-    bandwidth = fit.bandwidth / _SLOWER
+        coloured = problem.recoloured(free, fit.log_likelihood)
+        if coloured is not None:
+            yield coloured
+    bandwidth, least = fit.bandwidth / _SLOWER, fit.log_likelihood + _WORTH * fit.samples
     while fit.bandwidth * _SLOWEST < bandwidth:
-        coloured = problem.recoloured(replace(fit, bandwidth=bandwidth))
-        worth = coloured.log_likelihood - fit.log_likelihood > _WORTH * fit.samples
-        if worth and fit.log.sample_time < coloured.noise_memory < 1.0 / bandwidth:
+        coloured = problem.recoloured(replace(fit, bandwidth=bandwidth), least)
+        if coloured is not None and fit.log.sample_time < coloured.noise_memory < 1.0 / bandwidth:
             yield coloured
         bandwidth /= _SLOWER

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from plant.effects.effect import Array
 
+_APART = 0.1  # of the log-likelihood, by which two points have to differ
+_ALIKE = 1e-12  # of the information about some regressors, below which about their difference there is none
 _ROUNDING = 1e-8  # component of a unit vector that may be none
 
 
@@ -51,6 +53,11 @@ class Minimum:
     equations: NormalEquations
     converged: bool
     evaluations: int
+
+    def is_at(self, point: Array, samples: int) -> bool:
+        """Whether a point (n,) lies so near that so many residuals do not tell the two apart."""
+        apart, here = self.point - point, self.equations
+        return bool(0.5 * samples * (apart @ here.information @ apart) < _APART * here.cost < np.inf)
 
 
 def minimise(
@@ -188,22 +195,26 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
     )
 
 
-def bounded_least_squares(regressors: Array, values: Array, positive: tuple[bool, ...] = ()) -> Array:
-    """(m,) least-squares coefficients of regressors (T, m), those marked `positive` (m,) not below zero.
+def bounded_least_squares(information: Array, pull: Array, positive: tuple[bool, ...] = ()) -> Array:
+    """(m,) least-squares coefficients of some regressors R for values y, those marked `positive` not below zero.
 
     Those that are zero at the optimum are found by trying, for there are few (Lawson and Hanson 1974, ch. 23).
+
+    Args:
+        information: (m, m) R'R.
+        pull: (m,) R'y.
+        positive: (m,) or none.
     """
-    size = np.sqrt(np.maximum((regressors**2).sum(axis=0), 1e-300))
-    orthogonal, triangle = np.linalg.qr(regressors / size)
-    target, marked = orthogonal.T @ values, np.flatnonzero(positive)
-    best, least = np.zeros(size.size), np.inf
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scaled, target, marked = information / np.outer(size, size), pull / size, np.flatnonzero(positive)
+    best, most = np.zeros(size.size), -np.inf
     for zeros in chain.from_iterable(combinations(marked, count) for count in range(marked.size + 1)):
         kept = [place for place in range(size.size) if place not in zeros]
         found = np.zeros(size.size)
-        found[kept] = np.linalg.lstsq(triangle[:, kept], target, rcond=1e-8)[0]
-        left = float(((target - triangle @ found) ** 2).sum())
-        if np.all(found[marked] >= 0.0) and left < least:
-            best, least = found, left
-        if not zeros and np.isfinite(least):
+        found[kept] = np.linalg.lstsq(scaled[np.ix_(kept, kept)], target[kept], rcond=_ALIKE)[0]
+        explained = float(found @ target)
+        if np.all(found[marked] >= 0.0) and explained > most:
+            best, most = found, explained
+        if not zeros and np.isfinite(most):
             break
     return np.asarray(best / size)

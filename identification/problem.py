@@ -26,6 +26,7 @@ from plant.effects.effect import Array
 
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
 _COLOURINGS = 3  # passes from the errors' colour to the fit and back
+_PARTS, _PART = 10, 5000  # of a log, and samples of each, from which a fit of the whole can begin
 _HOPELESS = 4.0  # loss of log-likelihood per sample at a lower bandwidth that no refit makes good
 
 
@@ -110,23 +111,35 @@ class Problem(Objective):
 
     def _starts_from_data(self) -> list[Array]:
         rate = 1.0 / self.log.runs[0].sample_time
-        found = (starting_values(self.log, self.model, share * rate) for share in (0.005, 0.02, 0.06))
+        log = _parts(self.log)
+        found = (starting_values(log, self.model, share * rate) for share in (0.005, 0.02, 0.06))
         return [values for values in found if values is not None]
 
-    def descend(self, start: Fit) -> Fit:
-        """Fit from another fit of a simpler model that lies near: at its bandwidth first, then down as far as it pays.
+    def begun(self, start: Fit) -> Minimum:
+        """Where a descent from another fit of a simpler model comes by at first: at its bandwidth.
 
         Args:
             start: parameters of the same name and initial states are taken over; new ones start at the model's values.
         """
-        point, highest = self._taken_over(start), start.bandwidth
-        if self.model.chaotic:  # where no observer holds it, the likelihood is a mountain range
-            highest = max(highest, HELD)
-        bandwidth = highest
+        point, bandwidth = self._taken_over(start), self._highest(start)
         if self.model.slides and not start.model.slides:
             for width in self.widths()[1:3]:
                 point = self.minimise(point, bandwidth, width, iterations=3).point
-        trials = {bandwidth: self._trial(point, bandwidth, iterations=6)}
+        return self.minimise(point, bandwidth, 0.0, iterations=6)
+
+    def _highest(self, start: Fit) -> float:
+        """Bandwidth at which a descent begins: where no observer holds a chaotic model, its likelihood is rugged."""
+        return max(start.bandwidth, HELD) if self.model.chaotic else start.bandwidth
+
+    def descend(self, start: Fit, begun: Minimum | None = None) -> Fit:
+        """Fit from another fit of a simpler model that lies near: at its bandwidth first, then down as far as it pays.
+
+        Args:
+            start: as in `begun`.
+            begun: what that came by, if it is known.
+        """
+        bandwidth = highest = self._highest(start)
+        trials = {bandwidth: self._judged(self.begun(start) if begun is None else begun, bandwidth)}
         slowest = 1.0 / max(run.duration for run in self.log.runs)
         while bandwidth:
             last = trials[bandwidth]
@@ -147,20 +160,29 @@ class Problem(Objective):
         if not trials:
             return run_off(self, start.initial, highest, evaluations)
         found = fit_of(self, *self._refined(trials), evaluations)
-        return self._held(self.recoloured(found) if self.log.colour else found)
+        return self._held((self.log.colour and self.recoloured(found)) or found)
 
-    def recoloured(self, fit: Fit) -> Fit:
-        """The fit with the colour that the reading's noise has by its own errors, and that of the next, and so on."""
+    def recoloured(self, fit: Fit, least: float = -np.inf) -> Fit | None:
+        """The fit with the colour that the reading's noise has by its own errors, and that of the next, and so on.
+
+        None where its log-likelihood stays below `least`.
+        """
+        problem, point, evaluations = self, self.pack(fit.model.values, fit.initial), fit.evaluations
         for _ in range(_COLOURINGS):
-            point = self.pack(fit.model.values, fit.initial)
-            predictions = self.predictor.predict(
-                fit.model.values, fit.initial, bandwidth=fit.bandwidth, width=0.0, sensitivities=False
+            values, initial = self.unpack(point)
+            predictions = problem.predictor.predict(
+                values, initial, bandwidth=fit.bandwidth, width=0.0, sensitivities=False
             )
             colour = short_autoregression(np.concatenate([p.errors for p in predictions]))
             log, predictor = replace(self.log, colour=colour), replace(self.predictor, colour=colour)
             problem = replace(self, log=log, predictor=predictor)
-            fit = fit_of(problem, fit.bandwidth, problem.minimise(point, fit.bandwidth, 0.0, 10), fit.evaluations)
-        return fit
+            best = problem.minimise(point, fit.bandwidth, 0.0, 10)
+            point, evaluations = best.point, evaluations + best.evaluations
+            if best.evaluations == 1:  # nothing has moved, and the errors have the same colour again
+                break
+        if log_likelihood(best.equations.cost, self.samples) < least:
+            return None
+        return fit_of(problem, fit.bandwidth, best, evaluations - best.evaluations)
 
     def _held(self, fit: Fit) -> Fit:
         """The fit with its likelihood behind an observer that holds it, where it is chaotic without one."""
@@ -249,6 +271,18 @@ class Problem(Objective):
         top = best()
         found = trials[top].minimum
         return top, found if found.converged else self.minimise(found.point, top, 0.0, at_start=found.equations)
+
+
+def _parts(log: Log) -> Log:
+    """As much of a long log as is needed to begin from: parts of each run, spread evenly over it."""
+    if sum(map(len, log.runs)) <= _PARTS * _PART:
+        return log
+    parts = [
+        run.slice(first, first + _PART)
+        for run in log.runs
+        for first in range(0, max(len(run) - _PART, 0) + 1, max(_PART, len(run) * len(log.runs) // _PARTS))
+    ]
+    return replace(log, runs=tuple(parts))
 
 
 def first_states(log: Log) -> Array:

@@ -74,7 +74,9 @@ def test_behind_an_observer_a_colour_is_asked_for_that_it_cannot_follow(monkeypa
         log=SimpleNamespace(sample_time=0.005), model=None, fixed=(), bandwidth=30.0, samples=1000, log_likelihood=0.0
     )
     shown = SimpleNamespace(log_likelihood=worth * fitted.samples, noise_memory=memory)
-    problem = SimpleNamespace(solve=lambda **_: fitted, recoloured=lambda _: shown)
+    problem = SimpleNamespace(
+        solve=lambda **_: fitted, recoloured=lambda _, least: shown if shown.log_likelihood > least else None
+    )
     monkeypatch.setattr(colour, "Problem", SimpleNamespace(of=lambda *_, **__: problem))
     monkeypatch.setattr(colour, "replace", lambda fit, **__: fit)
     assert len(list(colour._coloured(fitted))) == count

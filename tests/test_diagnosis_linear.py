@@ -42,12 +42,13 @@ def test_columns_side_by_side_follow_the_recursion(samples: int) -> None:
     assert found == pytest.approx(np.array(seen), rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.parametrize("on_reading", [False, True])
 @pytest.mark.parametrize("columns", [1, AT_ONCE, 2 * AT_ONCE + 3])
-def test_torques_and_readings_of_any_number_keep_their_places(columns: int) -> None:
+def test_torques_and_readings_of_any_number_keep_their_places(columns: int, on_reading: bool) -> None:
     linear, rng = random_linear(60, 2), np.random.default_rng(4)
-    inputs, on_reading = rng.normal(size=(60, columns)), rng.random(columns) > 0.5
-    together = linear.response(inputs, on_reading)
-    alone = [linear.response(inputs[:, [k]], on_reading[[k]])[:, 0] for k in range(columns)]
+    inputs = rng.normal(size=(60, columns))
+    together = linear.response(inputs, on_reading=on_reading)
+    alone = [linear.response(inputs[:, [k]], on_reading=on_reading)[:, 0] for k in range(columns)]
     assert together == pytest.approx(np.array(alone).T, rel=1e-12, abs=1e-12)
 
 
@@ -56,7 +57,7 @@ def test_torques_and_readings_of_any_number_keep_their_places(columns: int) -> N
 def test_the_score_is_the_adjoint_of_the_response(on_reading: bool, colour: tuple[float, ...]) -> None:
     linear, rng = random_linear(400, 3, colour), np.random.default_rng(2)
     innovations, column = rng.normal(size=400), rng.normal(size=(400, 1))
-    along = -innovations @ linear.response(column, np.array([on_reading]))[:, 0]
+    along = -innovations @ linear.response(column, on_reading=on_reading)[:, 0]
     assert linear.score(innovations[:, None])[int(on_reading)][:, 0] @ column[:, 0] == pytest.approx(along, rel=1e-12)
 
 
@@ -72,7 +73,7 @@ def told_and_seen(log: Log, model: ServoModel, initial: np.ndarray, bandwidth: f
     (run,), predictor = log.runs, Problem.of(log, model).predictor
     path = predictor.predict(model.values, initial, bandwidth=bandwidth, width=0.0)[0]
     linear = linearised(model, run, path, bandwidth, substeps=predictor.substeps, colour=log.colour)
-    told = linear.response(np.ones((len(run), 1)), np.array([False]))[:, 0]
+    told = linear.response(np.ones((len(run), 1)))[:, 0]
     return told, (innovations(size) - innovations(-size)) / (2 * size)
 
 

@@ -116,11 +116,11 @@ def test_a_loose_model_is_followed_down_from_an_observer_that_holds_it(monkeypat
     loose = stiff.model.with_effect(Backlash(gap=0.01, motor_share=0.3))
     begun: list[float] = []
 
-    def stopped(self: Problem, point: Any, bandwidth: float, iterations: int) -> Any:
+    def stopped(self: Problem, point: Any, bandwidth: float, width: float, iterations: int) -> Any:
         begun.append(bandwidth)
         raise StopIteration
 
-    monkeypatch.setattr(Problem, "_trial", stopped)
+    monkeypatch.setattr(Problem, "minimise", stopped)
     monkeypatch.setattr(Problem, "glance", lambda *_: 1e9)  # as bad as can be
     for model in (stiff.model, loose):
         with pytest.raises(StopIteration):

@@ -332,7 +332,8 @@ def test_the_evidence_of_a_smooth_curve_is_the_marginal_likelihood() -> None:
         spread = variance * np.eye(60) + size * regressors @ prior @ regressors.T
         plain = multivariate_normal(cov=variance * np.eye(60)).logpdf(values)
         rises.append(multivariate_normal(cov=spread).logpdf(values) - plain)
-    assert smooth_evidence(regressors, values, prior)[0] == pytest.approx(max(rises) - np.log(9), rel=1e-9)
+    information, pull = regressors.T @ regressors / variance, regressors.T @ values / variance
+    assert smooth_evidence(information, pull, prior)[0] == pytest.approx(max(rises) - np.log(9), rel=1e-9)
 
 
 @dataclass(frozen=True, kw_only=True)

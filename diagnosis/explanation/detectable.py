@@ -45,7 +45,7 @@ def detectable(fit: Fit, tried: Iterable[Candidate]) -> dict[str, Estimate]:
 
 def _standard_error(screen: Screen, trace: Trace) -> float:
     """Of the trace's coefficient, for innovations of the colour that they have."""
-    seen = screen.nuisance.beyond(response(screen.filters, trace.columns, np.array([trace.acts_on == "reading"])))
+    seen = screen.nuisance.beyond(response(screen.filters, trace.columns, on_reading=trace.acts_on == "reading"))
     information = float((seen**2).sum())
     if information <= 0.0:
         return np.inf
