@@ -147,8 +147,10 @@ def _path(
 
 
 def _one_more(fit: Fit, found: tuple[tuple[Unnamed, float], ...], known: dict[str, Fit | None]) -> Fit | None:
+    """The fit with the first of those found more that pays, or with the best, if each leaves work for an observer."""
     tried = [start for start, _ in found[:_TRIES]]
     random = max(evidence_of(if_it_wanders(fit), fit), 0.0) if tried and may_wander(fit) else 0.0
+    best: Fit | None = None
     for start in tried:
         if start.name not in known:
             after = refit(fit, start.begun(), fixed=start.shape())
@@ -156,9 +158,12 @@ def _one_more(fit: Fit, found: tuple[tuple[Unnamed, float], ...], known: dict[st
             over = evidence_of(after, fit) - random - _CLEARS - cost
             pays = over > 0.0 and over > _line_charge(after, start) and holds_up(fit, after, must_show=True)
             known[start.name] = after if pays else None
-        if (longer := known[start.name]) is not None:
-            return longer
-    return None
+        longer = known[start.name]
+        if longer is not None and (best is None or says_more((longer,), (best,), fit, times=1.0)):
+            best = longer
+        if best is not None and not may_wander(best):
+            break
+    return best
 
 
 def _line_charge(fit: Fit, start: Unnamed) -> float:

@@ -36,8 +36,9 @@ from plant.symbolic import one_at_a_time
 
 _NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own, where there are many peaks
 _STARTS = 8
+_NOTICED = 2  # digits of an evidence; shapes that are alike in them are in the order in which the effect names them
 _SHARPENED = 12  # of the best shapes that are looked at more closely ...
-_ROWS = 20_000  # ... in logs up to that long; in longer ones fewer, for it takes as long as the rest of the screen
+_ROWS = 100_000  # ... in logs up to that long; in longer ones fewer, for it takes as long as the rest of the screen
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -150,7 +151,7 @@ class Screen:
             searched = trace.searched if kind.rugged else 1
             paid = trace.columns.shape[1] if kind.rugged else len(kind.parameters())
             paid = 0 if trace.prior is not None else paid
-            tried.append(_Shape(evidence, paid, searched, trace.start(coefficients)))
+            tried.append(_Shape(round(evidence, _NOTICED), paid, searched, trace.start(coefficients)))
         if not tried:
             return None
         tried.sort(key=lambda shape: -shape.evidence)
