@@ -11,6 +11,7 @@ from diagnosis.belief import believed, only_near
 from diagnosis.candidates import Choice, chosen
 from diagnosis.curves import Carried
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.extrapolation import goes_further
 from diagnosis.holdout import cut, inverse_errors, measure_gain, remaining, split, spoken_against
 from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
@@ -116,7 +117,7 @@ def diagnose(
     gain, squares, replays = measure_gain(holdout, path)
     final = path[-1]
     if (refuted := spoken_against(squares[0], squares[-1])) is not None:
-        warnings.append(refuted)
+        warnings.append(" ".join(filter(None, (refuted, goes_further(holdout, log)))))
     left = repeats(final)
     if left is not None:
         warnings.append(str(left))

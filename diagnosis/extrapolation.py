@@ -1,0 +1,37 @@
+"""Whether held-out data ask of a model what its log has not shown: an error there is no error of a cause."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from identification.log import Log
+from plant.effects.effect import Array
+
+_MARGIN = 0.05  # of the range of a log, by which another may exceed it
+_MUCH = 0.1  # share of another log that may exceed it by more
+
+
+def goes_further(held_out: Log, seen: Log) -> str | None:
+    """A sentence if much of a held-out log lies at angles, or speeds, that the log before has not come by."""
+    angle, unit = ("positions", "m") if seen.axis == "linear" else ("angles", "rad")
+    for name, of, size in ((angle, _angles, unit), ("speeds", _speeds, f"{unit}/s")):
+        known, asked = of(seen), of(held_out)
+        low, high = float(known.min()), float(known.max())
+        margin = _MARGIN * (high - low)
+        outside = float(np.mean((asked < low - margin) | (asked > high + margin)))
+        if outside > _MUCH:
+            return (
+                f"{100.0 * outside:.0f} % of them lie at {name} outside {low:.3g} to {high:.3g} {size}, which is all "
+                "that the log has come by; a log that covers them would tell."
+            )
+    return None
+
+
+def _angles(log: Log) -> Array:
+    """(T,) of all valid samples."""
+    return np.concatenate([run.output[run.valid] for run in log.runs])
+
+
+def _speeds(log: Log) -> Array:
+    """(T,) by differences, in which noise widens what a log has come by."""
+    return np.concatenate([np.gradient(run.output[run.valid], run.time[run.valid]) for run in log.runs])
