@@ -39,9 +39,8 @@ def test_speeds_are_said_where_the_angles_are_known() -> None:
 
 
 def test_a_diagnosis_that_is_refuted_where_its_log_has_not_been_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    import sys
 
-    module = sys.modules["diagnosis.diagnose"]
+    module = import_module("diagnosis.diagnose")
     monkeypatch.setattr(module, "spoken_against", lambda before, after: "Refuted.")
     machine = Machine().hiding(coulomb_friction={"torque": 0.2})
     log, near, far = (
