@@ -134,7 +134,7 @@ class Recursion:
 def _without_dust(function: Any, handed: int) -> Any:
     """The function with zeros for what fades away in its first `handed` outputs.
 
-    Where it would get denormal, a processor takes ten times as long for it.
+    Where it would get denormal, a processor takes many times as long for it.
     """
     if not handed:
         return function
