@@ -9,13 +9,12 @@ from itertools import chain
 
 import numpy as np
 
-from diagnosis.odds import MISSING, parameter_cost, schwarz_cost, search_charge
-from diagnosis.refit import evidence_of, fitted_near, refit, widening
+from diagnosis.odds import parameter_cost, schwarz_cost, search_charge
+from diagnosis.refit import evidence_of, refit, widening
 from diagnosis.round import Addition
 from diagnosis.screen import Screen, peaks_beside
-from diagnosis.uneven import unevenness
 from diagnosis.unseen import holds_up
-from diagnosis.wandering import follows_anything, if_it_wanders, may_wander, needed_with, refitted
+from diagnosis.wandering import follows_anything, if_it_wanders, may_wander, refitted, still_needed
 from identification.fit_result import Fit
 from identification.side_by_side import side_by_side
 from plant.effects.curve import Unnamed
@@ -179,19 +178,12 @@ def beside_unnamed(base: Fit, additions: tuple[Addition, ...]) -> tuple[tuple[Ad
     """Additions to a base that still pay beside what is carried without a name, and that.
 
     A law that varies over the turn passes for the nearest that does not, and a ripple of any shape for a sine and a
-    stop: such names only stood near the cause. Where an observer still follows something, the model is not right, and a
-    name counts as far as the parts of the log agree about it.
+    stop: such names only stood near the cause.
     """
     more = carried(additions[-1].fit if additions else base)
     if not more.path:
         return additions, more
-    at, kept = more.path[-1], list(additions)
-    for addition in sorted(additions, key=lambda addition: addition.evidence):
-        less = fitted_near(at, at.model.without_effect(addition.effect))
-        uneven = unevenness(at, addition.effect) if at.bandwidth else None
-        if needed_with(addition, at, less, uneven=uneven) < MISSING:
-            at = less
-            kept.remove(addition)
+    kept, at = still_needed(additions, more.path[-1])
     if len(kept) == len(additions):
         return additions, more
     if not kept:

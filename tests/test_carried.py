@@ -226,9 +226,9 @@ def test_a_name_that_does_not_pay_beside_it_goes(
 
     near, true = (SimpleNamespace(effect=name, evidence=10.0, fit=fit(name)) for name in ("near", "true"))
     monkeypatch.setattr(curves, "carried", lambda at: Carried(path=(fit("near", "true", "curve"),), seen=()))
-    monkeypatch.setattr(curves, "fitted_near", lambda at, names: fit(*names))
-    monkeypatch.setattr(curves, "needed_with", needed_with)
-    monkeypatch.setattr(curves, "unevenness", lambda at, name: 3.0)
+    monkeypatch.setattr(wandering, "fitted_near", lambda at, names: fit(*names))
+    monkeypatch.setattr(wandering, "needed_with", needed_with)
+    monkeypatch.setattr(wandering, "unevenness", lambda at, name: 3.0)
     monkeypatch.setattr(curves, "refitted", lambda base, kept, at: kept)
     additions, beside = beside_unnamed(fit(), (near, true))  # type: ignore[arg-type]
     assert [addition.effect for addition in additions] == ["true"]
@@ -244,8 +244,8 @@ def test_what_is_carried_beside_names_that_all_go_is_asked_anew(monkeypatch: pyt
     beside, alone = (Carried(path=(fit(name),), seen=()) for name in ("beside", "alone"))
     near: Any = SimpleNamespace(effect="near", evidence=10.0, fit=fit("near"))
     monkeypatch.setattr(curves, "carried", lambda at: asked.append(at.name) or (beside if at.name == "near" else alone))
-    monkeypatch.setattr(curves, "fitted_near", lambda at, model: fit("less"))
-    monkeypatch.setattr(curves, "needed_with", lambda addition, at, less, uneven: 0.94)
+    monkeypatch.setattr(wandering, "fitted_near", lambda at, model: fit("less"))
+    monkeypatch.setattr(wandering, "needed_with", lambda addition, at, less, uneven: 0.94)
     assert beside_unnamed(fit("base"), (near,)) == ((), alone)
     assert asked == ["near", "base"]
 

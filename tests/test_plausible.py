@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
-from diagnosis import diagnose
+from diagnosis import belief, diagnose
 from diagnosis.odds import visibility_cost
 from diagnosis.refit import evidence_of, is_plausible, refit
 from diagnosis.round import Contestant
+from diagnosis.search import Outcome
 from identification.fit import base_model, fit
 from plant.effects import CableStiffness, Effect, EndStop
 
@@ -68,6 +73,47 @@ def test_an_offset_that_the_catalogue_lacks_is_no_cable_from_afar() -> None:
     assert found.verdict == "unknown"
     assert found.causes == ()
     assert found.gain.cut > 0.95
+    assert "Cable stiffness would fit, but only with values that such a cause hardly has." in found.warnings
+
+
+@dataclass(frozen=True)
+class Told:
+    """As much of an addition as is asked for here."""
+
+    effect: str
+    fit: Any
+
+
+@pytest.mark.parametrize(("strange", "left"), [({"b"}, ["c"]), ({"b", "c"}, []), (set(), ["a", "b", "c"])])
+def test_names_that_come_out_strange_are_not_told_nor_what_only_pays_beside_them(
+    monkeypatch: pytest.MonkeyPatch, strange: set[str], left: list[str]
+) -> None:
+    """An effect of the base keeps its place, whatever its values are."""
+
+    def fit(*names: str) -> Any:
+        effects = tuple(SimpleNamespace(name=name, title=f"title {name}") for name in names)
+        model = SimpleNamespace(effects=effects, without_effect=lambda gone: [n for n in names if n != gone])
+        return SimpleNamespace(model=model, names=names)
+
+    def still_needed(kept: list[Any], at: Any) -> tuple[list[Any], Any]:
+        """The first of three pays only beside the second."""
+        staying = [addition for addition in kept if addition.effect != "a"]
+        return staying, fit("base", *(addition.effect for addition in staying))
+
+    last = fit("base", "a", "b", "c")
+    additions: Any = tuple(Told(effect=name, fit=last) for name in "abc")
+    outcome = Outcome(base=fit("base"), additions=additions, candidates=())
+    monkeypatch.setattr(belief, "is_plausible", lambda at, name: name not in {"base", *strange})
+    monkeypatch.setattr(belief, "fitted_near", lambda at, names: fit(*names))
+    monkeypatch.setattr(belief, "still_needed", still_needed)
+    monkeypatch.setattr(belief, "refitted", lambda base, kept, at: [Told(effect=a.effect, fit=at) for a in kept])
+    monkeypatch.setattr(belief, "_beside_curves", lambda outcome, curves: (outcome, "beside"))
+    monkeypatch.setattr(belief, "_several", lambda outcome, beside, curves: (outcome, beside, ["doubt"]))
+    found, _, said = belief.believed(outcome)
+    assert [addition.effect for addition in found.additions] == left
+    assert found.fit.model.effects[0].name == "base"
+    told = [f"Title {name} would fit, but only with values that such a cause hardly has." for name in sorted(strange)]
+    assert said == [*told, "doubt"]
 
 
 def test_a_stop_that_is_met_in_the_last_thousandth_of_the_travel_is_named() -> None:
