@@ -48,24 +48,22 @@ def only_near(outcome: Outcome) -> bool:
 def believed(outcome: Outcome) -> tuple[Outcome, Carried, list[str]]:
     """What the search found, as far as it is to be believed, what is carried without a name beside it, and doubts."""
     curves = cache(partial(nameless, outcome.base))
-    outcome, strange = _without_strange(outcome)
-    outcome, beside, doubts = _several(*_beside_curves(outcome, curves), curves)
-    return outcome, beside, [*strange, *doubts]
+    return _several(*_beside_curves(_without_strange(outcome), curves), curves)
 
 
-def _without_strange(outcome: Outcome) -> tuple[Outcome, list[str]]:
-    """The names whose causes can well have the values that came out, as far as these pay by themselves; what is said.
+def _without_strange(outcome: Outcome) -> Outcome:
+    """The names without those whose causes hardly ever have the values that came out, if they leave an observer work.
 
-    A spring that pushes away, an offset that a cable from afar would give: whatever such a name explains, it only
-    stands for what has no name.
+    A spring that pushes away is believed where nothing is left to explain. Where much is, it only stands for what has
+    no name, and names that were found beside it have to pay without it.
     """
-    kept, at, said = list(outcome.additions), outcome.fit, list[str]()
-    while strange := {addition.effect for addition in kept if not is_plausible(at, addition.effect)}:
-        for effect in [effect for effect in at.model.effects if effect.name in strange]:
-            said.append(f"{effect.title.capitalize()} would fit, but only with values that such a cause hardly has.")
-            at = fitted_near(at, at.model.without_effect(effect.name))
+    kept, at, gone = list(outcome.additions), outcome.fit, list[str]()
+    while at.bandwidth and (strange := [addition.effect for addition in kept if not is_plausible(at, addition.effect)]):
+        gone += strange
+        for name in strange:
+            at = fitted_near(at, at.model.without_effect(name))
         kept, at = still_needed([addition for addition in kept if addition.effect not in strange], at)
-    return (replace(outcome, additions=tuple(refitted(outcome.base, kept, at))), said) if said else (outcome, said)
+    return replace(outcome, additions=tuple(refitted(outcome.base, kept, at)), strange=tuple(gone)) if gone else outcome
 
 
 def _beside_curves(outcome: Outcome, curves: Callable[[], tuple[Fit, ...]]) -> tuple[Outcome, Carried]:
@@ -74,20 +72,22 @@ def _beside_curves(outcome: Outcome, curves: Callable[[], tuple[Fit, ...]]) -> t
     Names that explain clearly less than curves do by themselves only stand near the cause: what carries the gain is
     what the log shows. They stay where, with what is carried beside them, they explain clearly more than that: then
     something is missing that has a name, and something that has none. Names that leave nothing stay too, or little: if
-    with what is richer beside them they do not explain clearly more, it does not without them. What is richer than a
-    curve is asked alone where it is needed beside the names, or where they leave much to an observer; there it has to
+    with what is richer beside them they do not explain clearly more, it does not without them. Unless one came out with
+    values such as its cause can hardly have: then they have to explain clearly more by themselves. What is richer than
+    a curve is asked alone where it is needed beside the names, or where they leave much to an observer; there it has to
     explain twice as much.
     """
     additions, beside = beside_unnamed(outcome.base, outcome.additions)
-    names, enough = (outcome.fit,), 1.0 + CLEARLY
+    strange = not all(is_plausible(outcome.fit, addition.effect) for addition in outcome.additions)
+    names, enough = (outcome.fit,), 1.0 - CLEARLY if strange else 1.0 + CLEARLY
     little = beside.rich and not says_more(beside.path, names, outcome.base, times=enough)
-    if outcome.additions and not little and (beside.path or beside.seen or outcome.fit.bandwidth):
+    if outcome.additions and not little and (beside.path or beside.seen or outcome.fit.bandwidth or strange):
         alone = carried(outcome.base).path if beside.rich else curves()
         if not beside.rich and outcome.fit.bandwidth and not says_more(alone, names, outcome.base, times=enough):
             promising = richer_promise(outcome.base) > _PROMISING * charged(names, outcome.base)
             alone, enough = carried(outcome.base).path if promising else (), 2.0
         near = bool(alone) and says_more(alone, names, outcome.base, times=enough)
-        if near and not says_more(beside.path, alone, outcome.base, times=1.0 + CLEARLY):
+        if near and (strange or not says_more(beside.path, alone, outcome.base, times=1.0 + CLEARLY)):
             return replace(outcome, additions=()), Carried(path=alone, seen=())
     return replace(outcome, additions=additions), beside
 

@@ -105,13 +105,21 @@ def diagnose(
     warnings.extend(gave_way(outcome.additions, surely))
     outcome, beside, doubts = believed(replace(outcome, additions=surely))
     warnings.extend(doubts)
+    warnings.extend(
+        f"{effects[name].title.capitalize()} would fit, but only with values that such a cause hardly has."
+        for name in outcome.strange
+    )
     if outcome.fit.model.chaotic:
         tell("asking parts of the log how sure the gap is")
         outcome, beside = _with_scatter(outcome, beside)
     missing = missing_torque(outcome.fit)
     again = repeats(outcome.fit)
     depends_on = _depends_on(outcome.fit, missing, beside)
-    unnamed = bool(beside.path or depends_on) or missing.excess > _NOISE or (again is not None and again.deterministic)
+    unnamed = (
+        bool(beside.path or depends_on or outcome.strange)
+        or missing.excess > _NOISE
+        or (again is not None and again.deterministic)
+    )
     path = [null, *(addition.fit for addition in outcome.additions), *beside.path]
     tell("measuring the gain on held-out data")
     gain, squares, replays = measure_gain(holdout, path)

@@ -210,16 +210,17 @@ def _worth_a_refit(
 
     Those whose turn comes whatever the others deliver come together.
 
-    The screen understates what a long search has found. Here it is charged for once, in the odds twice; and not at all
-    where an observer has taken over part of what is missing, which a refit would give back.
+    The screen understates what a long search has found, and cannot say how high the peaks beside it are. Here it is
+    charged for once, in the odds twice where nobody can tell; and not at all where an observer has taken over part of
+    what is missing, which a refit would give back.
     """
-    forgiven = 2.0 if observed else 1.0
-    waiting = sorted(suspects, key=lambda suspect: -scores[suspect.name])
+    once = {suspect.name: scores[suspect.name] + float(np.log(suspect.searched)) for suspect in suspects}
+    waiting = sorted(suspects, key=lambda suspect: -once[suspect.name])
     leader = max((suspect.evidence for suspect in suspects), default=0.0)
     together: list[Suspect] = []
     for suspect in waiting:
-        promise = scores[suspect.name]
-        if promise + forgiven * float(np.log(suspect.searched)) <= _PROMISING:
+        promise = once[suspect.name]
+        if promise + observed * float(np.log(suspect.searched)) <= _PROMISING:
             continue
         close = suspect.evidence >= _WORTH * leader and len(refits) + len(together) < _REFITS
         if not close and together:

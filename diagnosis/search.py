@@ -28,12 +28,14 @@ class Outcome:
         additions: in order.
         candidates: everything that was tried.
         wanderers: names that did no better than a load that wanders.
+        strange: names whose causes hardly ever have the values that came out.
     """
 
     base: Fit
     additions: tuple[Addition, ...]
     candidates: tuple[Candidate, ...]
     wanderers: tuple[str, ...] = ()
+    strange: tuple[str, ...] = ()
 
     @property
     def fit(self) -> Fit:

@@ -26,11 +26,12 @@ from plant.effects import Backlash, CableStiffness, CoulombFriction, EndStop, Ra
 def one_by_one(suspects: list[Suspect], promised: dict[str, float], delivered: dict[str, float]) -> list[str]:
     """The rule as it is meant: each suspect is decided when everything before it has been refitted."""
     leader, refitted = max(suspect.evidence for suspect in suspects), []
-    for suspect in sorted(suspects, key=lambda suspect: -promised[suspect.name]):
-        promise = promised[suspect.name]
+    once = {suspect.name: promised[suspect.name] + float(np.log(suspect.searched)) for suspect in suspects}
+    for suspect in sorted(suspects, key=lambda suspect: -once[suspect.name]):
+        promise = once[suspect.name]
         best = max((delivered[name] for name in refitted), default=-np.inf)
         close = suspect.evidence >= _WORTH * leader and len(refitted) < _REFITS
-        if promise + float(np.log(suspect.searched)) > _PROMISING and (close or promise > best):
+        if promise > _PROMISING and (close or promise > best):
             refitted.append(suspect.name)
     return refitted
 
