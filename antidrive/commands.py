@@ -16,7 +16,7 @@ from antidrive.output import whole_file, whole_folder, write_json
 from antidrive.provenance import Provenance
 from antidrive.time_left import Tell
 from antidrive.voice import Voice
-from antidrive.words import headline, sentences
+from diagnosis.explanation.summary import headline, sentences
 from identification.log import Log
 from plant.errors import BadParameter
 from plant.model_file import read_model

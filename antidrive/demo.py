@@ -13,9 +13,9 @@ from antidrive.fitted_model import model_file
 from antidrive.scenario import Scenario
 from antidrive.simulation import REPETITIONS, run_scenario
 from antidrive.trial import Trial
-from antidrive.words import headline
 from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.explanation.summary import headline
 from diagnosis.explanation.wording import measured, percent, sentence_case, size, title_of
 from diagnosis.holdout import gain_errors
 from identification.log import Log

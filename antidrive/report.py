@@ -13,9 +13,9 @@ from antidrive.equations import model_equations
 from antidrive.experiments.outcome import Outcome
 from antidrive.page import figure_json, page
 from antidrive.provenance import Provenance
-from antidrive.words import headline, sentences
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation, Reason
+from diagnosis.explanation.summary import headline, sentences
 from diagnosis.explanation.wording import acting, effect_of, measured, percent, sentence_case, size, title_of
 from diagnosis.holdout import gain_errors
 from diagnosis.odds import NONE

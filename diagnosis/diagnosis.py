@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from diagnosis.experiment import Experiment
 from diagnosis.explanation import Explanation, explain
+from diagnosis.explanation.summary import headline, sentences
 from diagnosis.result import Findings
 
 
@@ -20,3 +21,11 @@ class Diagnosis(Findings):
             experiment: that has been designed to tell the rivals of this diagnosis apart, if any.
         """
         return explain(self, experiment)
+
+    def __str__(self) -> str:
+        """The verdict, the causes with odds and sizes, the gain, what remains, and the warnings, a line each."""
+        return "\n  ".join((headline(self), *sentences(self), *self.warnings))
+
+    def __repr__(self) -> str:
+        """The verdict in one sentence."""
+        return f"Diagnosis({self.verdict}: {headline(self)})"

@@ -126,6 +126,11 @@ class Fit:
         """The report."""
         return fit_report(self)
 
+    def __repr__(self) -> str:
+        """Parameters with their values, and the log, in one line."""
+        values = ", ".join(f"{p.name}={value:.4g}" for p, value in zip(self.parameters, self.model.values, strict=True))
+        return f"Fit({values}; {self.log!r})"
+
 
 def fit_report(fit: Fit, *, correlated: float = 0.5) -> str:
     """The fit as text: one line a parameter, then the correlations above `correlated`."""

@@ -19,8 +19,8 @@ from antidrive.page import printed
 from antidrive.provenance import Provenance
 from antidrive.report import diagnosis_page, fit_page
 from antidrive.thinning import LIMIT, thin
-from antidrive.words import headline, percent, sentences
-from diagnosis.explanation.wording import measured
+from diagnosis.explanation.summary import headline, sentences
+from diagnosis.explanation.wording import measured, percent
 from identification import free_simulation
 
 
@@ -341,3 +341,12 @@ def test_json_is_strict_whatever_the_numbers(content):
         raise AssertionError(constant)
 
     json.loads(to_json({"content": content, "array": np.array([1.0, np.nan, np.inf])}), parse_constant=refuse)
+
+
+def test_printed_it_says_what_the_command_line_says_and_as_a_value_it_is_one_line(fitted, diagnosis):
+    first, *others = str(diagnosis).splitlines()
+    assert first == headline(diagnosis)
+    assert [line.strip() for line in others] == [*sentences(diagnosis), *diagnosis.warnings]
+    assert repr(diagnosis) == f"Diagnosis(named: {headline(diagnosis)})"
+    assert repr(fitted).startswith("Fit(inertia=0.7999, gravity=0.5999, ")
+    assert repr(fitted).endswith(f"; {fitted.log!r})")

@@ -1,18 +1,17 @@
-"""A diagnosis in plain sentences, for the terminal and for the head of the report."""
+"""A diagnosis in a few plain sentences, for the terminal and for the head of the report."""
 
 from __future__ import annotations
 
-from diagnosis.diagnosis import Diagnosis
-from diagnosis.explanation import Explanation
+from diagnosis.explanation.paragraphs import Explanation
 from diagnosis.explanation.wording import acting, listed, measured, percent, sentence_case, size, title_of
 from diagnosis.holdout import gain_errors
 from diagnosis.repeated_runs import repeated_pairs
-from diagnosis.result import Cause
+from diagnosis.result import Cause, Findings
 
 _ALONE = 0.9  # probability above which a name stands without its rivals
 
 
-def headline(diagnosis: Diagnosis) -> str:
+def headline(diagnosis: Findings) -> str:
     """The verdict in one sentence."""
     causes = diagnosis.causes
     if diagnosis.verdict == "nothing_missing":
@@ -35,7 +34,7 @@ def headline(diagnosis: Diagnosis) -> str:
     return f"{known}." if known else f"The model {unclear}."
 
 
-def sentences(diagnosis: Diagnosis, explanation: Explanation | None = None) -> list[str]:
+def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> list[str]:
     """What stands below the headline: causes with odds and sizes, their margins if explained, the gain, the rest."""
     lines = [*map(_cause, diagnosis.causes), *(explanation.short if explanation is not None else ())]
     gain = diagnosis.gain
