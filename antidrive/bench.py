@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -14,7 +13,7 @@ from diagnosis.linear import AT_ONCE, Linear, linearised
 from identification.predictor import Prediction, Predictor
 from identification.run import Run
 from plant.discrete import INPUTS, integration_steps
-from plant.effects import Effect, Motion, Trace
+from plant.effects import Effect, Motion
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 from plant.signals import chirp, steps
@@ -88,16 +87,9 @@ class Bench:
             torque = np.array(effect.command(ca.DM(torque), 0.0, 0.0)).ravel()
         return torque
 
-    def responses(self, traces: Sequence[Trace]) -> list[Array]:
-        """(T, m) for each trace, what a small effect of it does to the reading [rad per unit], to first order."""
-        found: dict[int, Array] = {}
-        for reading in (False, True):
-            some = [place for place, trace in enumerate(traces) if (trace.acts_on == "reading") == reading]
-            if some:
-                whole = -self._linear.response(np.hstack([traces[k].columns for k in some]), on_reading=reading)
-                ends = np.cumsum([traces[place].columns.shape[1] for place in some])[:-1]
-                found.update(zip(some, np.split(whole, ends, axis=1), strict=True))
-        return [found[place] for place in range(len(traces))]
+    def response(self, columns: Array, *, on_reading: bool) -> Array:
+        """(T, m) what small torques, or errors of the reading, (T, m) do to the reading, to first order [rad]."""
+        return -self._linear.response(columns, on_reading=on_reading)
 
     def score(self, mark: Array) -> tuple[Array, Array]:
         """(T,) how much a torque, and an error of the reading, at each sample would take of a mark (T,) in it."""

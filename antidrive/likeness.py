@@ -13,7 +13,7 @@ import numpy as np
 
 from antidrive.bench import SAMPLE_TIME, Bench, bench
 from plant.discrete import INPUTS, integration_steps, sample_reading, sample_step
-from plant.effects import Effect, Stage, Trace
+from plant.effects import Effect, Stage
 from plant.effects.effect import Array
 from plant.simulation import beginning
 
@@ -35,16 +35,15 @@ def mistaken(kind: type[Effect], other: type[Effect]) -> float | None:
             left = _beyond(on, _mark(effect, on))
             torque, reading = on.score(left[:, 0])
             motion = replace(on.motion, score=torque, reading_score=reading, chance=on.chance)
-            asked = list(other.traces(motion))
-            return max((_explained(left, _beyond(on, seen)) for seen in on.responses(asked)), default=None)
+            shapes = ((trace.columns, trace.acts_on == "reading") for trace in other.traces(motion))
+            seen = (_beyond(on, on.response(columns, on_reading=reading)) for columns, reading in shapes)
+            return max((_explained(left, each) for each in seen), default=None)
     return None
 
 
 def _mark(effect: Effect, on: Bench) -> Array:
     """(T, 1) what an effect does to the reading, to first order [rad]."""
-    columns, sensor = added(effect, on)[:, None], effect.stage is Stage.SENSOR
-    trace = Trace(columns=columns, start=lambda c: effect, acts_on="reading" if sensor else "torque")
-    return on.responses([trace])[0]
+    return on.response(added(effect, on)[:, None], on_reading=effect.stage is Stage.SENSOR)
 
 
 def added(effect: Effect, on: Bench) -> Array:
