@@ -85,6 +85,12 @@ def simulation_gain(before: Fit, after: Fit) -> tuple[float, float]:
     return standard_errors(old - new), float(np.mean(new)) / max(float(np.mean(old)), 1e-300)
 
 
+def restarted_share(before: Fit, after: Fit) -> float:
+    """Share of the squared error over the estimation runs that an extended model leaves, simulated anew every second."""
+    (old, _), (new, _) = (squared_errors(before.log, fit.model, _WINDOW) for fit in (before, after))
+    return float(np.mean(new)) / max(float(np.mean(old)), 1e-300)
+
+
 def _squared_from_fit(fit: Fit) -> Array:
     """(T,) squared error of a free simulation of the runs that were fitted, from their estimated initial states."""
     predictor = Predictor(model=fit.model, runs=fit.log.runs, free=(), substeps=fit.substeps)

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.holdout import bounded, simulation_gain, standard_errors
+from diagnosis.holdout import bounded, restarted_share, simulation_gain, standard_errors
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects.effect import Array
 
 _SIGNIFICANT = 2.0  # standard errors
 _LOUD = 100.0  # rise of the log-likelihood of which a quarter should show in a quarter of the record
+_MORE = 1.1  # times the squared error, which is no matter of the states that a simulation is restarted from
 _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
 
 
@@ -23,16 +24,19 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     worse; and predictions of the last part of each run, after a fit to the first part, neither, unless the simulation
     gets significantly better. An effect for which the record speaks loudly must show there too: one of the two must get
     significantly better, or, since an effect may act in a few places only, the simulation's error must be halved. So
-    must what has no name to speak for it (`must_show`).
+    must what has no name to speak for it (`must_show`). Restarted every second, what speaks loudly must not err more:
+    a simulation that has lost its run says little, and an observer helps a model that bends the wrong way.
     """
     simulation, left = simulation_gain(before, after)
     if simulation < -_SIGNIFICANT:
+        return False
+    loud = must_show or after.log_likelihood - before.log_likelihood > _LOUD
+    if loud and restarted_share(before, after) > _MORE:
         return False
     if simulation > _SIGNIFICANT or left < 0.5:
         return True
     bandwidth = max(before.bandwidth, after.bandwidth)
     unseen = standard_errors(_unseen(after, bandwidth) - _unseen(before, bandwidth))
-    loud = must_show or after.log_likelihood - before.log_likelihood > _LOUD
     return unseen > (_SIGNIFICANT if loud else -_SIGNIFICANT)
 
 
