@@ -11,14 +11,13 @@ from diagnosis.result import Findings, Gain, Replay, TorqueError, Unexplained
 from identification.fit_result import Fit
 from identification.inverse import torque_misses
 from identification.log import Log
-from identification.predictor import Predictor
 from identification.simulation import free_simulation
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 _SHARE = 0.3  # of a single run that is held out, at its end
 _HUGE = 1e50  # error in place of one that overflowed; its fourth power is still a number
-_WINDOW = 1.0  # seconds between restarts where nothing pulls the load back to where it was
+WINDOW = 1.0  # seconds between restarts where nothing pulls the load back to where it was
 
 
 def split(log: Log) -> tuple[Log, Log, str]:
@@ -50,14 +49,14 @@ def scoring_window(*path: Fit) -> float | None:
     """
     log, model = path[0].log, path[0].model
     if any(fit.model.chaotic for fit in path):
-        return _WINDOW
+        return WINDOW
     torque = np.concatenate([run.command for run in log.runs])
     holds = model.axis == "rotary" and abs(model.gravity) > 0.02 * float(np.sqrt(np.mean(torque**2)))
     if not (holds or any(run.positioned for run in log.runs)):
-        return _WINDOW
+        return WINDOW
     spread = np.concatenate([(run.output - run.output[run.valid].mean())[run.valid] for run in log.runs])
     squares, _ = squared_errors(log, model, None)
-    return None if float(np.mean(squares)) < float(np.mean(spread**2)) else _WINDOW
+    return None if float(np.mean(squares)) < float(np.mean(spread**2)) else WINDOW
 
 
 def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[Array, list[Array]]:
@@ -65,38 +64,6 @@ def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[A
     simulated = free_simulation(log, model, window=window)
     errors = np.concatenate([(r.output - s)[r.valid] for r, s in zip(log.runs, simulated, strict=True)])
     return bounded(errors) ** 2, simulated
-
-
-def simulation_gain(before: Fit, after: Fit) -> tuple[float, float]:
-    """How much better an extended model simulates the estimation runs than its predecessor: how surely, and how much.
-
-    One-step predictions alone can prefer a term that bends the model the wrong way over longer times. A chaotic model
-    that was fitted without an observer has followed its runs from end to end, and is judged there; restarts from noisy
-    states would hide most of what it does better.
-
-    Returns:
-        By how many standard errors the squared error fell, and what share of it is left [-].
-    """
-    window = scoring_window(before, after)
-    if window is None or (after.model.chaotic and not after.bandwidth):
-        old, new = _squared_from_fit(before), _squared_from_fit(after)
-    else:
-        (old, _), (new, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
-    return standard_errors(old - new), float(np.mean(new)) / max(float(np.mean(old)), 1e-300)
-
-
-def restarted_share(before: Fit, after: Fit) -> float:
-    """Share of the squared error over the estimation runs that an extended model leaves, simulated anew every second."""
-    (old, _), (new, _) = (squared_errors(before.log, fit.model, _WINDOW) for fit in (before, after))
-    return float(np.mean(new)) / max(float(np.mean(old)), 1e-300)
-
-
-def _squared_from_fit(fit: Fit) -> Array:
-    """(T,) squared error of a free simulation of the runs that were fitted, from their estimated initial states."""
-    predictor = Predictor(model=fit.model, runs=fit.log.runs, free=(), substeps=fit.substeps)
-    runs = predictor.predict(fit.model.values, fit.initial, bandwidth=0.0, width=0.0, sensitivities=False)
-    errors = np.concatenate([p.errors for p in runs])
-    return bounded(errors) ** 2
 
 
 def bounded(errors: Array) -> Array:

@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.holdout import bounded, restarted_share, simulation_gain, standard_errors
+from diagnosis.holdout import WINDOW, bounded, scoring_window, squared_errors, standard_errors
 from identification.fit_result import Fit
+from identification.predictor import Predictor
 from identification.problem import Problem
 from plant.effects.effect import Array
 
 _SIGNIFICANT = 2.0  # standard errors
 _LOUD = 100.0  # rise of the log-likelihood of which a quarter should show in a quarter of the record
-_MORE = 1.1  # times the squared error, which is no matter of the states that a simulation is restarted from
+_MORE = 1.1  # times the squared error within a second; less may come from the states that it is restarted from
 _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
 
 
@@ -38,6 +39,38 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     bandwidth = max(before.bandwidth, after.bandwidth)
     unseen = standard_errors(_unseen(after, bandwidth) - _unseen(before, bandwidth))
     return unseen > (_SIGNIFICANT if loud else -_SIGNIFICANT)
+
+
+def simulation_gain(before: Fit, after: Fit) -> tuple[float, float]:
+    """How much better an extended model simulates the estimation runs than its predecessor: how surely, and how much.
+
+    One-step predictions alone can prefer a term that bends the model the wrong way over longer times. A chaotic model
+    that was fitted without an observer has followed its runs from end to end, and is judged there; restarts from noisy
+    states would hide most of what it does better.
+
+    Returns:
+        By how many standard errors the squared error fell, and what share of it is left [-].
+    """
+    window = scoring_window(before, after)
+    if window is None or (after.model.chaotic and not after.bandwidth):
+        old, new = _squared_from_fit(before), _squared_from_fit(after)
+    else:
+        (old, _), (new, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
+    return standard_errors(old - new), float(np.mean(new)) / max(float(np.mean(old)), 1e-300)
+
+
+def restarted_share(before: Fit, after: Fit) -> float:
+    """Share of the squared error over the estimation runs that is left, simulated anew every second."""
+    (old, _), (new, _) = (squared_errors(before.log, fit.model, WINDOW) for fit in (before, after))
+    return float(np.mean(new)) / max(float(np.mean(old)), 1e-300)
+
+
+def _squared_from_fit(fit: Fit) -> Array:
+    """(T,) squared error of a free simulation of the runs that were fitted, from their estimated initial states."""
+    predictor = Predictor(model=fit.model, runs=fit.log.runs, free=(), substeps=fit.substeps)
+    runs = predictor.predict(fit.model.values, fit.initial, bandwidth=0.0, width=0.0, sensitivities=False)
+    errors = np.concatenate([p.errors for p in runs])
+    return bounded(errors) ** 2
 
 
 def lost_unseen(before: Fit, after: Fit) -> float:

@@ -11,9 +11,8 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import unseen
-from diagnosis.holdout import restarted_share, simulation_gain
 from diagnosis.refit import refit
-from diagnosis.unseen import _unseen, holds_up
+from diagnosis.unseen import _unseen, holds_up, restarted_share, simulation_gain
 from identification.fit import fit
 from identification.fit_result import Fit
 from identification.log import Log
