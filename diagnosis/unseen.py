@@ -26,19 +26,25 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     gets significantly better. An effect for which the record speaks loudly must show there too: one of the two must get
     significantly better, or, since an effect may act in a few places only, the simulation's error must be halved. So
     must what has no name to speak for it (`must_show`). Restarted every second, what speaks loudly must not err more:
-    a simulation that has lost its run says little, and an observer helps a model that bends the wrong way.
+    a simulation that has lost its run says little, and an observer helps a model that bends the wrong way. Nor may it
+    need one to hold it where its predecessor follows the runs by itself.
     """
     simulation, left = simulation_gain(before, after)
     if simulation < -_SIGNIFICANT:
         return False
     loud = must_show or after.log_likelihood - before.log_likelihood > _LOUD
-    if loud and restarted_share(before, after) > _MORE:
+    if loud and (_needs_holding(before, after) or restarted_share(before, after) > _MORE):
         return False
     if simulation > _SIGNIFICANT or left < 0.5:
         return True
     bandwidth = max(before.bandwidth, after.bandwidth)
     unseen = standard_errors(_unseen(after, bandwidth) - _unseen(before, bandwidth))
     return unseen > (_SIGNIFICANT if loud else -_SIGNIFICANT)
+
+
+def _needs_holding(before: Fit, after: Fit) -> bool:
+    """Whether a chaotic model only follows its runs behind an observer, and its predecessor without one."""
+    return not before.bandwidth and after.bandwidth > 0.0 and after.model.chaotic
 
 
 def simulation_gain(before: Fit, after: Fit) -> tuple[float, float]:

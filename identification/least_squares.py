@@ -57,7 +57,9 @@ class Minimum:
     def is_at(self, point: Array, samples: int) -> bool:
         """Whether a point (n,) lies so near that so many residuals do not tell the two apart."""
         apart, here = self.point - point, self.equations
-        return bool(0.5 * samples * (apart @ here.information @ apart) < _APART * here.cost < np.inf)
+        if not np.isfinite(here.cost):  # it overflowed, and so may its information
+            return False
+        return bool(0.5 * samples * (apart @ here.information @ apart) < _APART * here.cost)
 
 
 def minimise(

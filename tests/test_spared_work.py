@@ -62,7 +62,7 @@ def test_a_minimum_is_where_the_log_tells_no_difference() -> None:
     apart = np.sqrt(0.1 * 4.0 / 50.0)  # a tenth in the log-likelihood of 100 samples
     assert here.is_at(np.array([0.99 * apart, 5.0]), 100)
     assert not here.is_at(np.array([1.01 * apart, 0.0]), 100)
-    nowhere = replace(here, equations=replace(equations, cost=np.inf))
+    nowhere = replace(here, equations=replace(equations, cost=np.inf, information=np.full((2, 2), np.inf)))
     assert not nowhere.is_at(np.zeros(2), 100)
 
 

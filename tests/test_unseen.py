@@ -67,6 +67,26 @@ def test_the_rule(
     assert set(asked) <= {5.0}  # both behind the faster observer
 
 
+@pytest.mark.parametrize(
+    ("alone", "with_it", "chaotic", "rise", "stands"),
+    [
+        (0.0, 1.0, True, LOUD, False),
+        (0.0, 1.0, True, QUIET, True),
+        (0.0, 1.0, False, LOUD, True),  # what was found may let smaller errors of other effects be seen
+        (0.0, 0.0, True, LOUD, True),
+        (1.0, 1.0, True, LOUD, True),
+    ],
+)
+def test_a_gap_that_only_an_observer_holds_does_not_stand_where_none_was_needed(
+    monkeypatch: pytest.MonkeyPatch, alone: float, with_it: float, chaotic: bool, rise: float, stands: bool
+) -> None:
+    before: Any = SimpleNamespace(log_likelihood=0.0, bandwidth=alone)
+    after: Any = SimpleNamespace(log_likelihood=rise, bandwidth=with_it, model=SimpleNamespace(chaotic=chaotic))
+    monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (3.0, 0.6))
+    monkeypatch.setattr(unseen, "restarted_share", lambda *_: 0.6)
+    assert holds_up(before, after) == stands
+
+
 def test_a_gap_that_was_fitted_without_an_observer_is_judged_by_the_whole_run() -> None:
     """Restarted every second from states with noise, its simulation was better by one standard error; it is by six."""
     log = record(

@@ -214,6 +214,6 @@ def _not_believed(diagnosis: Findings, contest: Contest) -> str:
             f"effect of those asked is there are {power(contest.something)} to 1, and {power(NAMED)} to 1 is needed."
         )
     return (
-        f"{led}, but the model with it did not hold up on what it had not been fitted to, or what it explained is "
-        "explained better without it."
+        f"{led}, but the model with it did not hold up in simulation, or on what it had not been fitted to, or what it "
+        "explained is explained better without it."
     )
