@@ -116,7 +116,7 @@ def diagnose(
     again = repeats(outcome.fit)
     depends_on = _depends_on(outcome.fit, missing, beside)
     unnamed = (
-        bool(beside.path or depends_on or outcome.strange)
+        bool(beside.path or depends_on or outcome.strange or outcome.refused)
         or missing.excess > _NOISE
         or (again is not None and again.deterministic)
     )

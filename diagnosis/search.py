@@ -9,7 +9,7 @@ from diagnosis.backward import with_best_names, without_superfluous
 from diagnosis.refit import evidence_of
 from diagnosis.result import Candidate
 from diagnosis.round import Addition, one_round
-from diagnosis.unseen import holds_up
+from diagnosis.unseen import LOUD, holds_up
 from diagnosis.wandering import without_wanderers
 from identification.fit_result import Fit
 from identification.problem import Problem
@@ -27,6 +27,7 @@ class Outcome:
         base: the fit that it started from, or a better one of the same model.
         additions: in order.
         candidates: everything that was tried.
+        refused: names for which the log speaks loudly, but whose models did not hold up.
         wanderers: names that did no better than a load that wanders.
         strange: names whose causes hardly ever have the values that came out.
     """
@@ -34,6 +35,7 @@ class Outcome:
     base: Fit
     additions: tuple[Addition, ...]
     candidates: tuple[Candidate, ...]
+    refused: tuple[str, ...] = ()
     wanderers: tuple[str, ...] = ()
     strange: tuple[str, ...] = ()
 
@@ -77,7 +79,9 @@ def forward(
             firm = list(additions)
         elif len(additions) > len(firm) + _AHEAD:
             break
-    return Outcome(base=base, additions=tuple(firm), candidates=tuple(candidates))
+    names = {addition.effect for addition in firm}
+    refused = tuple(a.effect for a in additions if a.effect not in names and a.evidence > LOUD)
+    return Outcome(base=base, additions=tuple(firm), candidates=tuple(candidates), refused=refused)
 
 
 def weighed_again(outcome: Outcome, progress: Callable[[str], None] | None = None) -> Outcome:

@@ -13,7 +13,7 @@ from identification.problem import Problem
 from plant.effects.effect import Array
 
 _SIGNIFICANT = 2.0  # standard errors
-_LOUD = 100.0  # rise of the log-likelihood of which a quarter should show in a quarter of the record
+LOUD = 100.0  # rise of the log-likelihood of which a quarter should show in a quarter of the record
 _MORE = 1.1  # times the squared error within a second; less may come from the states that it is restarted from
 _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
 
@@ -32,7 +32,7 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     simulation, left = simulation_gain(before, after)
     if simulation < -_SIGNIFICANT:
         return False
-    loud = must_show or after.log_likelihood - before.log_likelihood > _LOUD
+    loud = must_show or after.log_likelihood - before.log_likelihood > LOUD
     if loud and (_needs_holding(before, after) or restarted_share(before, after) > _MORE):
         return False
     if simulation > _SIGNIFICANT or left < 0.5:

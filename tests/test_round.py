@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from machine import Machine, excitation, record
 
+from diagnosis import diagnose, search
 from diagnosis import round as rounds
-from diagnosis import search
 from diagnosis.odds import NONE
 from diagnosis.result import Candidate
 from diagnosis.round import _PROMISING, _REFITS, _WORTH, Addition, Contestant, _neighbours, _worth_a_refit, weighed
@@ -123,6 +125,29 @@ def test_the_search_goes_one_name_past_what_does_not_hold_up_and_no_further(
     monkeypatch.setattr(search, "with_best_names", lambda additions, _: additions)
     outcome = search.weighed_again(search.forward(fits[0]))
     assert [addition.effect for addition in outcome.additions] == found
+
+
+@pytest.mark.parametrize(
+    ("evidence", "stands", "refused"), [(101.0, False, ("a",)), (99.0, False, ()), (101.0, True, ())]
+)
+def test_a_name_that_does_not_hold_up_though_the_log_speaks_loudly_is_not_nothing(
+    monkeypatch: pytest.MonkeyPatch, evidence: float, stands: bool, refused: tuple[str, ...]
+) -> None:
+    base, fit = (SimpleNamespace(name=name) for name in ("base", "fit"))
+    found = Addition(effect="a", fit=fit, odds={"a": 1.0}, evidence=evidence, contest=())  # type: ignore[arg-type]
+    monkeypatch.setattr(search, "one_round", lambda at, *_: found if at is base else None)
+    monkeypatch.setattr(search, "_better_null", lambda *_: None)
+    monkeypatch.setattr(search, "without_superfluous", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "holds_up", lambda *_: stands)
+    assert search.forward(base).refused == refused  # type: ignore[arg-type]
+
+
+def test_what_was_refused_leaves_something_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = import_module("diagnosis.diagnose")
+    log = record(Machine(), excitation(1, duration=10.0), seed=1, noise=1e-3).log()
+    assert diagnose(log, candidates=["cogging"]).verdict == "nothing_missing"
+    monkeypatch.setattr(module, "forward", lambda *a, **k: replace(search.forward(*a, **k), refused=("cogging",)))
+    assert diagnose(log, candidates=["cogging"]).verdict == "unknown"
 
 
 def test_against_nothing_a_name_stands_by_the_colour_of_its_own_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
