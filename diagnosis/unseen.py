@@ -25,15 +25,16 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     worse; and predictions of the last part of each run, after a fit to the first part, neither, unless the simulation
     gets significantly better. An effect for which the record speaks loudly must show there too: one of the two must get
     significantly better, or, since an effect may act in a few places only, the simulation's error must be halved. So
-    must what has no name to speak for it (`must_show`). Restarted every second, what speaks loudly must not err more:
-    a simulation that has lost its run says little, and an observer helps a model that bends the wrong way. Nor may it
-    need one to hold it where its predecessor follows the runs by itself.
+    must what has no name to speak for it (`must_show`). Where only an observer keeps the model on its runs, what speaks
+    loudly must not err more when the simulation is restarted every second: one that has lost its run says little, and
+    an observer helps a model that bends the wrong way. Where the model follows its runs from end to end, a restart
+    would only take from it what a memory holds. Nor may a gap need an observer where its predecessor needs none.
     """
     simulation, left = simulation_gain(before, after)
     if simulation < -_SIGNIFICANT:
         return False
     loud = must_show or after.log_likelihood - before.log_likelihood > LOUD
-    if loud and (_needs_holding(before, after) or restarted_share(before, after) > _MORE):
+    if loud and (_needs_holding(before, after) or (_may_stray(after) and restarted_share(before, after) > _MORE)):
         return False
     if simulation > _SIGNIFICANT or left < 0.5:
         return True
@@ -45,6 +46,11 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
 def _needs_holding(before: Fit, after: Fit) -> bool:
     """Whether a chaotic model only follows its runs behind an observer, and its predecessor without one."""
     return not before.bandwidth and after.bandwidth > 0.0 and after.model.chaotic
+
+
+def _may_stray(fit: Fit) -> bool:
+    """Whether only an observer keeps a model on its runs: they hold no position, and it does not follow them alone."""
+    return fit.bandwidth > 0.0 and not any(run.positioned for run in fit.log.runs)
 
 
 def simulation_gain(before: Fit, after: Fit) -> tuple[float, float]:

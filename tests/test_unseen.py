@@ -23,6 +23,10 @@ from plant.effects import Backlash, Compliance, CoulombFriction
 QUIET, LOUD = 99.0, 101.0  # rise of the log-likelihood
 
 
+SPEED = SimpleNamespace(runs=(SimpleNamespace(positioned=False),))  # only an observer holds a model on such runs
+POSITION = SimpleNamespace(runs=(SimpleNamespace(positioned=True),))
+
+
 @pytest.mark.parametrize(
     ("simulation", "left", "restarted", "unseen_gain", "rise", "stands"),
     [
@@ -53,7 +57,7 @@ def test_the_rule(
     scatter = np.random.default_rng(0).normal(0.0, 0.1, 1000)
     told = unseen_gain + scatter - scatter.mean()
     before: Any = SimpleNamespace(told=np.zeros(1000), log_likelihood=0.0, bandwidth=3.0)
-    after: Any = SimpleNamespace(told=told, log_likelihood=rise, bandwidth=5.0)
+    after: Any = SimpleNamespace(told=told, log_likelihood=rise, bandwidth=5.0, log=SPEED)
     asked: list[float] = []
 
     def at_bandwidth(one: Any, bandwidth: float) -> np.ndarray:
@@ -81,9 +85,29 @@ def test_a_gap_that_only_an_observer_holds_does_not_stand_where_none_was_needed(
     monkeypatch: pytest.MonkeyPatch, alone: float, with_it: float, chaotic: bool, rise: float, stands: bool
 ) -> None:
     before: Any = SimpleNamespace(log_likelihood=0.0, bandwidth=alone)
-    after: Any = SimpleNamespace(log_likelihood=rise, bandwidth=with_it, model=SimpleNamespace(chaotic=chaotic))
+    model = SimpleNamespace(chaotic=chaotic)
+    after: Any = SimpleNamespace(log_likelihood=rise, bandwidth=with_it, model=model, log=SPEED)
     monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (3.0, 0.6))
     monkeypatch.setattr(unseen, "restarted_share", lambda *_: 0.6)
+    assert holds_up(before, after) == stands
+
+
+@pytest.mark.parametrize(
+    ("bandwidth", "log", "stands"),
+    [
+        (5.0, SPEED, False),
+        (0.0, SPEED, True),  # it follows its runs from end to end; a restart takes from it what a memory holds
+        (5.0, POSITION, True),  # the goal holds it there
+    ],
+)
+def test_a_restart_is_asked_only_where_nothing_but_an_observer_holds_the_model(
+    monkeypatch: pytest.MonkeyPatch, bandwidth: float, log: Any, stands: bool
+) -> None:
+    before: Any = SimpleNamespace(log_likelihood=0.0, bandwidth=5.0)
+    model = SimpleNamespace(chaotic=False)
+    after: Any = SimpleNamespace(log_likelihood=LOUD, bandwidth=bandwidth, model=model, log=log)
+    monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (3.0, 0.6))
+    monkeypatch.setattr(unseen, "restarted_share", lambda *_: 1.11)
     assert holds_up(before, after) == stands
 
 
