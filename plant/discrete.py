@@ -20,6 +20,7 @@ from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
 
 Method: TypeAlias = Literal["rk4", "backward_difference"]
+_INSTANT = 1e-15  # [s]
 
 INPUTS = ("command", "previous_command", "servo_gain", "command_limit", "time", "dt", "width")
 """What a step takes besides state and parameters.
@@ -100,10 +101,9 @@ def _build(structure: Structure, substeps: int, method: Method) -> Any:
     one_step = advance if method == "rk4" else _backward_difference
     end = state
     for held, length in stretches(model, inputs):
-        for h, count in division(model, end, held, gain, length, substeps):
-            for _ in range(count):
-                step = Step(command=held, gain=gain, limit=limit, time=time, length=h, width=width)
-                end, time = one_step(model, end, step), time + h
+        for h in division(model, end, held, inputs, length, substeps):
+            step = Step(command=held, gain=gain, limit=limit, time=time, length=h, width=width)
+            end, time = one_step(model, end, step), time + h
     names = (["state", "inputs", "parameters"], ["next_state"])
     return ca.Function("sample_step", [state, inputs, parameters], [end], *names, {"cse": True})
 
@@ -118,18 +118,29 @@ def stretches(model: ServoModel, inputs: Any) -> list[tuple[Expression, Expressi
 
 
 def division(
-    model: ServoModel, state: Any, command: Expression, gain: Expression, length: Expression, substeps: int
-) -> list[tuple[Expression, int]]:
-    """Lengths of the integration steps over a stretch of constant command, and how many steps have each.
+    model: ServoModel, state: Any, command: Expression, inputs: Any, length: Expression, substeps: int
+) -> list[Expression]:
+    """Lengths of the integration steps over a stretch of constant command; zero of those that are not needed.
 
-    They are finer while a fast actuator settles behind the command's change.
+    None is longer than the sample over its `substeps`, and three or more follow a fast actuator while it settles behind
+    the command's change.
     """
+    gain, dt = inputs[2], inputs[5]
     settling = settling_time(model, model.own_states(state), command, gain)
     if settling is None:
-        return [(length / substeps, substeps)]
+        return _equal(length, dt, substeps, least=1)
     early = ca.fmin(settling, length)
-    count = max(3, substeps)
-    return [(early / count, count), ((length - early) / substeps, substeps)]
+    return [*_equal(early, dt, substeps, least=3), *_equal(length - early, dt, substeps, least=1)]
+
+
+def _equal(length: Expression, dt: Expression, substeps: int, *, least: int) -> list[Expression]:
+    """Equal steps, as few as will do, and zeros for the rest."""
+    most = max(least, substeps)
+    if most == least or ca.is_equal(length, dt):
+        return [length / most] * most
+    needed = ca.ceil(substeps * length / ca.fmax(dt, _INSTANT) * (1.0 - 1e-6))
+    count = ca.fmin(ca.fmax(needed, least), most)
+    return [ca.if_else(place < count, length / count, 0) for place in range(most)]
 
 
 def _backward_difference(model: ServoModel, state: Any, step: Step) -> Any:

@@ -1,7 +1,8 @@
 """One sample ahead with the derivatives of its end, for fits and for the search.
 
 The integration steps of a sample are calls of one function, whose code stands once however many there are: so it stays
-in the processor's cache, and is compiled in a fraction of the time. Small Jacobians carry the derivatives along.
+in the processor's cache, and is compiled in a fraction of the time. Steps that a sample does not need are passed over.
+Small Jacobians carry the derivatives along.
 """
 
 from __future__ import annotations
@@ -45,12 +46,12 @@ def step_with_slopes(
         return ca.mtimes(ca.jacobian(end, state), slopes) + _beside(ca.jacobian(end, moving), columns)
 
     gain, limit, width = inputs[2] if positioned else ca.SX(0), inputs[3], inputs[6]
-    parts: list[tuple[Any, tuple[int, ...]]] = []
+    parts = []
     for command, stretch in stretches(bound, inputs):
-        lengths, counts = zip(*division(bound, state, command, gain, stretch, substeps), strict=True)
-        given = [command, ca.vertcat(*lengths), along(ca.vertcat(*lengths))]
-        parts.append((ca.Function("stretch", [state, slopes, inputs, parameters], given, {"cse": True}), counts))
-    clocked = any(part.nnz_out(2) for part, _ in parts)  # whether the steps' instants move with the parameters
+        lengths = ca.vertcat(*division(bound, state, command, inputs, stretch, substeps))
+        given = [command, lengths, along(lengths)]
+        parts.append(ca.Function("stretch", [state, slopes, inputs, parameters], given, {"cse": True}))
+    clocked = any(part.nnz_out(2) for part in parts)  # whether the steps' instants move with the parameters
 
     held, clock = kind.sym("held"), kind.sym("clock", 2)
     clock_slopes = kind.sym("clock_slopes", ca.Sparsity.dense(2, columns) if clocked else ca.Sparsity(2, columns))
@@ -60,19 +61,31 @@ def step_with_slopes(
     given = [state, slopes, inputs, parameters, held, clock, clock_slopes]
     one = ca.Function("integration_step", given, [end, ca.densify(after)], {"cse": True})
 
-    if sum(sum(counts) for _, counts in parts) > 1:
+    if sum(part.size1_out(1) for part in parts) > 1:
         kind = ca.MX  # keeps the calls
+        one = _unless_needless(one)
     state, slopes = kind.sym("state", *state.shape), kind.sym("slopes", *slopes.shape)
     inputs, parameters = kind.sym("inputs", *inputs.shape), kind.sym("parameters", *parameters.shape)
     end, after, time, time_slopes = state, slopes, inputs[4], kind(1, columns)
-    for part, counts in parts:
+    for part in parts:
         command, lengths, length_slopes = part(end, after, inputs, parameters)
-        for row, count in enumerate(counts):
-            for _ in range(count):
-                now = ca.vertcat(time, lengths[row]), ca.vertcat(time_slopes, length_slopes[row, :])
-                end, after = one(end, after, inputs, parameters, command, *now)
-                time, time_slopes = time + lengths[row], time_slopes + length_slopes[row, :]
+        for row in range(lengths.shape[0]):
+            now = ca.vertcat(time, lengths[row]), ca.vertcat(time_slopes, length_slopes[row, :])
+            end, after = one(end, after, inputs, parameters, command, *now)
+            time, time_slopes = time + lengths[row], time_slopes + length_slopes[row, :]
     return ca.Function("step_with_slopes", [state, slopes, inputs, parameters], [end, after])
+
+
+@one_at_a_time
+def _unless_needless(one: Any) -> Any:
+    """The integration step, which leaves everything as it is where its length is zero and stays zero."""
+    given = one.sx_in()
+    nothing = ca.Function("nothing", given, [given[0], ca.densify(given[1])])
+    branches = ca.Function.if_else("needed_or_not", one, nothing)
+    given = one.mx_in()
+    clock, clock_slopes = given[5:]
+    moves = ca.sum2(ca.fabs(ca.densify(clock_slopes[1, :])))
+    return ca.Function("step_if_needed", given, branches(ca.logic_or(clock[1] > 0, moves > 0), *given))
 
 
 def _beside(first: Any, columns: int) -> Any:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from machine import Machine, excitation, record
 
 from plant import BadParameter, ServoModel, catalogue, sample_step, simulate
-from plant.discrete import INPUTS, integration_steps, sample_reading
+from plant.discrete import INPUTS, division, integration_steps, sample_reading, stretches
 from plant.effects import CoulombFriction, InputDelay, StribeckFriction
 from plant.simulation import beginning, held_commands
 
@@ -186,6 +186,34 @@ def test_a_fraction_of_a_sample_of_delay_is_exact(delay: float, torque: float) -
     since = np.maximum(np.arange(41) * SAMPLE - 10 * SAMPLE - delay, 0.0)
     assert path[:, 0] == pytest.approx(torque / 1.5 * since**2 / 2, abs=1e-13)
     assert path[:, 1] == pytest.approx(torque / 1.5 * since, abs=1e-12)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.floats(0.0, 0.008), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.sampled_from([0.0, 1e-6, 0.001, 0.005]))
+def test_steps_of_integration_cover_the_sample_and_are_as_few_as_will_do(
+    delay: float, goal: float, shown: float, dt: float
+) -> None:
+    names = ("input_delay", "goal_rate_limit", "compliance")
+    effects = tuple(
+        catalogue[name](**{**HIDDEN[name], "time": delay} if name == "input_delay" else HIDDEN[name]) for name in names
+    )
+    model, gain, substeps = ServoModel(effects=effects), 40.0, 8
+    state = beginning(model, angle=0.0, velocity=0.0, torque=0.0, goal=shown)
+    row = np.array([gain * goal, gain * shown, gain, np.inf, 0.0, dt, 0.0])
+    sample = [(command, np.array(float(length))) for command, length in stretches(model, row)]
+    assert sum(length for _, length in sample) == pytest.approx(dt, abs=1e-18)
+    for command, length in sample:
+        steps = np.array([float(h) for h in division(model, state, command, row, length, substeps)])
+        ramp = min(abs(command / gain - shown) / HIDDEN["goal_rate_limit"]["rate"], float(length))
+        early, late = steps[:substeps], steps[substeps:]
+        for part, whole, least in ((early, ramp, 3), (late, float(length) - ramp, 1)):
+            needed = part[part > 0.0]
+            assert needed.sum() == pytest.approx(whole, abs=1e-15)
+            assert (needed == needed[:1]).all()
+            assert (part[: len(needed)] > 0.0).all()
+            assert (needed <= dt / substeps * (1.0 + 1e-5)).all()
+            if whole > 1e-12:
+                assert len(needed) == max(least, np.ceil(substeps * whole / dt * (1.0 - 1e-6)))
 
 
 def test_the_command_before_the_log_is_its_first() -> None:

@@ -16,6 +16,7 @@ MODELS = {
     "split by a delay": ("input_delay",),
     "finer behind a ramp": ("rate_limit",),
     "finer behind a lag, split by a delay": ("input_delay", "actuator_lag"),
+    "finer behind a goal's ramp, stiff, split by a delay": ("input_delay", "goal_rate_limit", "compliance"),
     "stiff": ("backlash",),
     "with memory on the load": ("presliding_hysteresis",),
     "with memory in the sensor": ("coulomb_friction", "sensor_lag"),
@@ -38,9 +39,9 @@ def test_state_and_slopes_are_those_of_the_step(names: tuple[str, ...], position
     step = step_with_slopes(model, free, columns, substeps=substeps, positioned=positioned)
     rng, gain = np.random.default_rng(3), 0.7 if positioned else 0.0
     values = model.values
-    if "input_delay.time" in model.names:
-        values[model.names.index("input_delay.time")] = 0.002  # inside the sample
-    for _ in range(20):
+    for k in range(20):
+        if "input_delay.time" in model.names:
+            values[model.names.index("input_delay.time")] = 0.002 if k else 0.0  # inside the sample, and at its edge
         start, before = rng.normal(size=n), rng.normal(size=(n, columns))
         row = np.array([3.0 * rng.normal(), 3.0 * rng.normal(), gain, 50.0, 3.14, 0.005, 0.0])
         expected, by_state, by_parameter = (np.array(value) for value in whole(start, row, values))
