@@ -44,7 +44,7 @@ def scatter(fit: Fit, effect: Effect) -> dict[str, float]:
     values = np.array([each for each in found if each is not None])
     if len(values) < _FEWEST:
         return {}
-    names = (f"{effect.name}.{spec.name}" for spec in effect.parameters())
+    names = (f"{effect.name}.{spec.name}" for spec in effect.parameters() if spec.fitted)
     return dict(zip(names, map(float, values.std(axis=0, ddof=1)), strict=True))
 
 
@@ -59,10 +59,10 @@ def _parts(log: Log) -> list[Log]:
 
 
 def _alone(rest: ServoModel, effect: Effect, part: Log) -> Array | None:
-    """Values of an effect's parameters in a part of the log, the rest of the model but for its inertia as it is."""
+    """Fitted values of an effect in a part of the log, the rest of the model but for its inertia as it is."""
     try:
         base = Problem.of(part, rest, fixed=[name for name in rest.names if name != "inertia"]).solve()
         own = refined(base, refit(base, effect), effect.name).model.effect(effect.name)
     except (Unidentifiable, BadParameter):
         return None
-    return None if own is None else np.array(own.values, dtype=float)
+    return None if own is None else np.array([getattr(own, spec.name) for spec in own.parameters() if spec.fitted])

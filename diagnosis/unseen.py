@@ -21,17 +21,23 @@ _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up wi
 def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     """Whether an extended model stands beside its predecessor on what neither was chosen by.
 
-    The odds have decided on one-step predictions of the whole record. The free simulation must not get significantly
-    worse; and predictions of the last part of each run, after a fit to the first part, neither, unless the simulation
-    gets significantly better. An effect for which the record speaks loudly must show there too: one of the two must get
-    significantly better, or, since an effect may act in a few places only, the simulation's error must be halved. So
-    must what has no name to speak for it (`must_show`). Where only an observer keeps the model on its runs, what speaks
-    loudly must not err more when the simulation is restarted every second: one that has lost its run says little, and
-    an observer helps a model that bends the wrong way. Where the model follows its runs from end to end, a restart
-    would only take from it what a memory holds. Nor may a gap need an observer where its predecessor needs none.
+    The odds have decided on one-step predictions of the whole record. Besides,
+
+    - the free simulation must not get significantly worse; and predictions of the last part of each run, after a fit to
+      the first part, neither, unless the simulation gets significantly better.
+    - An effect for which the record speaks loudly must show there too: one of the two must get significantly better,
+      or, since an effect may act in a few places only, the simulation's error must be halved.
+    - So must what has no name to speak for it (`must_show`), and it must not err more from initial states that are not
+      fitted to the whole run, as it will be used: a torque over time may only make up for those.
+    - Where only an observer keeps the model on its runs, what speaks loudly must not err more when the simulation is
+      restarted every second: one that has lost its run says little, and an observer helps a model that bends the wrong
+      way. Where the model follows its runs from end to end, a restart would only take from it what a memory holds.
+    - Nor may a gap need an observer where its predecessor needs none.
     """
     simulation, left = simulation_gain(before, after)
     if simulation < -_SIGNIFICANT:
+        return False
+    if must_show and _share_as_used(before, after) > 1.0:
         return False
     loud = must_show or after.log_likelihood - before.log_likelihood > LOUD
     if loud and (_needs_holding(before, after) or (_may_stray(after) and restarted_share(before, after) > _MORE)):
@@ -73,7 +79,16 @@ def simulation_gain(before: Fit, after: Fit) -> tuple[float, float]:
 
 def restarted_share(before: Fit, after: Fit) -> float:
     """Share of the squared error over the estimation runs that is left, simulated anew every second."""
-    (old, _), (new, _) = (squared_errors(before.log, fit.model, WINDOW) for fit in (before, after))
+    return _share(before, after, WINDOW)
+
+
+def _share_as_used(before: Fit, after: Fit) -> float:
+    """Share that is left as the gain is measured on held-out runs: from what their first moments tell."""
+    return _share(before, after, scoring_window(before, after))
+
+
+def _share(before: Fit, after: Fit, window: float | None) -> float:
+    (old, _), (new, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
     return float(np.mean(new)) / max(float(np.mean(old)), 1e-300)
 
 

@@ -49,17 +49,18 @@ class Objective:
         if log.axis != model.axis:
             raise BadParameter(f"The log is of a {log.axis} axis, the model of a {model.axis} one.")
         kept = {*fixed, "gravity"} if model.axis == "linear" else set(fixed)
-        free = tuple(place for place, name in enumerate(model.names) if name not in kept)
+        free = tuple(place for place, spec in enumerate(model.parameters) if spec.fitted and spec.name not in kept)
         specs = [model.parameters[place] for place in free]
         substeps = integration_steps(model, log.sample_time)
         first, last = min(run.time[0] for run in log.runs), max(run.time[-1] for run in log.runs)
+        lower, upper = np.array([spec.bounds(first, last, log.sample_time) for spec in specs]).reshape(-1, 2).T
         unbounded = np.full(2 * len(log.runs), np.inf)
         return cls(
             log=log,
             model=model,
             predictor=Predictor(model=model, runs=log.runs, free=free, substeps=substeps, colour=log.colour),
-            lower=np.concatenate(([first if spec.instant else spec.lower for spec in specs], -unbounded)),
-            upper=np.concatenate(([last if spec.instant else spec.upper for spec in specs], unbounded)),
+            lower=np.concatenate((lower, -unbounded)),
+            upper=np.concatenate((upper, unbounded)),
             precision=precision(log, model, free),
         )
 

@@ -78,7 +78,7 @@ class Structure:
 
 def integration_steps(model: ServoModel, sample_time: float) -> int:
     """Integration steps in one sample, none longer than any effect allows."""
-    return max(1, int(np.ceil(sample_time / model.longest_step * (1.0 - 1e-6))))
+    return max(1, int(np.ceil(sample_time / model.longest_step(sample_time) * (1.0 - 1e-6))))
 
 
 @one_at_a_time

@@ -126,6 +126,8 @@ def _numbers(
     numbers = {}
     for spec in specs:
         if spec.name not in given:
+            if not spec.fitted:  # an older file, of when nobody could state it: the effect's own
+                continue
             raise BadModelFile(f"{where}: parameter {spec.name!r} is missing.")
         entry = given[spec.name]
         value = entry.get("value") if isinstance(entry, Mapping) else entry

@@ -242,10 +242,9 @@ class ServoModel:
             shown = effect.reading(shown, *(own[effect.name] or (0.0,))[:1])
         return shown
 
-    @property
-    def longest_step(self) -> float:
-        """Longest integration step that follows every effect [s]."""
-        return min((effect.longest_step for effect in self.effects), default=Effect.longest_step)
+    def longest_step(self, sample_time: float) -> float:
+        """Longest integration step that follows every effect in a log of that sample time [s]."""
+        return min((effect.step_within(sample_time) for effect in self.effects), default=Effect.longest_step)
 
     def delay(self) -> Expression:
         """Dead time of the command [s]."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import casadi as ca
@@ -14,8 +14,9 @@ from plant.effects.effect import Array, Effect, Expression, Motion, Stage, State
 from plant.recursion import Recursion
 from plant.symbolic import one_at_a_time
 
-_FREQUENCY = 400.0  # of two masses on the spring of a flank [rad/s]: stiff against what a log shows
+_STIFF = 400.0  # swing on the spring of a flank that a log of 5 ms cannot tell from a hard one [rad/s]
 _DAMPING = 0.5
+_STEPS = 4.0  # integration steps in a radian of that swing
 _SHARES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the inertia, to start from
 
 
@@ -23,7 +24,8 @@ _SHARES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9) 
 class Backlash(Effect):
     """A motor with inertia of its own that loses touch with the load, crosses the gap and lands on the other flank.
 
-    A flank only pushes. It is a stiff spring with a damper (Nordin and Gutman 2002), whose stiffness is not fitted.
+    A flank only pushes. It is a spring with a damper (Nordin and Gutman 2002), on which both masses would swing at the
+    flank frequency. That is not fitted, but so high that the log cannot tell the flank from a hard one.
     A light motor crosses a wide gap as soon as a heavy one a narrow one: a log of a few seconds knows gap times share
     to some per cent, each alone to a quarter. The likelihood has many peaks; the standard errors of a fit hold beside
     the one that it has climbed, those of a diagnosis come from how parts of the log disagree.
@@ -41,10 +43,16 @@ class Backlash(Effect):
     chaotic = True
     states = (State.ANGLE, State.VELOCITY)
     flexible = True
-    longest_step = 6.25e-4
 
     gap: float = parameter("{angle}", "free play from flank to flank", lower=0.0)
     motor_share: float = parameter("-", "share of the inertia on the motor's side", lower=0.02, upper=0.98)
+    flank_frequency: float = parameter(
+        "rad/s", "swing of both masses on a flank", lower=0.1, upper=1e6, fitted=False, default=_STIFF
+    )
+
+    def step_within(self, sample_time: float) -> float:
+        """A quarter of a radian of the swing on a flank."""
+        return 1.0 / (_STEPS * self.flank_frequency)
 
     def share(self) -> Expression:
         """The motor's share."""
@@ -52,8 +60,8 @@ class Backlash(Effect):
 
     def coupling(self, twist: Expression, rate: Expression, inertia: Expression) -> Expression:
         """The push of the flank in touch, if any."""
-        stiffness = self.motor_share * (1.0 - self.motor_share) * inertia * _FREQUENCY**2
-        damping = 2.0 * _DAMPING / _FREQUENCY
+        stiffness = self.motor_share * (1.0 - self.motor_share) * inertia * self.flank_frequency**2
+        damping = 2.0 * _DAMPING / self.flank_frequency
         ahead, behind = twist - self.gap / 2, twist + self.gap / 2
         forward = ca.if_else(ahead > 0, ca.fmax(ahead + damping * rate, 0), 0)
         backward = ca.if_else(behind < 0, ca.fmin(behind + damping * rate, 0), 0)
@@ -61,22 +69,23 @@ class Backlash(Effect):
 
     def loaded(self, before: float, after: float) -> Backlash:
         """The motor stays what it is; the flanks are stiff before and after."""
-        return Backlash(gap=self.gap, motor_share=within(self.motor_share * before / after, Backlash, "motor_share"))
+        return replace(self, motor_share=within(self.motor_share * before / after, Backlash, "motor_share"))
 
     def look_alikes(self, stage: int) -> tuple[Effect, ...]:
         """A light motor crosses a wide gap in the time in which a heavy one crosses a narrow one."""
         width = self.gap * self.motor_share
         if stage == 0:
-            return tuple(Backlash(gap=width / share, motor_share=share) for share in _SHARES)
+            return tuple(replace(self, gap=width / share, motor_share=share) for share in _SHARES)
         factors = ((0.8, 0.9, 1.1, 1.25), (0.93, 0.97, 1.03, 1.07))[stage - 1]
         shares = [within(self.motor_share * factor, Backlash, "motor_share") for factor in factors]
-        along = [Backlash(gap=width / share, motor_share=share) for share in shares]
-        return (*along, *(Backlash(gap=self.gap * factor, motor_share=self.motor_share) for factor in factors))
+        along = [replace(self, gap=width / share, motor_share=share) for share in shares]
+        return (*along, *(replace(self, gap=self.gap * factor) for factor in factors))
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """The torque that is missing in the gap and the knock behind it, for gaps and shares on a grid."""
         shares, samples = (0.1, 0.3, 0.6), np.geomspace(3.0, 60.0, 9)
+        stiff = max(_STIFF, float(round(2.0 / motion.sample_time)))
         torque = motion.arriving(motion.torque)
         level = float(np.sqrt(np.mean(torque**2)))
         if level <= 0.0:
@@ -90,7 +99,9 @@ class Backlash(Effect):
             yield Trace(
                 columns=crossing[:, [place]],
                 positive=(True,),
-                start=lambda c, own=own, width=width: cls(gap=width * float(np.clip(c[0], 0.3, 2.0)), motor_share=own),  # type: ignore[misc]
+                start=lambda c, own=own, width=width: cls(  # type: ignore[misc]
+                    gap=width * float(np.clip(c[0], 0.3, 2.0)), motor_share=own, flank_frequency=stiff
+                ),
                 searched=len(grid),
             )
 

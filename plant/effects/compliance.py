@@ -8,9 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import signal
 
-from plant.effects.effect import Array, Effect, Expression, Motion, Stage, State, Trace, parameter, within
-
-_LONGEST_STEP = 1e-3
+from plant.effects.effect import (
+    Array,
+    Effect,
+    Expression,
+    Motion,
+    Stage,
+    State,
+    Trace,
+    fastest_swing,
+    parameter,
+    within,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,11 +38,14 @@ class Compliance(Effect):
     rugged = True
     states = (State.ANGLE, State.VELOCITY)
     flexible = True
-    longest_step = _LONGEST_STEP
 
-    frequency: float = parameter("rad/s", "resonance", lower=0.1, upper=1.0 / _LONGEST_STEP)
+    frequency: float = parameter("rad/s", "resonance", lower=0.1, upper=1e6, swing=True)
     damping: float = parameter("-", "damping ratio of the resonance", lower=1e-4, upper=2.0)
     motor_share: float = parameter("-", "share of the inertia on the motor's side", lower=0.02, upper=0.98)
+
+    def step_within(self, sample_time: float) -> float:
+        """A radian of the fastest swing that a fit may try, and of its own."""
+        return 1.0 / max(fastest_swing(sample_time), self.frequency)
 
     def share(self) -> Expression:
         """The motor's share."""
@@ -62,7 +74,8 @@ class Compliance(Effect):
         (s^2 + 2 D w s + w^2), whatever the shares of the masses are.
         """
         dampings = (0.03, 0.2)
-        fastest = min(1.5 / motion.sample_time, 0.8 / _LONGEST_STEP)
+        bound = fastest_swing(motion.sample_time)
+        fastest = min(1.5 / motion.sample_time, 0.8 * bound)
         frequencies = np.geomspace(0.02 * fastest, fastest, 12)
         torque = motion.arriving(motion.torque)
         for frequency in frequencies:
@@ -74,7 +87,7 @@ class Compliance(Effect):
                     columns=(behind - torque)[:, None],
                     positive=(True,),
                     start=lambda c, w=frequency, d=damping: cls(  # type: ignore[misc]
-                        frequency=within(float(w / np.sqrt(np.clip(c[0], 0.25, 4.0))), cls, "frequency"),
+                        frequency=min(float(w / np.sqrt(np.clip(c[0], 0.25, 4.0))), bound),
                         damping=d,
                         motor_share=0.3,
                     ),

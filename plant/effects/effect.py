@@ -27,6 +27,7 @@ from plant.effects.motion import Motion as Motion
 from plant.effects.motion import Place as Place
 from plant.effects.parameter import Axis as Axis
 from plant.effects.parameter import Parameter as Parameter
+from plant.effects.parameter import fastest_swing as fastest_swing
 from plant.effects.parameter import parameter as parameter
 from plant.effects.parameter import parameters_of as parameters_of
 from plant.effects.parameter import within as within
@@ -150,6 +151,10 @@ class Effect:
         for spec, value in zip(self.parameters(), values, strict=True):
             object.__setattr__(other, spec.name, value)
         return other
+
+    def step_within(self, sample_time: float) -> float:
+        """Longest integration step that follows it, also while a log of that sample time is fitted [s]."""
+        return self.longest_step
 
     # What an effect can do to the command and in the actuator. A state of type COMMAND is the command that is played,
     # before the drive's law, and one of type GOAL a position servo's goal; one of type TORQUE belongs behind the law.

@@ -18,7 +18,8 @@ class Parameter:
     """One physical parameter: what it means, its unit and the values that make sense.
 
     `unit` is written in terms of {torque} and {angle}, so that it reads N and m on a linear axis. An `instant` is on
-    the log's clock: a log says nothing of one outside it.
+    the log's clock: a log says nothing of one outside it. Nor does it say anything of a `swing` that is faster than its
+    samples can follow, or of what is not `fitted` but stated.
     """
 
     name: str
@@ -27,11 +28,19 @@ class Parameter:
     lower: float = -math.inf
     upper: float = math.inf
     instant: bool = False
+    swing: bool = False
+    fitted: bool = True
 
     def unit_on(self, axis: Axis) -> str:
         """The unit on a rotary or linear axis."""
         unit = self.unit.format(**_UNITS[axis])
         return {"N m s^2/rad": "kg m^2", "N s^2/m": "kg"}.get(unit, unit)
+
+    def bounds(self, first: float, last: float, sample_time: float) -> tuple[float, float]:
+        """Least and greatest value that a log can tell, from its first and last instant and its sample time [s]."""
+        if self.instant:
+            return first, last
+        return self.lower, min(self.upper, fastest_swing(sample_time)) if self.swing else self.upper
 
     def check(self, owner: str, value: float) -> None:
         """Raise `BadParameter` unless `value` is finite and within the bounds."""
@@ -48,11 +57,26 @@ def parameter(
     lower: float = -math.inf,
     upper: float = math.inf,
     instant: bool = False,
+    swing: bool = False,
+    fitted: bool = True,
     default: Any = MISSING,
 ) -> Any:
     """A dataclass field that carries its `Parameter`; the field's name becomes the parameter's."""
-    metadata = {"unit": unit, "meaning": meaning, "lower": lower, "upper": upper, "instant": instant}
+    metadata = {
+        "unit": unit,
+        "meaning": meaning,
+        "lower": lower,
+        "upper": upper,
+        "instant": instant,
+        "swing": swing,
+        "fitted": fitted,
+    }
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
+
+
+def fastest_swing(sample_time: float) -> float:
+    """The fastest swing that is looked for in a log [rad/s]: two radians a sample, and up to 1000 in any."""
+    return max(1000.0, 2.0 / sample_time)
 
 
 def parameters_of(owner: Any) -> tuple[Parameter, ...]:
