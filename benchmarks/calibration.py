@@ -45,6 +45,7 @@ from machine import (  # noqa: E402
 )
 
 from diagnosis import Diagnosis, diagnose  # noqa: E402
+from diagnosis.holdout import WINDOW  # noqa: E402
 from identification.fit import fit  # noqa: E402
 from identification.fit_result import Fit  # noqa: E402
 from identification.log import Log  # noqa: E402
@@ -194,7 +195,7 @@ def hidden(number: int, seed: int) -> dict[str, Any]:
     first = [c for c in found.candidates if c.round == 1]
     own = [c for c in first if c.effect == case.effect]
     rivals = [c.evidence for c in first if c.effect != case.effect and c.refitted]
-    errors = [held_out_error(model, held) for model in (found.base, found.extended, best)]
+    errors = held_out_errors([found.base, found.extended, best], held)
     return {
         "truth": [case.effect],
         "wanted": wanted,
@@ -243,7 +244,7 @@ def deleted(number: int, seed: int) -> dict[str, Any]:
     held = record(machine, excitation(2 * seed + 1, duration=HELD_OUT), seed=seed + 1, noise=NOISE).log()
     begin = time.perf_counter()
     found = diagnose(log, case.base, held, exclude=[case.effect])
-    errors = [held_out_error(model, held) for model in (found.base, found.extended, oracle(case, case.sizes[-1], log))]
+    errors = held_out_errors([found.base, found.extended, oracle(case, case.sizes[-1], log)], held)
     return {"truth": [case.effect], **answer(found, time.perf_counter() - begin), "errors": errors}
 
 
@@ -318,10 +319,14 @@ def answer(found: Diagnosis, seconds: float) -> dict[str, Any]:
     }
 
 
-def held_out_error(found: Fit, log: Log) -> float:
-    """RMS error of a free simulation of the held-out run [rad]."""
-    simulated = free_simulation(log, found.model)[0]
-    return float(np.sqrt(np.mean((simulated - log.runs[0].output) ** 2)))
+def held_out_errors(fits: list[Fit], log: Log) -> list[float]:
+    """RMS errors of free simulations of the held-out run [rad].
+
+    They begin anew every second if the last model, the true one, is chaotic: in a whole run it goes astray as well.
+    """
+    window = WINDOW if fits[-1].model.chaotic else None
+    simulated = (free_simulation(log, found.model, window=window)[0] for found in fits)
+    return [float(np.sqrt(np.mean((path - log.runs[0].output) ** 2))) for path in simulated]
 
 
 def one(key: tuple[str, int, int]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from scipy.stats import beta
 Told = dict[str, Any]
 _SEPARABLE = 25.0  # lambda of the truth over the best other name
 _DETECTED = 30.0  # lambda from which an effect is to be found
+_NEAR = 1.2  # times the oracle's error
 _MUCH = 0.1  # share of the held-out error power from which it is said that something remains
 EQUIVALENT = {  # in an open loop, at these sizes
     "input_delay": {"sensor_lag", "actuator_lag"},
@@ -105,10 +106,7 @@ def _hidden(told: list[Told]) -> str:
     certain = [t for t in told if any(c["probability"] > 0.99 and c["effect"] not in t["truth"] for c in t["causes"])]
     lines.append(f"a wrong name with more than 99 %: {rate(len(certain), len(told))}")
     lines.append(f"seconds: median {np.median([t['seconds'] for t in told]):.1f}, 95 % {_p95(told):.1f}")
-    ratios = [(t["errors"][1] / t["errors"][2]) for t in told if alone(t)]
-    if ratios:
-        middle, most = np.median(ratios), np.quantile(ratios, 0.95)
-        lines.append(f"held-out error over the oracle's, named alone: median {middle:.4f}, 95 % {most:.4f}")
+    lines += _over_the_oracle([t for t in told if alone(t)])
     lines.append(_no_worse(told))
     lost = [t for t in told if not honest(t)]
     spared = Counter(t["truth"][0] for t in hardly)
@@ -123,6 +121,20 @@ def _hidden(told: list[Told]) -> str:
             f" ({over}); evidence of the truth {own}, of the oracle {t['oracle']:.1f}: {loss(t)}"
         )
     return "\n".join(lines)
+
+
+def _over_the_oracle(told: list[Told]) -> list[str]:
+    """Held-out error over that of a fit that was told where the truth is, and who has much more."""
+    if not told:
+        return []
+    ratios = np.array([t["errors"][1] / t["errors"][2] for t in told])
+    middle, most = np.median(ratios), np.quantile(ratios, 0.95)
+    lines = [
+        f"held-out error over the oracle's, named alone: median {middle:.4f}, 95 % {most:.4f}",
+        f"  no more than {_NEAR:g} times: {rate(int(np.sum(ratios <= _NEAR)), len(told))}",
+    ]
+    far = [(t, ratio) for t, ratio in zip(told, ratios, strict=True) if ratio > _NEAR]
+    return lines + [f"  {t['truth'][0]} lambda {t['wanted']:.0f}: {ratio:.3g} times" for t, ratio in far]
 
 
 def _no_worse(told: list[Told]) -> str:

@@ -56,8 +56,6 @@ DRY = {
     "presliding_hysteresis",
     "friction_drift",
 }
-FLANK_FREQUENCY = 400.0  # of two masses on the spring of a tooth flank [rad/s]
-FLANK_DAMPING = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,7 +101,8 @@ class Machine:
     """One machine, or a batch of B when a number is given as (B,); the paper's with a dead zone by default.
 
     With a servo gain [N m/rad] it is a position servo: its command is a goal [rad], and the drive gives no more than
-    `command_limit` [N m].
+    `command_limit` [N m]. On the spring of a tooth flank both masses swing at `flank_frequency` [rad/s], with a damping
+    ratio of `flank_damping`.
     """
 
     inertia: ArrayLike = 2.0
@@ -113,6 +112,8 @@ class Machine:
     servo_gain: ArrayLike = 0.0
     command_limit: ArrayLike = np.inf
     payload: ArrayLike = 0.0  # 1 once a payload change has happened
+    flank_frequency: ArrayLike = 400.0
+    flank_damping: ArrayLike = 0.5
 
     def __post_init__(self) -> None:
         for name, values in self.effects.items():
@@ -151,6 +152,8 @@ class Machine:
             servo_gain=some(self.servo_gain),
             command_limit=some(self.command_limit),
             payload=some(self.payload),
+            flank_frequency=some(self.flank_frequency),
+            flank_damping=some(self.flank_damping),
         )
 
     @property
@@ -174,7 +177,7 @@ class Machine:
         if p := self.effects.get("compliance"):
             return Drivetrain.of(self.inertia, p["motor_share"], p["frequency"], p["damping"], None)
         if p := self.effects.get("backlash"):
-            return Drivetrain.of(self.inertia, p["motor_share"], FLANK_FREQUENCY, FLANK_DAMPING, p["gap"])
+            return Drivetrain.of(self.inertia, p["motor_share"], self.flank_frequency, self.flank_damping, p["gap"])
         return None
 
     @cached_property

@@ -65,6 +65,15 @@ def test_a_gap_is_named_alone_in_a_short_log_and_measured(gap: float, share: flo
     assert found_gap == pytest.approx(gap, rel=0.3)
 
 
+def test_a_gap_between_harder_flanks_than_the_models_is_named() -> None:
+    hidden = Machine(flank_frequency=2000.0).hiding(backlash={"gap": 0.02, "motor_share": 0.3})
+    few = ["backlash", "compliance", "payload_change", "input_delay"]
+    found = diagnose(record(hidden, excitation(62, duration=15.0), seed=31).log(), candidates=few)
+    (cause,) = found.causes
+    assert cause.effect == "backlash"
+    assert cause.parameters["gap"].value == pytest.approx(0.02, rel=0.3)
+
+
 def test_an_instant_is_found_among_the_peaks_beside_it() -> None:
     """From the nearest instant of the screen the fit ends 1.2 s late, and what it leaves was an end stop at 0.99."""
     change = {"time": 23.1416, "inertia": 0.006, "gravity": 0.0018}
