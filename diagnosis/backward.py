@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from diagnosis.odds import MISSING, NONE, parameter_cost, schwarz_cost
+from diagnosis.odds import CLEAR, NONE, parameter_cost, schwarz_cost
 from diagnosis.refit import evidence_of, fitted_near, is_its_special_case, problem_near, refined
 from diagnosis.round import Addition, weighed
 from diagnosis.unseen import holds_up
@@ -108,7 +108,7 @@ def with_best_names(additions: list[Addition], progress: Callable[[str], None] |
         odds = weighed(rivals, fits, less)
         if better := _better_special_cases(fits[_leader(odds)], _leader(odds), rest, fits):
             odds = weighed(rivals, fits := fits | better, less)
-        if odds[NONE] > 1.0 - MISSING:
+        if odds[NONE] > 1.0 - CLEAR:
             additions = [*additions[:place], *additions[place + 1 :]]
             additions[-1] = replace(additions[-1], fit=less)
             continue

@@ -19,7 +19,7 @@ from diagnosis.curves import (
     richer_promise,
     says_more,
 )
-from diagnosis.odds import CLEAR, MISSING, search_charge
+from diagnosis.odds import CLEAR, search_charge
 from diagnosis.refit import fitted_near, is_plausible
 from diagnosis.round import Addition
 from diagnosis.search import Outcome
@@ -108,7 +108,7 @@ def _several(
     sure = float(expit(lead(beside.path or (outcome.fit,), alone, outcome.base) - paid))
     if sure >= CLEAR:
         return outcome, beside, []
-    if sure < 1.0 - MISSING:
+    if sure < 1.0 - CLEAR:
         return replace(outcome, additions=()), Carried(path=alone, seen=()), []
     titles = [effect.title for effect in alone[-1].model.effects if outcome.base.model.effect(effect.name) is None]
     explain = "explains" if len(titles) == 1 else "explain"

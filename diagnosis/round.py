@@ -9,7 +9,6 @@ import numpy as np
 
 from diagnosis.odds import (
     CLEAR,
-    MISSING,
     NONE,
     parameter_cost,
     probabilities,
@@ -174,7 +173,7 @@ def one_round(
                 plausible=own_fit is None or is_plausible(own_fit, suspect.name),
             )
         )
-    if not refits or odds[NONE] > 1.0 - MISSING:
+    if not refits or odds[NONE] > 1.0 - CLEAR:
         return None
     winner = max(refits, key=lambda name: odds[name])
     return Addition(

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from scipy.special import expit
 
-from diagnosis.odds import MISSING, NONE
+from diagnosis.odds import CLEAR, NONE
 from diagnosis.refit import evidence_of, fitted_near
 from diagnosis.round import Addition
 from diagnosis.uneven import unevenness
@@ -55,10 +55,10 @@ def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[
     for addition in sorted(additions, key=lambda addition: addition.evidence):
         less = fitted_near(at_hand, at_hand.model.without_effect(addition.effect).with_effect(WanderingLoad()))
         needed[addition.effect] = needed_with(addition, at_hand, less)
-        if needed[addition.effect] < MISSING:
+        if needed[addition.effect] < CLEAR:
             at_hand = less
     sure = [(addition, needed[addition.effect]) for addition in additions]
-    kept = [less_sure(addition, probability) for addition, probability in sure if probability >= MISSING]
+    kept = [less_sure(addition, probability) for addition, probability in sure if probability >= CLEAR]
     return kept if len(kept) == len(additions) else refitted(base, kept, final)
 
 
@@ -72,7 +72,7 @@ def still_needed(additions: Sequence[Addition], at: Fit) -> tuple[list[Addition]
     for addition in sorted(additions, key=lambda addition: addition.evidence):
         less = fitted_near(at, at.model.without_effect(addition.effect))
         uneven = unevenness(at, addition.effect) if at.bandwidth else None
-        if needed_with(addition, at, less, uneven=uneven) < MISSING:
+        if needed_with(addition, at, less, uneven=uneven) < CLEAR:
             at = less
             kept.remove(addition)
     return kept, at

@@ -34,7 +34,10 @@ RUBS, PUSHES, WAITS = CoulombFriction(torque=0.3), TorqueOffset(torque=0.15), In
 @cache
 def base(*hidden: Effect) -> Fit:
     """Of a machine that hides effects from the model."""
-    values = {effect.name: {spec.name: getattr(effect, spec.name) for spec in effect.parameters()} for effect in hidden}
+    values = {
+        effect.name: {spec.name: getattr(effect, spec.name) for spec in effect.parameters() if spec.fitted}
+        for effect in hidden
+    }
     log = record(Machine().hiding(**values), excitation(2, duration=10.0), seed=2).log()
     return fit(log, ServoModel.paper())
 

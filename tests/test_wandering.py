@@ -10,7 +10,7 @@ from machine import Machine, excitation, load_fluctuation, record
 from scipy.linalg import solve_discrete_are
 
 from diagnosis import Diagnosis, diagnose, wandering
-from diagnosis.odds import MISSING, NONE
+from diagnosis.odds import CLEAR, NONE
 from diagnosis.round import Addition
 from diagnosis.wandering import less_sure, without_wanderers
 from identification.fit import base_model, fit
@@ -62,7 +62,7 @@ def test_a_wandering_load_has_no_cause(seed):
     """The last was imitated by five names together, each of them 1.000."""
     found = diagnose(wandering_load(Machine(), seed))
     assert found.verdict == "nothing_missing"
-    assert is_said_to_wander(found) == any(candidate.probability > MISSING for candidate in found.candidates)
+    assert is_said_to_wander(found) == any(candidate.probability > CLEAR for candidate in found.candidates)
 
 
 @pytest.mark.parametrize("seed", [5002, 5003])

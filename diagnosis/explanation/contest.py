@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.odds import MISSING, NONE
+from diagnosis.odds import CLEAR, NONE
 from diagnosis.result import Candidate, Cause, Findings
 
 AGAIN = 0
 """In place of a round: a cause that was weighed again at the end, beside the others."""
-NAMED = float(np.log(MISSING / (1.0 - MISSING)))
+NAMED = float(np.log(CLEAR / (1.0 - CLEAR)))
 """Log odds of "something is missing" that a name needs."""
 
 
