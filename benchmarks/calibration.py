@@ -1,11 +1,12 @@
 """Many diagnoses of synthetic logs: are names right, odds honest, and clean logs left alone?
 
     python benchmarks/calibration.py sizes
-    python benchmarks/calibration.py run PART COUNT [processes]     PART: hidden, several, deleted, clean
+    python benchmarks/calibration.py run PART COUNT SEED [processes]     PART: hidden, several, deleted, clean
     python benchmarks/calibration.py table
 
-`run` adds diagnoses to benchmarks/results/calibration.jsonl, one line each; what is there is not run again, so it may
-be stopped and taken up. `table` reads that file and writes calibration.txt. A line depends on its key alone.
+`run` adds COUNT diagnoses, on logs of SEED and those that follow, to benchmarks/results/calibration.jsonl, one a line;
+what is there is not run again, so it may be stopped and taken up. `table` reads that file and writes calibration.txt. A
+line depends on its key alone.
 
 The size of an effect is given as lambda: twice the log-likelihood by which the model with the true effect beats the
 nearest without it (see tests/hidden.py), each with the process noise that suits it best, as expected before the noise
@@ -94,12 +95,12 @@ SEVERAL = (
 )
 
 
-def lines(part: str, count: int) -> Iterator[tuple[str, int, int]]:
+def lines(part: str, count: int, first: int) -> Iterator[tuple[str, int, int]]:
     """Keys of the diagnoses of a part: (part, number of the case, seed)."""
     hide = len(CASES) * len(LAMBDAS)
     cases = {"hidden": hide, "several": len(SEVERAL), "deleted": len(CASES), "clean": len(CLEAN)}[part]
     for place in range(count):
-        yield part, place % cases, 14000 + place // cases
+        yield part, place % cases, first + place // cases
 
 
 def case_on(number: int, seed: int) -> Hidden:
@@ -346,12 +347,12 @@ def main() -> None:
         SIZES.write_text(json.dumps(known, indent=1) + "\n")
         return
     if sys.argv[1] == "run":
-        part, count = sys.argv[2], int(sys.argv[3])
+        part, count, first = sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
         done = {tuple(line["key"]) for line in stored()}
-        keys = [key for key in lines(part, count) if key not in done]
+        keys = [key for key in lines(part, count, first) if key not in done]
         chunk = len(LAMBDAS) if part == "hidden" else 1  # which share the search for sizes
         STORE.parent.mkdir(exist_ok=True)
-        with multiprocessing.get_context("spawn").Pool(int(sys.argv[4]) if len(sys.argv) > 4 else 2) as pool:
+        with multiprocessing.get_context("spawn").Pool(int(sys.argv[5]) if len(sys.argv) > 5 else 2) as pool:
             for place, told in enumerate(pool.imap_unordered(one, keys, chunk), start=1):
                 with STORE.open("a") as file:
                     file.write(json.dumps(told) + "\n")
