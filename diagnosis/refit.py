@@ -131,4 +131,4 @@ def is_plausible(fit: Fit, name: str) -> bool:
 def is_its_special_case(fit: Fit, name: str) -> bool:
     """Whether the shape of a fitted effect vanishes, so that nothing shows what a simpler effect would not show too."""
     effect = fit.model.effect(name)
-    return effect is not None and bool(effect.reduced()) and effect.vanishes(typical_speed(fit))
+    return effect is not None and bool(effect.reduced()) and effect.vanishes(typical_speed(fit), fit.log.sample_time)

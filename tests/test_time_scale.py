@@ -14,7 +14,7 @@ from identification.log import Log
 from identification.problem import Problem
 from plant import BadModelFile, ModelFile, ServoModel, read_model
 from plant.discrete import integration_steps
-from plant.effects import Backlash, Compliance, PayloadChange
+from plant.effects import Backlash, Compliance, PayloadChange, PreslidingHysteresis
 from plant.effects.effect import parameters_of
 
 TORQUE, TIME = 1e-4, 0.05  # of the small servo over the large one's: 2 s of samples 0.25 ms apart
@@ -85,6 +85,16 @@ def test_the_steps_of_integration_follow_the_fastest_swing(
     effect: Compliance | Backlash, sample_time: float, steps: int
 ) -> None:
     assert integration_steps(ServoModel(effects=(effect,)), sample_time) == steps
+
+
+@pytest.mark.parametrize(("factor", "vanishes"), [(0.5e-4, True), (2e-4, False), (0.5, False), (2.0, True)])
+@pytest.mark.parametrize(("sample_time", "second"), [(0.02, 1.0), (0.005, 1.0), (0.00025, 0.05)])
+def test_a_travel_to_slide_is_told_from_none_at_any_speed(
+    factor: float, vanishes: bool, sample_time: float, second: float
+) -> None:
+    speed, torque = 3.0, 0.2
+    spring = PreslidingHysteresis(torque=torque, stiffness=torque / (factor * second * speed))
+    assert spring.vanishes(speed, sample_time) == vanishes
 
 
 def test_a_model_file_from_before_the_flanks_were_stated_is_read(tmp_path: Path) -> None:

@@ -244,8 +244,13 @@ class Effect:
         """
         return ()
 
-    def vanishes(self, speed: float) -> bool:
-        """Whether, in a log of that typical speed [rad/s], nothing shows that a simpler effect would not show too."""
+    def vanishes(self, speed: float, sample_time: float) -> bool:
+        """Whether nothing shows that a simpler effect would not show too.
+
+        Args:
+            speed: typical of the log [rad/s].
+            sample_time: of the log [s].
+        """
         return False
 
     def plausible(self, *, low: float, high: float, speed: float, inertia: float) -> bool:

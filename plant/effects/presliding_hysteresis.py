@@ -50,9 +50,13 @@ class PreslidingHysteresis(Effect):
         """Where it gives way at once it is Coulomb friction."""
         return (CoulombFriction(torque=self.torque),)
 
-    def vanishes(self, speed: float) -> bool:
-        """Passed in a tenth of a millisecond the travel to slide is no spring; of more than a second, nothing else."""
-        return not 1e-4 * speed <= self.torque / self.stiffness <= 1.0 * speed
+    def vanishes(self, speed: float, sample_time: float) -> bool:
+        """Passed in a tenth of a millisecond the travel to slide is no spring; of more than a second, nothing else.
+
+        In a log of more than 200 samples a second both times are so much shorter.
+        """
+        shorter = min(1.0, 200.0 * sample_time)
+        return not 1e-4 * shorter * speed <= self.torque / self.stiffness <= shorter * speed
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

@@ -40,7 +40,7 @@ class StribeckFriction(Effect):
         """With no excess it is Coulomb friction."""
         return (CoulombFriction(torque=self.coulomb),)
 
-    def vanishes(self, speed: float) -> bool:
+    def vanishes(self, speed: float, sample_time: float) -> bool:
         """A hump far narrower than the motion is fast is passed within a sample; it is a fault of stiction's model."""
         return bool(self.velocity < 2e-3 * speed)
 
