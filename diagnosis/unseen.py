@@ -15,6 +15,7 @@ from plant.effects.effect import Array
 _SIGNIFICANT = 2.0  # standard errors
 LOUD = 100.0  # rise of the log-likelihood of which a quarter should show in a quarter of the record
 _MORE = 1.1  # times the squared error within a second; less may come from the states that it is restarted from
+_FOLLOWS = 0.1  # share of the squared error below which a simulation has clearly not lost its run
 _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
 
 
@@ -31,7 +32,8 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
       fitted to the whole run, as it will be used: a torque over time may only make up for those.
     - Where only an observer keeps the model on its runs, what speaks loudly must not err more when the simulation is
       restarted every second: one that has lost its run says little, and an observer helps a model that bends the wrong
-      way. Where the model follows its runs from end to end, a restart would only take from it what a memory holds.
+      way. Where the model follows its runs from end to end, or has a tenth of the error left, a restart would only take
+      from it what a memory holds.
     - Nor may a gap need an observer where its predecessor needs none.
     """
     simulation, left = simulation_gain(before, after)
@@ -40,7 +42,9 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     if must_show and _share_as_used(before, after) > 1.0:
         return False
     loud = must_show or after.log_likelihood - before.log_likelihood > LOUD
-    if loud and (_needs_holding(before, after) or (_may_stray(after) and restarted_share(before, after) > _MORE)):
+    if loud and _needs_holding(before, after):
+        return False
+    if loud and _may_stray(after) and left > _FOLLOWS and restarted_share(before, after) > _MORE:
         return False
     if simulation > _SIGNIFICANT or left < 0.5:
         return True

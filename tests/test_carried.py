@@ -222,7 +222,7 @@ def test_a_name_that_does_not_pay_beside_it_goes(
 
     def needed_with(addition: Any, at: Any, less: Any, *, uneven: float | None) -> float:
         counted.append(uneven)
-        return 0.96 if addition.effect == "true" else 0.94
+        return 0.91 if addition.effect == "true" else 0.89
 
     near, true = (SimpleNamespace(effect=name, evidence=10.0, fit=fit(name)) for name in ("near", "true"))
     monkeypatch.setattr(curves, "carried", lambda at: Carried(path=(fit("near", "true", "curve"),), seen=()))
@@ -245,7 +245,7 @@ def test_what_is_carried_beside_names_that_all_go_is_asked_anew(monkeypatch: pyt
     near: Any = SimpleNamespace(effect="near", evidence=10.0, fit=fit("near"))
     monkeypatch.setattr(curves, "carried", lambda at: asked.append(at.name) or (beside if at.name == "near" else alone))
     monkeypatch.setattr(wandering, "fitted_near", lambda at, model: fit("less"))
-    monkeypatch.setattr(wandering, "needed_with", lambda addition, at, less, uneven: 0.94)
+    monkeypatch.setattr(wandering, "needed_with", lambda addition, at, less, uneven: 0.89)
     assert beside_unnamed(fit("base"), (near,)) == ((), alone)
     assert asked == ["near", "base"]
 

@@ -38,6 +38,8 @@ POSITION = SimpleNamespace(runs=(SimpleNamespace(positioned=True),))
         (+2.1, 0.9, 1.11, +1.0, LOUD, False),  # by luck: it errs more where it has not lost its run
         (0.0, 0.49, 1.09, -1.0, LOUD, True),  # its error is halved, in a few places
         (0.0, 0.49, 1.11, +1.0, LOUD, False),
+        (+2.1, 0.11, 1.11, +1.0, LOUD, False),
+        (+2.1, 0.09, 1.5, +1.0, LOUD, True),  # it has not lost its run: a command that lags, told a sensor that does
         (0.0, 0.9, 1.11, +1.0, LOUD, False),
         (0.0, 0.9, 1.11, 0.0, QUIET, True),
         (0.0, 0.51, 1.0, -1.0, QUIET, False),
