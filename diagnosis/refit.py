@@ -108,11 +108,11 @@ def widening(fit: Fit, than: Fit) -> float:
 
 
 def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
-    """The estimates of one effect's parameters."""
+    """The estimates of one effect's parameters, as far as they are not stated."""
     own = fit.model.effect(effect)
     if own is None:
         return {}
-    lines = {spec.name: fit[f"{effect}.{spec.name}"] for spec in own.parameters()}
+    lines = {spec.name: fit[f"{effect}.{spec.name}"] for spec in own.parameters() if spec.fitted}
     return {
         name: Estimate(value=float(getattr(own, name)), std=line.std, unit=line.unit) for name, line in lines.items()
     }

@@ -39,6 +39,7 @@ def test_the_drivetrain_of_a_small_servo_is_named(case: Hidden) -> None:
     found = diagnose(log, None, held_out, candidates=RIVALS)
     (cause,) = found.causes
     assert (found.verdict, cause.effect) == ("named", case.effect)
+    assert "flank_frequency" not in cause.parameters  # it is stated, and no finding
     for name in case.judged:
         scale = 1.0 / TIME if name == "frequency" else 1.0
         assert cause.parameters[name].value == pytest.approx(scale * case.at(size)[name], rel=0.1)
