@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from diagnosis.missing_torque import MissingTorque
 from identification.fit_result import Fit
-from plant.effects.effect import Array
+from plant.effects.effect import Array, Effect
 from plant.servo import ServoModel
 
 SCHEMA = 1
@@ -105,7 +105,7 @@ class Candidate:
     `evidence` is the rise in log-likelihood; `score` and `visible` are the same less the charge for parameters and
     search, in the questions which name it is and whether anything is missing (see `diagnosis.odds`); `refitted` is
     False where the screen alone has judged, and `plausible` where the values that came out are such as its cause hardly
-    ever has, for which it pays.
+    ever has, for which it pays. `fitted` is the effect as it came out, None where the screen alone has judged.
     """
 
     round: int
@@ -117,6 +117,7 @@ class Candidate:
     refitted: bool
     parameters: Mapping[str, Estimate]
     plausible: bool = True
+    fitted: Effect | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -171,6 +171,7 @@ def one_round(
                 refitted=own_fit is not None,
                 parameters=estimates(own_fit, suspect.name) if own_fit else {},
                 plausible=own_fit is None or is_plausible(own_fit, suspect.name),
+                fitted=own_fit.model.effect(suspect.name) if own_fit else None,
             )
         )
     if not refits or odds[NONE] > 1.0 - CLEAR:

@@ -27,6 +27,7 @@ from identification.predictor import observer_gain
 from identification.problem import Problem
 from identification.readers import read_table
 from plant import BadParameter, ServoModel, catalogue, simulate
+from plant.effects import InputDelay, QuadraticDrag
 from plant.simulation import beginning
 
 LIMITS = Limits(torque=4.0, speed=5.0, travel=(-3.5, 3.5))
@@ -326,10 +327,9 @@ def test_the_louder_noise_of_an_observer_is_what_a_filter_of_white_noise_shows()
 def test_the_rivals_of_an_ambiguous_diagnosis_are_its_model_and_the_best_alternative() -> None:
     _, extended, alternative = rivals("lag")
     cause = SimpleNamespace(effect="actuator_lag", probability=0.6, alternatives=(("input_delay", 0.4),))
-    tried = SimpleNamespace(
-        effect="input_delay", refitted=True, evidence=5.0, parameters={"time": SimpleNamespace(value=0.003)}
-    )
-    diagnosis: Any = SimpleNamespace(causes=(cause,), candidates=(tried,), extended=extended)
+    screened = SimpleNamespace(effect="input_delay", evidence=9.0, fitted=None)
+    tried = SimpleNamespace(effect="input_delay", evidence=5.0, fitted=InputDelay(time=0.003))
+    diagnosis: Any = SimpleNamespace(causes=(cause,), candidates=(screened, tried), extended=extended)
     found = rivals_of(diagnosis)
     assert found is not None
     assert found[0] is extended
@@ -337,3 +337,17 @@ def test_the_rivals_of_an_ambiguous_diagnosis_are_its_model_and_the_best_alterna
     assert found[1].log_likelihood == pytest.approx(alternative.log_likelihood, abs=0.5)
     cause.probability = 0.99
     assert rivals_of(diagnosis) is None
+
+
+def test_a_rival_may_be_an_effect_of_ones_own() -> None:
+    class Fan(QuadraticDrag):
+        name = "fan"
+
+    _, extended, _ = rivals("lag")
+    cause = SimpleNamespace(effect="actuator_lag", probability=0.6, alternatives=(("fan", 0.4),))
+    tried = SimpleNamespace(effect="fan", evidence=5.0, fitted=Fan(drag=0.01))
+    diagnosis: Any = SimpleNamespace(causes=(cause,), candidates=(tried,), extended=extended)
+    found = rivals_of(diagnosis)
+    assert found is not None
+    assert "fan.drag" in found[1].model.names
+    assert "actuator_lag.time_constant" not in found[1].model.names

@@ -18,7 +18,6 @@ from diagnosis.odds import CLEAR
 from diagnosis.result import Findings
 from identification.fit_result import Fit
 from identification.problem import Problem
-from plant.effects import catalogue
 from plant.effects.effect import Array, Axis
 from plant.errors import BadParameter
 
@@ -212,16 +211,15 @@ def _names(first: Fit, second: Fit) -> tuple[str, str]:
 def rivals_of(diagnosis: Findings) -> tuple[Fit, Fit] | None:
     """The extended model and the best alternative to its first ambiguous cause, both fitted; None if there is none."""
     for cause in diagnosis.causes:
-        others = [name for name, _ in cause.alternatives if name in catalogue]
-        if cause.probability >= CLEAR or not others:
+        if cause.probability >= CLEAR or not cause.alternatives:
             continue
-        tried = [c for c in diagnosis.candidates if c.effect == others[0] and c.refitted and c.parameters]
+        next_best, _ = cause.alternatives[0]
+        tried = [(c.evidence, c.fitted) for c in diagnosis.candidates if c.effect == next_best and c.fitted is not None]
         if not tried:
             continue
-        best = max(tried, key=lambda candidate: candidate.evidence)
-        values = {name: estimate.value for name, estimate in best.parameters.items()}
+        _, rival = max(tried, key=lambda one: one[0])
         fit = diagnosis.extended
-        model = fit.model.without_effect(cause.effect).with_effect(catalogue[others[0]](**values))
+        model = fit.model.without_effect(cause.effect).with_effect(rival)
         fixed = [name for name in fit.fixed if name in model.names]
         # A descent only ever lowers the bandwidth, and a rival may need one where the leader needs none.
         start = replace(fit, bandwidth=max(fit.bandwidth, _WIDE))
