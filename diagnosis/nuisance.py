@@ -37,8 +37,12 @@ class Nuisance:
     def information(self, columns: Array, values: Array) -> tuple[Array, Array]:
         """(M, M) and (M,) products of what is beyond of columns (T, M) with itself and with values (T,) beyond.
 
-        Zero for a column of which nothing is beyond but rounding.
+        Zero for a column of which nothing is beyond but rounding, and for one that overflows.
         """
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._information(columns, values)
+
+    def _information(self, columns: Array, values: Array) -> tuple[Array, Array]:
         found, first = columns.T @ columns, 0
         whole = np.diag(found).copy()
         for basis in self.own:

@@ -144,6 +144,13 @@ def test_products_of_what_is_beyond_need_no_projection(runs: int) -> None:
     assert information[:3, :3] == pytest.approx(beyond[:, :3].T @ beyond[:, :3], rel=1e-12, abs=1e-12)
     assert pull[:3] == pytest.approx(beyond[:, :3].T @ values, rel=1e-12, abs=1e-12)
     assert not information[3].any()  # what the parameters can follow is no regressor, not even by rounding
+    columns[:, 1] = 1e200  # grown behind an observer that is too slow
+    grown, pulled = nuisance.information(columns, values)
+    kept = [0, 2]
+    assert grown[np.ix_(kept, kept)] == pytest.approx(information[np.ix_(kept, kept)])
+    assert pulled[kept] == pytest.approx(pull[kept])
+    assert not grown[1].any()
+    assert pulled[1] == 0.0
     assert pull[3] == 0.0
 
 
