@@ -44,14 +44,14 @@ from machine import (  # noqa: E402
     record,
     wandering_reference,
 )
+from sizes import reaching  # noqa: E402
 
 from diagnosis import Diagnosis, diagnose  # noqa: E402
-from diagnosis.holdout import WINDOW  # noqa: E402
+from diagnosis.holdout import restart_window, squared_errors  # noqa: E402
 from identification.fit import fit  # noqa: E402
 from identification.fit_result import Fit  # noqa: E402
 from identification.log import Log  # noqa: E402
 from identification.problem import Problem  # noqa: E402
-from identification.simulation import free_simulation  # noqa: E402
 from plant import BadParameter, ServoModel  # noqa: E402
 from plant.effects import catalogue  # noqa: E402
 
@@ -59,9 +59,7 @@ STORE = HERE / "results" / "calibration.jsonl"
 SIZES = HERE / "results" / "sizes.json"
 DURATION, HELD_OUT, NOISE = 30.0, 15.0, 1e-3
 LAMBDAS = (30.0, 100.0, 400.0)
-_SECANTS = 4
 _STIFF = 30.0  # of an end stop [N m/rad]
-_NEAR = 0.2  # of the logarithm of a lambda: close enough
 CLEAN = (
     "plain",
     "load 0.01",
@@ -154,32 +152,10 @@ def lambda_of(case: Hidden, size: float, seed: int) -> float:
 
 @lru_cache(maxsize=1)
 def sizes_on(number: int, seed: int) -> dict[float, tuple[float, float]]:
-    """The sizes of an effect that come closest to each lambda under the commands of a seed, with their own lambdas.
-
-    A few secants in logarithms for each, of which the later ones know what the earlier have measured.
-    """
+    """The sizes of an effect that come closest to each lambda under the commands of a seed, with their own lambdas."""
     case = case_on(number, seed)
-    lowest, highest = np.log(case.sizes[0] / 1000.0), np.log(case.sizes[-1])
-    known: list[tuple[float, float]] = []  # logarithms of size and lambda
-    for wanted in (100.0, 30.0, 400.0):
-        for _ in range(_SECANTS):
-            at = np.clip(_next_size(known, np.log(wanted), np.log(size_for(case, wanted))), lowest, highest)
-            if any(at == tried or abs(reached - np.log(wanted)) < _NEAR for tried, reached in known):
-                break
-            known.append((float(at), np.log(max(lambda_of(case, float(np.exp(at)), seed), 1.0))))
-    closest = {wanted: min(known, key=lambda one: abs(one[1] - np.log(wanted))) for wanted in LAMBDAS}
-    return {wanted: (float(np.exp(at)), float(np.exp(reached))) for wanted, (at, reached) in closest.items()}
-
-
-def _next_size(known: list[tuple[float, float]], wanted: float, begin: float) -> float:
-    """Where the line through the two known sizes next to a lambda reaches it; all are logarithms."""
-    if not known:
-        return begin
-    (at, reached), *others = sorted(known, key=lambda one: abs(one[1] - wanted))[:2]
-    slope = 2.0  # of lambda over a small size
-    if others and others[0][0] != at:
-        slope = float(np.clip((reached - others[0][1]) / (at - others[0][0]), 0.5, 6.0))
-    return at + float(np.clip((wanted - reached) / slope, -2.0, 2.0))
+    begin = {wanted: size_for(case, wanted) for wanted in (100.0, 30.0, 400.0)}
+    return reaching(begin, lambda size: lambda_of(case, size, seed), (case.sizes[0] / 1000.0, case.sizes[-1]))
 
 
 def hidden(number: int, seed: int) -> dict[str, Any]:
@@ -196,7 +172,7 @@ def hidden(number: int, seed: int) -> dict[str, Any]:
     first = [c for c in found.candidates if c.round == 1]
     own = [c for c in first if c.effect == case.effect]
     rivals = [c.evidence for c in first if c.effect != case.effect and c.refitted]
-    errors = held_out_errors([found.base, found.extended, best], held)
+    errors = held_out_errors([found.base, found.extended, best], held, window_of(best))
     return {
         "truth": [case.effect],
         "wanted": wanted,
@@ -245,7 +221,8 @@ def deleted(number: int, seed: int) -> dict[str, Any]:
     held = record(machine, excitation(2 * seed + 1, duration=HELD_OUT), seed=seed + 1, noise=NOISE).log()
     begin = time.perf_counter()
     found = diagnose(log, case.base, held, exclude=[case.effect])
-    errors = held_out_errors([found.base, found.extended, oracle(case, case.sizes[-1], log)], held)
+    best = oracle(case, case.sizes[-1], log)
+    errors = held_out_errors([found.base, found.extended, best], held, window_of(best))
     return {"truth": [case.effect], **answer(found, time.perf_counter() - begin), "errors": errors}
 
 
@@ -320,14 +297,14 @@ def answer(found: Diagnosis, seconds: float) -> dict[str, Any]:
     }
 
 
-def held_out_errors(fits: list[Fit], log: Log) -> list[float]:
-    """RMS errors of free simulations of the held-out run [rad].
+def window_of(truth: Fit) -> float | None:
+    """A simulation begins anew every second if the true model is chaotic: in a whole run it goes astray as well."""
+    return restart_window(truth.log) if truth.model.chaotic else None
 
-    They begin anew every second if the last model, the true one, is chaotic: in a whole run it goes astray as well.
-    """
-    window = WINDOW if fits[-1].model.chaotic else None
-    simulated = (free_simulation(log, found.model, window=window)[0] for found in fits)
-    return [float(np.sqrt(np.mean((path - log.runs[0].output) ** 2))) for path in simulated]
+
+def held_out_errors(fits: list[Fit], log: Log, window: float | None) -> list[float]:
+    """RMS errors of free simulations of the held-out run [rad], which begin anew after each window [s]."""
+    return [float(np.sqrt(np.mean(squared_errors(log, found.model, window)[0]))) for found in fits]
 
 
 def one(key: tuple[str, int, int]) -> dict[str, Any]:

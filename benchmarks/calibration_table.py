@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from confusion_matrix import matrix
 from scipy.stats import beta
 
 Told = dict[str, Any]
@@ -83,7 +84,8 @@ def _hidden(told: list[Told]) -> str:
         f"{'effect':26}" + "".join(f"{f'lambda {size:.0f}':>16}" for size in sizes),
         "(named alone + honestly ambiguous + else named + unknown + nothing)",
     ]
-    for effect in dict.fromkeys(t["truth"][0] for t in sorted(told, key=lambda t: t["key"][1])):
+    effects = list(dict.fromkeys(t["truth"][0] for t in sorted(told, key=lambda t: t["key"][1])))
+    for effect in effects:
         cells = []
         for size in sizes:
             cell = [t for t in told if t["truth"] == [effect] and t["wanted"] == size]
@@ -111,6 +113,7 @@ def _hidden(told: list[Told]) -> str:
     lost = [t for t in told if not honest(t)]
     spared = Counter(t["truth"][0] for t in hardly)
     lines.append(f"left out, because no size of the effect has about that lambda on that log: {dict(spared) or 'none'}")
+    lines += ["", matrix(told, effects)]
     lines += ["", "losses: " + (", ".join(f"{k} {v}" for k, v in Counter(map(loss, lost)).items()) or "none")]
     for t in sorted(lost, key=lambda t: t["key"][1:]):
         said = ", ".join(f"{c['effect']} {c['probability']:.3f}" for c in t["causes"]) or t["verdict"]

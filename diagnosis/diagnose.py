@@ -100,6 +100,11 @@ def diagnose(
             f"{effects[name].title.capitalize()} would fit, but no better than a load torque that wanders at random; "
             "a longer log or a repeated run would tell."
         )
+    warnings.extend(
+        f"{effects[name].title.capitalize()} would fit, but only mends the observer that the model needs to follow the "
+        "log; it explains no motion."
+        for name in outcome.filters
+    )
     tell("looking for what has no name")
     surely = beside_surface(outcome.additions, null, progress)
     warnings.extend(gave_way(outcome.additions, surely))

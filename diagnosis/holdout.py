@@ -17,7 +17,10 @@ from plant.servo import ServoModel
 
 _SHARE = 0.3  # of a single run that is held out, at its end
 _HUGE = 1e50  # error in place of one that overflowed; its fourth power is still a number
-WINDOW = 1.0  # seconds between restarts where nothing pulls the load back to where it was
+_SECOND = 1.0  # between restarts where nothing pulls the load back, unless the log asks for another time
+_SAMPLES = 200  # between restarts at least, however slow the sampling
+_PIECES = 30  # of the longest run at least, however fast the servo
+_STARTS = 0.2  # of the time between restarts: where the output is looked at to find the state
 
 
 def split(log: Log) -> tuple[Log, Log, str]:
@@ -40,6 +43,12 @@ def split(log: Log) -> tuple[Log, Log, str]:
     return replace(log, runs=(first,)), replace(log, runs=(last,)), sentence
 
 
+def restart_window(log: Log) -> float:
+    """Seconds between restarts of a simulation, in which a slow servo and a fast one do about the same."""
+    longest = max(run.duration for run in log.runs)
+    return max(_SAMPLES * log.sample_time, min(_SECOND, longest / _PIECES))
+
+
 def scoring_window(*path: Fit) -> float | None:
     """Seconds between restarts of the scoring simulation of a path of models; None for whole runs.
 
@@ -49,19 +58,20 @@ def scoring_window(*path: Fit) -> float | None:
     """
     log, model = path[0].log, path[0].model
     if any(fit.model.chaotic for fit in path):
-        return WINDOW
+        return restart_window(log)
     torque = np.concatenate([run.command for run in log.runs])
     holds = model.axis == "rotary" and abs(model.gravity) > 0.02 * float(np.sqrt(np.mean(torque**2)))
     if not (holds or any(run.positioned for run in log.runs)):
-        return WINDOW
+        return restart_window(log)
     spread = np.concatenate([(run.output - run.output[run.valid].mean())[run.valid] for run in log.runs])
     squares, _ = squared_errors(log, model, None)
-    return None if float(np.mean(squares)) < float(np.mean(spread**2)) else WINDOW
+    return None if float(np.mean(squares)) < float(np.mean(spread**2)) else restart_window(log)
 
 
 def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[Array, list[Array]]:
     """(T,) square of measured less simulated for all valid samples, and the simulations; what overflows is huge."""
-    simulated = free_simulation(log, model, window=window)
+    settle = _STARTS * (restart_window(log) if window is None else window)
+    simulated = free_simulation(log, model, window=window, settle=settle)
     errors = np.concatenate([(r.output - s)[r.valid] for r, s in zip(log.runs, simulated, strict=True)])
     return bounded(errors) ** 2, simulated
 

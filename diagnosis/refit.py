@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +23,18 @@ _REPEATS = 4  # of the finest as long as it finds better ones
 
 
 def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
-    """Fit the model with one effect more, from where the screen says it is: from the starts that get on best."""
+    """Fit the model with one effect more, from where the screen says it is: from the starts that get on best.
+
+    Where they end worse than without the effect, they have stopped on the way, and it begins anew from next to nothing.
+    """
+    found = _from_the_best(fit, starts, fixed)
+    faint = starts[0].faint(fit.noise_std) if found.log_likelihood < fit.log_likelihood else ()
+    if not faint:
+        return found
+    return max(found, _from_the_best(fit, faint, fixed), key=lambda fit: fit.log_likelihood)
+
+
+def _from_the_best(fit: Fit, starts: Sequence[Effect], fixed: tuple[str, ...]) -> Fit:
 
     def problem(start: Effect) -> Problem:
         return problem_near(fit, fit.model.with_effect(start), fixed)

@@ -16,7 +16,16 @@ from diagnosis.odds import (
     search_charge,
     visibility_cost,
 )
-from diagnosis.refit import estimates, evidence_of, is_its_special_case, is_plausible, refined, refit, widening
+from diagnosis.refit import (
+    estimates,
+    evidence_of,
+    is_its_special_case,
+    is_plausible,
+    problem_near,
+    refined,
+    refit,
+    widening,
+)
 from diagnosis.result import Candidate
 from diagnosis.screen import Screen, Suspect, peaks_beside
 from identification.fit_result import Fit
@@ -29,6 +38,7 @@ _WORTH = 0.2  # share of the leader's evidence that counts as close
 # By how much one may be behind that a shape which looks alike may still bring to the front: by so much evidence, or by
 # such a share of the best one's. A small gap began 57 behind, large ones at 0.85 of it, what was no gap at 0.57.
 _BEHIND, _BEHIND_SHARE = 100.0, 0.3
+_SAME_BANDWIDTH = 0.5  # of the logarithm, within which a descent has found the best one itself
 _CHANCE = 1.0  # evidence that a parameter which means nothing seldom has
 _STRANGE = float(np.log(1000.0))  # charge for values that a cause hardly ever has: in one of a thousand
 _PROMISING = -5.0  # screened score below which a refit cannot clear the bar
@@ -150,6 +160,10 @@ def one_round(
         ask(some)
     while neighbours := _neighbours(suspects, scores, refits):
         ask(neighbours)
+    for name, again in _behind_the_same_observer(fit, refits, scores):
+        before = contest[name]
+        own = Contestant.of(again, name, coefficients=before.coefficients, charge=before.charge)
+        refits[name], contest[name], scores[name] = again, own, own.score(again, fit)
     for name, simpler in _reduced_leaders(fit, asked, refits, scores):
         plain = search_charge(searched=1, catalogue=len(asked))
         own = Contestant.of(simpler, name, coefficients=len(asked[name].parameters()), charge=plain)
@@ -245,6 +259,30 @@ def _neighbours(suspects: list[Suspect], scores: Mapping[str, float], refits: Ma
         and suspect.evidence > _CHANCE
         and (suspect.name in kinds[leader].confused_with or leader in kinds[suspect.name].confused_with)
     ]
+
+
+def _behind_the_same_observer(
+    fit: Fit, refits: Mapping[str, Fit], scores: Mapping[str, float]
+) -> list[tuple[str, Fit]]:
+    """Rivals that are likelier behind the leader's observer than behind the one to which their own descent has come.
+
+    Where a free simulation loses the log, as on its way over a load that could fall, a descent to slower observers may
+    end early, and who got down further would win by that alone.
+    """
+    leader = max(refits, key=lambda name: scores[name], default=None)
+    if leader is None or not (bandwidth := refits[leader].bandwidth):
+        return []
+    least = evidence_of(refits[leader], fit)
+    least -= max(_BEHIND, _BEHIND_SHARE * least)
+    better = []
+    for name, found in refits.items():
+        differs = not found.bandwidth or abs(np.log(found.bandwidth / bandwidth)) > _SAME_BANDWIDTH
+        if name != leader and differs and evidence_of(found, fit) >= least:
+            problem, starts = problem_near(fit, found.model), (refits[leader], replace(found, bandwidth=bandwidth))
+            again = max(map(problem.descend, starts), key=lambda fit: fit.log_likelihood)
+            if again.log_likelihood > found.log_likelihood:
+                better.append((name, again))
+    return better
 
 
 def _reduced_leaders(

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from diagnosis.backward import with_best_names, without_superfluous
+from diagnosis.filtered import without_filters
 from diagnosis.refit import evidence_of
 from diagnosis.result import Candidate
 from diagnosis.round import Addition, one_round
@@ -29,6 +30,7 @@ class Outcome:
         candidates: everything that was tried.
         refused: names for which the log speaks loudly, but whose models did not hold up.
         wanderers: names that did no better than a load that wanders.
+        filters: names that only mended the observer.
         strange: names whose causes hardly ever have the values that came out.
     """
 
@@ -37,6 +39,7 @@ class Outcome:
     candidates: tuple[Candidate, ...]
     refused: tuple[str, ...] = ()
     wanderers: tuple[str, ...] = ()
+    filters: tuple[str, ...] = ()
     strange: tuple[str, ...] = ()
 
     @property
@@ -85,12 +88,16 @@ def forward(
 
 
 def weighed_again(outcome: Outcome, progress: Callable[[str], None] | None = None) -> Outcome:
-    """What a search has found by the names that are the best beside all others, without those that only wander."""
+    """What a search has found by the best names beside all others, without those that explain no motion."""
     named = with_best_names(list(outcome.additions), progress)
-    kept = without_wanderers(outcome.base, named, progress)
-    names = {addition.effect for addition in kept}
-    gone = tuple(addition.effect for addition in named if addition.effect not in names)
-    return replace(outcome, additions=tuple(kept), wanderers=gone)
+    lasting = without_wanderers(outcome.base, named, progress)
+    kept = without_filters(outcome.base, lasting, progress)
+    return replace(outcome, additions=tuple(kept), wanderers=_gone(named, lasting), filters=_gone(lasting, kept))
+
+
+def _gone(before: list[Addition], after: list[Addition]) -> tuple[str, ...]:
+    names = {addition.effect for addition in after}
+    return tuple(addition.effect for addition in before if addition.effect not in names)
 
 
 def _better_null(fit: Fit, found: Addition) -> Fit | None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.holdout import WINDOW, bounded, scoring_window, squared_errors, standard_errors
+from diagnosis.holdout import bounded, restart_window, scoring_window, squared_errors, standard_errors
 from identification.fit_result import Fit
 from identification.predictor import Predictor
 from identification.problem import Problem
@@ -31,9 +31,9 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     - So must what has no name to speak for it (`must_show`), and it must not err more from initial states that are not
       fitted to the whole run, as it will be used: a torque over time may only make up for those.
     - Where only an observer keeps the model on its runs, what speaks loudly must not err more when the simulation is
-      restarted every second: one that has lost its run says little, and an observer helps a model that bends the wrong
-      way. Where the model follows its runs from end to end, or has a tenth of the error left, a restart would only take
-      from it what a memory holds.
+      restarted again and again: one that has lost its run says little, and an observer helps a model that bends the
+      wrong way. Where the model follows its runs from end to end, or has a tenth of the error left, a restart would
+      only take from it what a memory holds.
     - Nor may a gap need an observer where its predecessor needs none.
     """
     simulation, left = simulation_gain(before, after)
@@ -66,15 +66,16 @@ def _may_stray(fit: Fit) -> bool:
 def simulation_gain(before: Fit, after: Fit) -> tuple[float, float]:
     """How much better an extended model simulates the estimation runs than its predecessor: how surely, and how much.
 
-    One-step predictions alone can prefer a term that bends the model the wrong way over longer times. A chaotic model
-    that was fitted without an observer has followed its runs from end to end, and is judged there; restarts from noisy
-    states would hide most of what it does better.
+    One-step predictions alone can prefer a term that bends the model the wrong way over longer times. A model that was
+    fitted without an observer has followed its runs from end to end. If it is chaotic, or its predecessor could not do
+    without one, it is judged there; restarts from noisy states would hide most of what it does better.
 
     Returns:
         By how many standard errors the squared error fell, and what share of it is left [-].
     """
     window = scoring_window(before, after)
-    if window is None or (after.model.chaotic and not after.bandwidth):
+    follows = not after.bandwidth and (after.model.chaotic or before.bandwidth > 0.0)
+    if window is None or follows:
         old, new = _squared_from_fit(before), _squared_from_fit(after)
     else:
         (old, _), (new, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
@@ -82,8 +83,8 @@ def simulation_gain(before: Fit, after: Fit) -> tuple[float, float]:
 
 
 def restarted_share(before: Fit, after: Fit) -> float:
-    """Share of the squared error over the estimation runs that is left, simulated anew every second."""
-    return _share(before, after, WINDOW)
+    """Share of the squared error over the estimation runs that is left, simulated anew again and again."""
+    return _share(before, after, restart_window(before.log))
 
 
 def _share_as_used(before: Fit, after: Fit) -> float:

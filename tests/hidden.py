@@ -9,7 +9,7 @@ for else the larger part of lambda would speak for friction of whatever kind and
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from machine import Machine, excitation, record
@@ -25,12 +25,16 @@ Values = Mapping[str, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Hidden:
-    """One effect to hide: its parameters at a size, the sizes, and the parameters by which its size is judged."""
+    """One effect to hide: its parameters at a size, the sizes, and the parameters by which its size is judged.
+
+    The host is what it is hidden in: a machine of (4) and (6), the paper's by default.
+    """
 
     effect: str
     at: Callable[[float], dict[str, float]]
     sizes: tuple[float, float, float]
     judged: tuple[str, ...]
+    host: Machine = field(default_factory=Machine)
 
     @property
     def base(self) -> ServoModel | None:
@@ -38,17 +42,20 @@ class Hidden:
         return ServoModel(inertia=1.0, gravity=0.0, viscous_friction=0.1) if self.effect == "dead_zone" else None
 
     def machine(self, size: float) -> Machine:
-        values = self.at(size)
-        return (
-            Machine(effects={self.effect: values})
-            if self.effect == "dead_zone"
-            else Machine().hiding(**{self.effect: values})
-        )
+        return self.host.hiding(**{self.effect: self.at(size)})
+
+    @property
+    def start(self) -> ServoModel:
+        """The host's model, which for the dead zone has none."""
+        host = self.host
+        rigid = [float(np.asarray(value)) for value in (host.inertia, host.gravity, host.viscous_friction)]
+        had = {name: values for name, values in host.effects.items() if name != self.effect}
+        effects = tuple(catalogue[name](**{p: float(np.asarray(v)) for p, v in had[name].items()}) for name in had)
+        return ServoModel(inertia=rigid[0], gravity=rigid[1], viscous_friction=rigid[2], effects=effects)
 
     def truth(self, size: float) -> ServoModel:
         """The true model."""
-        start = ServoModel() if self.effect == "dead_zone" else ServoModel.paper()
-        return start.with_effect(catalogue[self.effect](**self.at(size)))
+        return self.start.with_effect(catalogue[self.effect](**self.at(size)))
 
 
 CASES = (
@@ -165,7 +172,7 @@ def oracle(case: Hidden, size: float, log: Log) -> Fit:
 
 def rival_model(case: Hidden, size: float) -> ServoModel:
     """The nearest kind of model without the effect: the base, with the effect's special case where it has one."""
-    start = ServoModel() if case.effect == "dead_zone" else ServoModel.paper()
+    start = case.start
     for special in catalogue[case.effect](**case.at(size)).reduced():
         start = start.with_effect(special)
     if case.effect == "asymmetric_friction":  # its difference of levels is an offset, whoever asks

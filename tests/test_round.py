@@ -91,6 +91,7 @@ def test_a_better_null_repeats_the_round_only_where_a_rival_could_win_from_it(
     monkeypatch.setattr(search, "without_superfluous", lambda _, additions, __: additions)
     monkeypatch.setattr(search, "holds_up", lambda *_: True)
     monkeypatch.setattr(search, "without_wanderers", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "without_filters", lambda _, additions, __: additions)
     monkeypatch.setattr(search, "with_best_names", lambda additions, _: additions)
     outcome = search.weighed_again(search.forward(base))
     assert asked == rounds
@@ -122,6 +123,7 @@ def test_the_search_goes_one_name_past_what_does_not_hold_up_and_no_further(
     monkeypatch.setattr(search, "without_superfluous", lambda _, additions, __: additions)
     monkeypatch.setattr(search, "holds_up", lambda before, after: after.name == mended_by)
     monkeypatch.setattr(search, "without_wanderers", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "without_filters", lambda _, additions, __: additions)
     monkeypatch.setattr(search, "with_best_names", lambda additions, _: additions)
     outcome = search.weighed_again(search.forward(fits[0]))
     assert [addition.effect for addition in outcome.additions] == found

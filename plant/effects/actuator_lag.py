@@ -23,7 +23,7 @@ class ActuatorLag(Effect):
     confused_with = ("input_delay", "compliance", "sensor_lag")
     states = (State.TORQUE,)
 
-    time_constant: float = parameter("s", "time constant", lower=1e-5, upper=2.0)
+    time_constant: float = parameter("s", "time constant", lower=1e-8, upper=2.0)
 
     def advance(self, state: Expression, torque: Expression, h: Expression) -> Expression:
         """Exact solution over `h` for a constant command, so that short lags need no short steps."""

@@ -10,7 +10,18 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from plant.effects.effect import Array, Effect, Expression, Motion, Stage, State, Trace, parameter, within
+from plant.effects.effect import (
+    Array,
+    Effect,
+    Expression,
+    Motion,
+    Stage,
+    State,
+    Trace,
+    fastest_swing,
+    parameter,
+    within,
+)
 from plant.recursion import Recursion
 from plant.symbolic import one_at_a_time
 
@@ -18,6 +29,8 @@ _STIFF = 400.0  # swing on the spring of a flank that a log of 5 ms cannot tell 
 _DAMPING = 0.5
 _STEPS = 4.0  # integration steps in a radian of that swing
 _SHARES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the inertia, to start from
+
+_FAINT_SHARES = (0.2, 0.45, 0.75)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,11 +94,15 @@ class Backlash(Effect):
         along = [replace(self, gap=width / share, motor_share=share) for share in shares]
         return (*along, *(replace(self, gap=self.gap * factor) for factor in factors))
 
+    def faint(self, noise: float) -> tuple[Effect, ...]:
+        """Gaps in which the load is lost for less than the noise."""
+        return tuple(replace(self, gap=times * noise, motor_share=own) for times in (0.5, 1.5) for own in _FAINT_SHARES)
+
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """The torque that is missing in the gap and the knock behind it, for gaps and shares on a grid."""
         shares, samples = (0.1, 0.3, 0.6), np.geomspace(3.0, 60.0, 9)
-        stiff = max(_STIFF, float(round(2.0 / motion.sample_time)))
+        stiff = float(f"{fastest_swing(motion.sample_time):.3g}")
         torque = motion.arriving(motion.torque)
         level = float(np.sqrt(np.mean(torque**2)))
         if level <= 0.0:

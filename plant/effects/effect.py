@@ -244,6 +244,14 @@ class Effect:
         """
         return ()
 
+    def faint(self, noise: float) -> tuple[Effect, ...]:
+        """Shapes that hardly show, to begin from where all others have come out worse than no effect at all.
+
+        Args:
+            noise: standard deviation of the readings [rad].
+        """
+        return ()
+
     def vanishes(self, speed: float, sample_time: float) -> bool:
         """Whether nothing shows that a simpler effect would not show too.
 

@@ -75,8 +75,8 @@ def parameter(
 
 
 def fastest_swing(sample_time: float) -> float:
-    """The fastest swing that is looked for in a log [rad/s]: two radians a sample, and up to 1000 in any."""
-    return max(1000.0, 2.0 / sample_time)
+    """The fastest swing that is looked for in a log [rad/s]: two radians a sample, of the three that it can show."""
+    return 2.0 / sample_time
 
 
 def parameters_of(owner: Any) -> tuple[Parameter, ...]:

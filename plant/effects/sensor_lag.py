@@ -22,7 +22,7 @@ class SensorLag(Effect):
     confused_with = ("input_delay", "actuator_lag")
     states = (State.ANGLE,)
 
-    time_constant: float = parameter("s", "time constant", lower=1e-5, upper=2.0)
+    time_constant: float = parameter("s", "time constant", lower=1e-8, upper=2.0)
 
     def sense(self, state: Expression, before: Expression, after: Expression, h: Expression) -> Expression:
         """Exact for an angle that changes evenly over `h`."""
