@@ -16,6 +16,7 @@ from plant.effects import Effect
 from plant.servo import ServoModel
 
 _DESCENTS = 2  # starts of one effect that are followed to the end
+_NOTHING = 1e-3  # rise of the log-likelihood that says nothing
 _FIRST_STEP = 2  # evaluations after which shapes that look alike are compared: where they are, and one step on
 _SMOOTHER = 0.2  # of the bandwidth before, below which a rugged likelihood is not looked at from afar
 _STAGES = 3  # searches among shapes that look alike, each finer than the one before
@@ -25,17 +26,15 @@ _REPEATS = 4  # of the finest as long as it finds better ones
 def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
     """Fit the model with one effect more, from where the screen says it is: from the starts that get on best.
 
-    Where they end worse than without the effect, they have stopped on the way, and it begins anew from next to nothing.
+    Where they end no better than without the effect, they have stopped on the way, and it begins anew from elsewhere.
     """
     found = _from_the_best(fit, starts, fixed)
-    faint = starts[0].faint(fit.noise_std) if found.log_likelihood < fit.log_likelihood else ()
-    if not faint:
-        return found
-    return max(found, _from_the_best(fit, faint, fixed), key=lambda fit: fit.log_likelihood)
+    nothing = found.log_likelihood < fit.log_likelihood + _NOTHING
+    others = starts[0].elsewhere(fit.noise_std) if nothing else ()
+    return max((found, *([_from_the_best(fit, others, fixed)] if others else [])), key=lambda fit: fit.log_likelihood)
 
 
 def _from_the_best(fit: Fit, starts: Sequence[Effect], fixed: tuple[str, ...]) -> Fit:
-
     def problem(start: Effect) -> Problem:
         return problem_near(fit, fit.model.with_effect(start), fixed)
 

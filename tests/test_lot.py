@@ -48,3 +48,10 @@ def test_a_cause_that_leaves_an_observer_nothing_to_do_is_named() -> None:
     (cause,) = found.causes
     assert (found.verdict, cause.effect) == ("named", "end_stop")
     assert (found.base.bandwidth > 0.0, found.extended.bandwidth) == (True, 0.0)
+
+
+def test_a_back_emf_is_looked_for_where_it_brings_the_torque_into_the_dead_zone() -> None:
+    """Smaller ones are viscous friction on that log, and a descent from there sees no slope."""
+    found = told_of("back_emf", 41098, 0.389, ["back_emf", "quadratic_drag"])
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect) == ("named", "back_emf")

@@ -32,7 +32,10 @@ class BackEmf(Effect):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """What arrives less at the load, for constants up to one that takes half the torque at top speed."""
+        """What arrives less at the load, for constants up to one that takes half the torque at top speed.
+
+        A small one may never bring the torque into the dead zone, and then is viscous friction: they start apart.
+        """
         top = float(np.quantile(np.abs(motion.velocity), 0.99))
         level = float(np.sqrt(np.mean(motion.torque**2)))
         if top <= 0.0 or level <= 0.0:
@@ -42,6 +45,8 @@ class BackEmf(Effect):
             yield Trace(
                 columns=lost[:, None] / constant,
                 positive=(True,),
-                start=lambda c: cls(constant=within(c[0], cls, "constant")),
+                start=lambda c, least=0.3 * constant: cls(  # type: ignore[misc]
+                    constant=within(c[0], cls, "constant", floor=least)
+                ),
                 searched=2,
             )

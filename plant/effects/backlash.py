@@ -30,7 +30,7 @@ _DAMPING = 0.5
 _STEPS = 4.0  # integration steps in a radian of that swing
 _SHARES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the inertia, to start from
 
-_FAINT_SHARES = (0.2, 0.45, 0.75)
+_FEW_SHARES = (0.2, 0.45, 0.75)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,9 +94,9 @@ class Backlash(Effect):
         along = [replace(self, gap=width / share, motor_share=share) for share in shares]
         return (*along, *(replace(self, gap=self.gap * factor) for factor in factors))
 
-    def faint(self, noise: float) -> tuple[Effect, ...]:
-        """Gaps in which the load is lost for less than the noise."""
-        return tuple(replace(self, gap=times * noise, motor_share=own) for times in (0.5, 1.5) for own in _FAINT_SHARES)
+    def elsewhere(self, noise: float) -> tuple[Effect, ...]:
+        """Gaps that hardly show: from one that is far too wide no descent leads back."""
+        return tuple(replace(self, gap=times * noise, motor_share=own) for times in (0.5, 1.5) for own in _FEW_SHARES)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

@@ -244,8 +244,8 @@ class Effect:
         """
         return ()
 
-    def faint(self, noise: float) -> tuple[Effect, ...]:
-        """Shapes that hardly show, to begin from where all others have come out worse than no effect at all.
+    def elsewhere(self, noise: float) -> tuple[Effect, ...]:
+        """Shapes to begin from where this one and its like have come out no better than no effect at all.
 
         Args:
             noise: standard deviation of the readings [rad].
