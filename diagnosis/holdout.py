@@ -19,7 +19,7 @@ _SHARE = 0.3  # of a single run that is held out, at its end
 _HUGE = 1e50  # error in place of one that overflowed; its fourth power is still a number
 _SECOND = 1.0  # between restarts where nothing pulls the load back, unless the log asks for another time
 _SAMPLES = 200  # between restarts at least, however slow the sampling
-_PIECES = 30  # of the longest run at least, however fast the servo
+_PIECES = 20  # of the longest run at least, however fast the servo
 _STARTS = 0.2  # of the time between restarts: where the output is looked at to find the state
 
 
@@ -45,7 +45,7 @@ def split(log: Log) -> tuple[Log, Log, str]:
 
 def restart_window(log: Log) -> float:
     """Seconds between restarts of a simulation, in which a slow servo and a fast one do about the same."""
-    longest = max(run.duration for run in log.runs)
+    longest = max(map(len, log.runs)) * log.sample_time
     return max(_SAMPLES * log.sample_time, min(_SECOND, longest / _PIECES))
 
 
