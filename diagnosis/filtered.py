@@ -14,9 +14,9 @@ import numpy as np
 from scipy.special import expit
 
 from diagnosis.odds import CLEAR
-from diagnosis.refit import evidence_of, fitted_near
+from diagnosis.refit import evidence_of, fitted_near, follows_anything
 from diagnosis.round import Addition, Contestant
-from diagnosis.wandering import follows_anything, refitted
+from diagnosis.wandering import refitted
 from identification.fit_result import Fit
 from identification.noise import colouring
 from plant.effects.effect import Stage

@@ -16,6 +16,7 @@ from plant.effects import Effect
 from plant.servo import ServoModel
 
 _DESCENTS = 2  # starts of one effect that are followed to the end
+_FAST = 0.1  # bandwidth of an observer over the sampling rate, from which it follows anything
 _NOTHING = 1e-3  # rise of the log-likelihood that says nothing
 _FIRST_STEP = 2  # evaluations after which shapes that look alike are compared: where they are, and one step on
 _SMOOTHER = 0.2  # of the bandwidth before, below which a rugged likelihood is not looked at from afar
@@ -26,10 +27,11 @@ _REPEATS = 4  # of the finest as long as it finds better ones
 def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
     """Fit the model with one effect more, from where the screen says it is: from the starts that get on best.
 
-    Where they end no better than without the effect, they have stopped on the way, and it begins anew from elsewhere.
+    Where they end no better than without the effect, they have stopped on the way, and it begins anew from elsewhere;
+    unless behind an observer that follows anything, where what hardly shows is nothing.
     """
     found = _from_the_best(fit, starts, fixed)
-    nothing = found.log_likelihood < fit.log_likelihood + _NOTHING
+    nothing = found.log_likelihood < fit.log_likelihood + _NOTHING and not follows_anything(fit)
     others = starts[0].elsewhere(fit.noise_std) if nothing else ()
     return max((found, *([_from_the_best(fit, others, fixed)] if others else [])), key=lambda fit: fit.log_likelihood)
 
@@ -87,6 +89,11 @@ def _most_promising(problems: list[Problem], fit: Fit, bandwidth: float, iterati
     """The problems by how well a few iterations from a fit serve them, the best first."""
     costs = side_by_side(lambda each: each.glance(fit, bandwidth, iterations), problems)
     return [problems[place] for place in np.argsort(costs, kind="stable")]
+
+
+def follows_anything(fit: Fit) -> bool:
+    """Whether the observer is nearly as fast as the sampling."""
+    return fit.bandwidth * fit.log.sample_time >= _FAST
 
 
 def evidence_of(fit: Fit, than: Fit, *, over: float | None = None) -> float:

@@ -14,7 +14,7 @@ from dataclasses import replace
 from scipy.special import expit
 
 from diagnosis.odds import CLEAR, NONE
-from diagnosis.refit import evidence_of, fitted_near
+from diagnosis.refit import evidence_of, fitted_near, follows_anything
 from diagnosis.round import Addition
 from diagnosis.uneven import unevenness
 from diagnosis.unseen import lost_unseen
@@ -22,17 +22,11 @@ from identification.fit_result import Fit
 from plant.effects.wandering_load import WanderingLoad
 
 _SEVERAL = 3  # names
-_SLOW = 0.1  # bandwidth of an observer over the sampling rate, from which it follows anything
 
 
 def may_wander(fit: Fit) -> bool:
     """Whether a slow observer is needed, as it is where the load torque wanders."""
     return fit.bandwidth > 0.0 and not follows_anything(fit)
-
-
-def follows_anything(fit: Fit) -> bool:
-    """Whether the observer is nearly as fast as the sampling."""
-    return fit.bandwidth * fit.log.sample_time >= _SLOW
 
 
 def if_it_wanders(fit: Fit) -> Fit:
