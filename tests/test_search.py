@@ -76,7 +76,7 @@ def test_a_law_stays_where_one_of_its_parameters_is_not_needed() -> None:
 
 
 def test_a_name_is_weighed_behind_the_observer_of_the_best():
-    """A soft stop was a cable at first, behind a slower observer, and what that could not say of it a payload's change."""
+    """A soft stop was a cable at first, behind a slower observer, and beside it a payload that changes."""
     machine = Machine().hiding(end_stop={"angle": 3.0, "stiffness": 0.031})
     log = record(machine, excitation(14000, duration=30.0), seed=7000, noise=1e-3).log()
     held_out = record(machine, excitation(14001, duration=3.0), seed=7001, noise=1e-3).log()
