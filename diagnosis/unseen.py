@@ -14,7 +14,7 @@ from plant.effects.effect import Array
 
 _SIGNIFICANT = 2.0  # standard errors
 LOUD = 100.0  # rise of the log-likelihood of which a quarter should show in a quarter of the record
-_MORE = 1.1  # times the squared error within a second; less may come from the states that it is restarted from
+_MORE = 1.1  # times the squared error; less may come from states that it is restarted from, or a load that wanders
 _FOLLOWS = 0.1  # share of the squared error below which a simulation has clearly not lost its run
 _UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
 
@@ -24,8 +24,8 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
 
     The odds have decided on one-step predictions of the whole record. Besides,
 
-    - the free simulation must not get significantly worse; and predictions of the last part of each run, after a fit to
-      the first part, neither, unless the simulation gets significantly better.
+    - the free simulation must not get significantly worse, and by a tenth; and predictions of the last part of each
+      run, after a fit to the first part, not significantly either, unless the simulation gets significantly better.
     - An effect for which the record speaks loudly must show there too: one of the two must get significantly better,
       or, since an effect may act in a few places only, the simulation's error must be halved.
     - So must what has no name to speak for it (`must_show`), and it must not err more from initial states that are not
@@ -37,7 +37,7 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     - Nor may a gap need an observer where its predecessor needs none.
     """
     simulation, left = simulation_gain(before, after)
-    if simulation < -_SIGNIFICANT:
+    if simulation < -_SIGNIFICANT and left > _MORE:
         return False
     if must_show and _share_as_used(before, after) > 1.0:
         return False

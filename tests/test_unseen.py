@@ -33,7 +33,10 @@ POSITION = SimpleNamespace(runs=(SimpleNamespace(positioned=True),))
 @pytest.mark.parametrize(
     ("simulation", "left", "restarted", "unseen_gain", "rise", "stands"),
     [
-        (-2.1, 0.4, 1.0, +1.0, LOUD, False),  # the simulation gets worse
+        (-2.1, 1.11, 1.0, +1.0, LOUD, False),  # the simulation gets worse
+        (-2.1, 1.09, 1.0, +1.0, LOUD, True),  # by as much as a load that wanders may make it
+        (-2.1, 1.11, 1.0, 0.0, QUIET, False),
+        (-2.1, 1.09, 1.0, 0.0, QUIET, True),
         (+2.1, 0.9, 1.09, -1.0, LOUD, True),  # the simulation gets better
         (+2.1, 0.9, 1.11, +1.0, LOUD, False),  # by luck: it errs more where it has not lost its run
         (0.0, 0.49, 1.09, -1.0, LOUD, True),  # its error is halved, in a few places
