@@ -179,7 +179,7 @@ def _clean(told: list[Told]) -> str:
         named = [t for t in of if t["causes"]]
         unknown = sum(t["verdict"] == "unknown" for t in of)
         said = Counter(name for t in named for name in names(t))
-        lines.append(f"  {kind:14}{rate(len(named), len(of)):44} unknown {unknown}   {dict(said) or ''}")
+        lines.append(f"  {kind:26}{rate(len(named), len(of)):44} unknown {unknown}   {dict(said) or ''}")
     lines.append(f"  a name: {rate(sum(bool(t['causes']) for t in told), len(told))}")
     lines.append(f"  anything but nothing: {rate(sum(t['verdict'] != 'nothing_missing' for t in told), len(told))}")
     return "\n".join(lines)
