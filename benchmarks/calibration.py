@@ -45,6 +45,7 @@ from machine import (  # noqa: E402
     wandering_reference,
 )
 from sizes import reaching  # noqa: E402
+from store import Key, add, stored  # noqa: E402
 
 from diagnosis import Diagnosis, diagnose  # noqa: E402
 from diagnosis.holdout import restart_window, squared_errors  # noqa: E402
@@ -93,7 +94,7 @@ SEVERAL = (
 )
 
 
-def lines(part: str, count: int, first: int) -> Iterator[tuple[str, int, int]]:
+def lines(part: str, count: int, first: int) -> Iterator[Key]:
     """Keys of the diagnoses of a part: (part, number of the case, seed)."""
     hide = len(CASES) * len(LAMBDAS)
     cases = {"hidden": hide, "several": len(SEVERAL), "deleted": len(CASES), "clean": len(CLEAN)}[part]
@@ -307,14 +308,10 @@ def held_out_errors(fits: list[Fit], log: Log, window: float | None) -> list[flo
     return [float(np.sqrt(np.mean(squared_errors(log, found.model, window)[0]))) for found in fits]
 
 
-def one(key: tuple[str, int, int]) -> dict[str, Any]:
+def one(key: Key) -> dict[str, Any]:
     part, number, seed = key
     told = {"hidden": hidden, "several": several, "deleted": deleted, "clean": clean}[part](number, seed)
     return {"key": list(key), **told}
-
-
-def stored() -> list[dict[str, Any]]:
-    return [json.loads(line) for line in STORE.read_text().splitlines()] if STORE.exists() else []
 
 
 def main() -> None:
@@ -325,17 +322,9 @@ def main() -> None:
         return
     if sys.argv[1] == "run":
         part, count, first = sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
-        done = {tuple(line["key"]) for line in stored()}
-        keys = [key for key in lines(part, count, first) if key not in done]
         chunk = len(LAMBDAS) if part == "hidden" else 1  # which share the search for sizes
-        STORE.parent.mkdir(exist_ok=True)
-        with multiprocessing.get_context("spawn").Pool(int(sys.argv[5]) if len(sys.argv) > 5 else 2) as pool:
-            for place, told in enumerate(pool.imap_unordered(one, keys, chunk), start=1):
-                with STORE.open("a") as file:
-                    file.write(json.dumps(told) + "\n")
-                names = ", ".join(c["effect"] for c in told["causes"])
-                print(f"{place}/{len(keys)} {told['truth'] or told['kind']}: {told['verdict']} {names}", flush=True)
-    text = table(stored())
+        add(STORE, lines(part, count, first), one, int(sys.argv[5]) if len(sys.argv) > 5 else 2, chunk)
+    text = table(stored(STORE))
     (HERE / "results" / "calibration.txt").write_text(text + "\n")
     print(text)
 

@@ -11,8 +11,6 @@ hides nothing. Sizes are stated in lambda as in `calibration`.
 
 from __future__ import annotations
 
-import json
-import multiprocessing
 import sys
 import time
 from pathlib import Path
@@ -28,6 +26,7 @@ from calibration_table import honest, rate, shown, table  # noqa: E402
 from hidden import CASES, evidence, oracle, rival_model  # noqa: E402
 from lot import COMMANDS, Bench, shaped  # noqa: E402
 from sizes import reaching  # noqa: E402
+from store import Key, add, stored  # noqa: E402
 
 from diagnosis import diagnose  # noqa: E402
 
@@ -36,7 +35,7 @@ HELD_OUT = 15.0  # [s], before it is stretched
 LAMBDAS = (100.0, 400.0)
 
 
-def one(key: tuple[str, int, int]) -> dict[str, Any]:
+def one(key: Key) -> dict[str, Any]:
     """One diagnosis: of an effect at a lambda, or of nothing hidden."""
     part, number, seed = key
     bench = Bench.drawn(seed)
@@ -52,9 +51,8 @@ def one(key: tuple[str, int, int]) -> dict[str, Any]:
         more = len(case.truth(size).names) - len(rival_model(case, size).names)
         return float(np.mean([evidence(case, size, log) for log in logs])) - more
 
-    least = (
-        bench.noise if case.effect == "backlash" else case.sizes[0] / 1e3
-    )  # of a narrower gap the flanks' give shows
+    # Of a gap narrower than the noise only the give of its flanks would show.
+    least = bench.noise if case.effect == "backlash" else case.sizes[0] / 1e3
     ((size, reached),) = reaching({wanted: case.sizes[1]}, lambda_of, (least, 3.0 * case.sizes[2])).values()
     log = bench.log(case.machine(size), seed)
     held = bench.log(case.machine(size), seed + 1_000_000, duration=HELD_OUT)
@@ -81,22 +79,18 @@ def one(key: tuple[str, int, int]) -> dict[str, Any]:
     }
 
 
-def keys(count: int, first: int) -> list[tuple[str, int, int]]:
+def keys(count: int, first: int) -> list[Key]:
     """(part, number of the case, seed): every fourth log is clean, in the others an effect is hidden by lot."""
     number = {seed: int(np.random.default_rng([seed, 24]).integers(len(CASES))) for seed in range(first, first + count)}
     return [("clean", 0, seed) if seed % 4 == 3 else ("hidden", number[seed], seed) for seed in number]
 
 
-def attempted(key: tuple[str, int, int]) -> dict[str, Any]:
+def attempted(key: Key) -> dict[str, Any]:
     """The line of a diagnosis, or what was raised in its place."""
     try:
         return one(key)
     except Exception as error:  # a finding as good as any other, and the rest shall go on
         return {"key": list(key), "failed": f"{type(error).__name__}: {error}"}
-
-
-def stored() -> list[dict[str, Any]]:
-    return [json.loads(line) for line in STORE.read_text().splitlines()] if STORE.exists() else []
 
 
 def page(told: list[dict[str, Any]]) -> str:
@@ -113,15 +107,8 @@ def page(told: list[dict[str, Any]]) -> str:
 def main() -> None:
     if sys.argv[1] != "table":
         count, first = int(sys.argv[1]), int(sys.argv[2])
-        done = {tuple(line["key"]) for line in stored()}
-        left = [key for key in keys(count, first) if key not in done]
-        with multiprocessing.get_context("spawn").Pool(int(sys.argv[3]) if len(sys.argv) > 3 else 2) as pool:
-            for place, told in enumerate(pool.imap_unordered(attempted, left), start=1):
-                with STORE.open("a") as file:
-                    file.write(json.dumps(told) + "\n")
-                said = told.get("failed") or f"{told['verdict']} {', '.join(c['effect'] for c in told['causes'])}"
-                print(f"{place}/{len(left)} {told.get('truth')} {told['key'][2]}: {said}", flush=True)
-    text = page(stored())
+        add(STORE, keys(count, first), attempted, int(sys.argv[3]) if len(sys.argv) > 3 else 2)
+    text = page(stored(STORE))
     (HERE / "results" / "other_machines.txt").write_text(text + "\n")
     print(text)
 

@@ -1,4 +1,4 @@
-"""A name that only mends the filter behind which a poor model follows its log is no cause."""
+"""A lag of the sensor that only mends the observer behind which a poor model follows its log is no cause."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -1,0 +1,28 @@
+"""Lines of a long study, one a diagnosis: what is there is not run again, so it may be stopped and taken up."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+Key = tuple[str, int, int]
+
+
+def stored(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+
+
+def add(path: Path, keys: Iterable[Key], work: Callable[[Key], dict[str, Any]], processes: int, chunk: int = 1) -> None:
+    """Append the lines that are missing as they come, and print each; `chunk` keys in a row go to one process."""
+    done = {tuple(line["key"]) for line in stored(path)}
+    left = [key for key in keys if key not in done]
+    path.parent.mkdir(exist_ok=True)
+    with multiprocessing.get_context("spawn").Pool(processes) as pool:
+        for place, told in enumerate(pool.imap_unordered(work, left, chunk), start=1):
+            with path.open("a") as file:
+                file.write(json.dumps(told) + "\n")
+            said = told.get("failed") or f"{told['verdict']} {', '.join(c['effect'] for c in told['causes'])}"
+            print(f"{place}/{len(left)} {told.get('truth') or told.get('kind')} {told['key'][2]}: {said}", flush=True)
