@@ -11,11 +11,20 @@ from machine import Machine, excitation, record
 from scipy.signal import lfilter
 
 from diagnosis import diagnose
+from diagnosis import refit as refits
 from diagnosis.odds import search_charge, visibility_cost
 from diagnosis.screen import Screen, peaks_beside
 from identification.fit import fit
 from plant import ServoModel, catalogue
-from plant.effects import Cogging, CoulombFriction, EncoderEccentricity, PayloadChange, PeriodicDisturbance, Trace
+from plant.effects import (
+    Backlash,
+    Cogging,
+    CoulombFriction,
+    EncoderEccentricity,
+    PayloadChange,
+    PeriodicDisturbance,
+    Trace,
+)
 from plant.effects.order_lines import neighbouring
 
 WAVE = {"amplitude": 0.2, "frequency": 3.3, "phase": 0.4}
@@ -170,3 +179,25 @@ def test_a_disturbance_of_barely_more_than_chance_is_named(seed: int) -> None:
     found = diagnose(log)
     assert [cause.effect for cause in found.causes] == ["periodic_disturbance"]
     assert found.causes[0].parameters["frequency"].value == pytest.approx(3.3, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("bandwidth", "rise", "begun"), [(0.0, -5.0, 2), (0.0, 5.0, 1), (19.0, -5.0, 2), (21.0, -5.0, 1)]
+)
+def test_a_search_begins_anew_only_where_it_came_to_nothing_and_something_faint_could_show(
+    monkeypatch: pytest.MonkeyPatch, bandwidth: float, rise: float, begun: int
+) -> None:
+    """Behind an observer nearly as fast as the sampling, 5 ms here, what hardly shows is nothing."""
+    starts: list[float] = []
+
+    def come_to(_: Any, some: Any, __: Any) -> Any:
+        starts.append(some[0].gap)
+        return SimpleNamespace(log_likelihood=rise)
+
+    monkeypatch.setattr(refits, "_from_the_best", come_to)
+    fit: Any = SimpleNamespace(
+        log_likelihood=0.0, noise_std=1e-3, bandwidth=bandwidth, log=SimpleNamespace(sample_time=0.005)
+    )
+    refits.refit(fit, Backlash(gap=0.2, motor_share=0.3))
+    assert len(starts) == begun
+    assert starts[1:] == [5e-4][: begun - 1]
