@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from identification.checks import check, excited
-from identification.columns import COLUMNS, Gears, Reading, read_recordings
+from identification.checks.check import check, excited
 from identification.errors import MalformedLog
-from identification.readers import columns_of, read_table
+from identification.reading.columns import COLUMNS, Gears, Reading, read_recordings
+from identification.reading.files import columns_of, read_table
+from identification.reading.table import Table
 from identification.recording import Finding, Recording
 from identification.run import Run
-from identification.table import Table
 from plant.errors import BadParameter
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ from front_door import columns as recorded
 from sample_logs import motion
 from test_malformed_logs import check_sentence
 
-from identification.cia402 import drive_object
 from identification.errors import MalformedLog
 from identification.log import Log
-from identification.units import si_factor
+from identification.reading.cia402 import drive_object
+from identification.reading.units import si_factor
 from plant.errors import BadParameter
 
 COUNTS, RATED = 131072, 2.4

@@ -25,7 +25,7 @@ from identification.fit_result import Fit
 from identification.log import Log
 from identification.predictor import observer_gain
 from identification.problem import Problem
-from identification.readers import read_table
+from identification.reading.files import read_table
 from plant import BadParameter, ServoModel, catalogue, simulate
 from plant.effects import InputDelay, QuadraticDrag
 from plant.simulation import beginning

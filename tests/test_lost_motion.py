@@ -10,7 +10,7 @@ from scipy.stats import norm
 from swept_preload import ARCMIN, GEARS, Teeth, swept
 
 from identification import Log, LostMotion, MalformedLog, Unidentifiable, lost_motion
-from identification.rounded import rounded_likelihood
+from identification.lost_motion.rounded import rounded_likelihood
 
 
 def found(teeth: Teeth, seed: int = 0, **sweep: float) -> LostMotion:

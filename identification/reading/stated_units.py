@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.cia402 import drive_object
 from identification.errors import MalformedLog
-from identification.table import Table
-from identification.units import si_factor, si_unit
+from identification.reading.cia402 import drive_object
+from identification.reading.table import Table
+from identification.reading.units import si_factor, si_unit
 from plant.errors import BadParameter
 
 _NO_UNIT = {"", "-", "--", "1", "none", "(none)", "n/a", "[]", "[-]"}  # as files write it

@@ -1,7 +1,7 @@
 """The likelihood of a sweep of the preload, and where it is greatest.
 
 Unknown are ten numbers, five a drive: offset, intercept and slope of loading, intercept and slope of unloading, all of
-the twist over the drive's torque (see `identification.lost_motion`); and the noise of the load's encoder.
+the twist over the drive's torque (see `identification.lost_motion.sweep`); and the noise of the load's encoder.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from identification.faults import quantum
-from identification.flank_visits import FlankSamples
-from identification.rounded import rounded_likelihood
+from identification.checks.faults import quantum
+from identification.lost_motion.flank_visits import FlankSamples
+from identification.lost_motion.rounded import rounded_likelihood
 
 Array = NDArray[np.float64]
 

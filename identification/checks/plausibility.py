@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from identification.checks.faults import quantum
 from identification.errors import MalformedLog
-from identification.faults import quantum
 from identification.recording import Finding, Recording
 
 SLOWEST_SAMPLING = 0.5  # [s]

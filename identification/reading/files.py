@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.table import Table
+from identification.reading.table import Table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,11 +54,11 @@ def read_table(path: str | Path) -> Table:
         raise MalformedLog(f"{path.name}: the file is empty, export the log again.")
     digest = hashlib.sha256(content).hexdigest()
     if kind == "text":
-        from identification.readers_text import parse_text
+        from identification.reading.text import parse_text
 
         return parse_text(content, path.name, digest)
     if kind == "trade":
-        from identification.readers_trade import read_trade
+        from identification.reading.trade import read_trade
 
         return read_trade(content, path.name, digest)
     try:

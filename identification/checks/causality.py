@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from identification.equation_error import Profile, profiles
+from identification.checks.equation_error import Profile, profiles
 from identification.recording import Finding, Recording
 
 # A held command acts half a sample late, and some loggers write it at the end of its sample: less is no fault.

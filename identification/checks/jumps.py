@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.faults import quantum
+from identification.checks.faults import quantum
 from identification.recording import Array, Checked, Finding, Recording, counted
 
 _SIDE = 6  # samples on either side

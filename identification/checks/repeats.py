@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from identification.faults import quantum, stretches
+from identification.checks.faults import quantum, stretches
 from identification.recording import Array, Finding, Recording
 
 SHORTEST = 50  # samples

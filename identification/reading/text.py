@@ -10,8 +10,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.readers_scope import find_scope_header, group_starts, read_groups
-from identification.table import Table
+from identification.reading.scope import find_scope_header, group_starts, read_groups
+from identification.reading.table import Table
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
 _NO_NUMBER = {"nan", "na", "null", "inf", "-inf"}

@@ -10,13 +10,13 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.cia402 import find_objects
-from identification.clocks import on_one_clock
 from identification.errors import MalformedLog
+from identification.reading.cia402 import find_objects
+from identification.reading.clocks import on_one_clock
+from identification.reading.stated_units import stated_units
+from identification.reading.table import Table
+from identification.reading.units import si_factor
 from identification.recording import Array, Recording
-from identification.stated_units import stated_units
-from identification.table import Table
-from identification.units import si_factor
 from plant.errors import BadParameter
 
 # The columns that a log may have; anything else in a file is left alone.

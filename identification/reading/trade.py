@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
+from identification.reading.table import Table
 from identification.recording import Array
-from identification.table import Table
 
 _LIBRARIES = {".mf4": "asammdf", ".tdms": "npTDMS", ".mcap": "mcap"}
 _TDMS_UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit")

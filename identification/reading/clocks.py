@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.checks.timing import GAP
 from identification.errors import MalformedLog
+from identification.reading.table import Table
 from identification.recording import Array
-from identification.table import Table
-from identification.timing import GAP
 
 
 def on_one_clock(table: Table, found: Mapping[str, str]) -> tuple[Table, dict[str, str]]:

@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import Unidentifiable
-from identification.flank_visits import FlankSamples, flank_samples
 from identification.log import Log
-from identification.sweep_likelihood import most_likely
+from identification.lost_motion.flank_visits import FlankSamples, flank_samples
+from identification.lost_motion.likelihood import most_likely
 from plant.gears import GearTrain
 
 Array = NDArray[np.float64]

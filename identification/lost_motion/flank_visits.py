@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.checks.faults import quantum
 from identification.errors import MalformedLog
-from identification.faults import quantum
 from identification.run import Run
 from plant.gears import GearTrain
 

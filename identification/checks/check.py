@@ -10,16 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.causality import cause_and_effect
-from identification.channels import check_goal_unit, inconsistent_channels
+from identification.checks.causality import cause_and_effect
+from identification.checks.channels import check_goal_unit, inconsistent_channels
+from identification.checks.faults import find_flat_tops, find_frozen, find_spikes, find_wraps, quantum, stretches
+from identification.checks.jumps import mask_dropouts, split_at_jumps
+from identification.checks.missing import bridge, fill_command, fill_others, fill_output
+from identification.checks.plausibility import check_time_unit, check_velocity_unit, warn_of_degrees
+from identification.checks.repeats import drop_repeats
+from identification.checks.timing import check_time, clock, mask_gaps, split_at_gaps, too_short, trim
 from identification.errors import MalformedLog
-from identification.faults import find_flat_tops, find_frozen, find_spikes, find_wraps, quantum, stretches
-from identification.jumps import mask_dropouts, split_at_jumps
-from identification.missing import bridge, fill_command, fill_others, fill_output
-from identification.plausibility import check_time_unit, check_velocity_unit, warn_of_degrees
 from identification.recording import Checked, Finding, Recording, counted
-from identification.repeats import drop_repeats
-from identification.timing import check_time, clock, mask_gaps, split_at_gaps, too_short, trim
 
 
 def check(recording: Recording) -> tuple[list[Recording], list[Finding]]:
