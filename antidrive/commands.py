@@ -110,7 +110,7 @@ def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Exp
 
     rivals = rivals_of(found)
     if rivals is None:
-        return None, "No experiment was designed: the rivals are not both fitted."
+        return None, "No experiment was designed: no rival that was fitted is likelier than that nothing is missing."
     try:
         experiment = separating_experiment(*rivals, Limits.of(found.base.log), seed=seed, progress=progress)
     except BadParameter as refusal:

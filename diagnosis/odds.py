@@ -23,7 +23,8 @@ from identification.fit_result import Fit
 from plant.effects.effect import Array
 
 NONE = "none"
-CLEAR = 0.9  # probability from which it is told that something is missing, and from which a name stands alone
+SEEN = 0.8  # probability from which it is told that something is missing at all
+CLEAR = 0.9  # ... from which a name stands alone, and from which one is added to what was found before
 _VISIBLE = 50.0  # lambda for each parameter that an effect is expected to have before the log is seen
 _SCALES = 9  # sizes of a curve that are tried
 UNKNOWN = 2.0  # times that a search is charged whose neighbourhood is not known

@@ -48,6 +48,11 @@ class Cause:
     evidence: float
     gain_std: float = 0.0
 
+    @property
+    def missing(self) -> float:
+        """Probability that it or one of the alternatives is there, and not nothing [-]."""
+        return min(self.probability + sum(share for _, share in self.alternatives), 1.0)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:

@@ -126,8 +126,10 @@ def one_round(
     number: int,
     candidates: list[Candidate],
     progress: Callable[[str], None] | None,
+    *,
+    bar: float = CLEAR,
 ) -> Addition | None:
-    """Ask every effect that the model does not hold; the winner if something is missing."""
+    """Ask every effect that the model does not hold; the winner if something is missing, as surely as the bar says."""
     asked = {name: kind for name, kind in effects.items() if _would_add(fit, kind)}
     if not asked:
         return None
@@ -188,7 +190,7 @@ def one_round(
                 fitted=own_fit.model.effect(suspect.name) if own_fit else None,
             )
         )
-    if not refits or odds[NONE] > 1.0 - CLEAR:
+    if not refits or odds[NONE] > 1.0 - bar:
         return None
     winner = max(refits, key=lambda name: odds[name])
     return Addition(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from diagnosis.backward import with_best_names, without_superfluous
 from diagnosis.filtered import without_filters
+from diagnosis.odds import CLEAR, SEEN
 from diagnosis.refit import evidence_of
 from diagnosis.result import Candidate
 from diagnosis.round import Addition, one_round
@@ -53,15 +54,17 @@ def forward(
 ) -> Outcome:
     """Extend a fitted model by those of the effects that its log asks for, each as it was chosen when it was found.
 
-    Where several effects are missing, the first to be found may simulate worse than none at all; it stays as long as
-    the next makes it hold up.
+    That anything is missing is told sooner than that something else is missing too: of a first name the odds say
+    themselves how sure it is, and a doubtful companion would cast doubt on what is clear. Where several effects are
+    missing, the first to be found may simulate worse than none at all; it stays as long as the next makes it hold up.
     """
     additions: list[Addition] = []
     firm: list[Addition] = []
     candidates: list[Candidate] = []
     fit = base
     for number in range(1, _ROUNDS + 1):
-        found = one_round(fit, effects, number, candidates, progress)
+        bar = CLEAR if additions else SEEN
+        found = one_round(fit, effects, number, candidates, progress, bar=bar)
         if found is None:
             break
         better = _better_null(fit, found)

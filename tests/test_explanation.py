@@ -16,7 +16,7 @@ from test_unknown import Windage
 from antidrive.page import printed
 from diagnosis import Diagnosis, Experiment, diagnose
 from diagnosis.experiment.signal_families import Signal
-from diagnosis.explanation.contest import AGAIN, NAMED, Contest, contest_of
+from diagnosis.explanation.contest import AGAIN, NOTICED, Contest, contest_of
 from diagnosis.explanation.detectable import detectable
 from diagnosis.explanation.evidence_picture import gathered, shown
 from diagnosis.explanation.wording import measured, percent, power
@@ -231,8 +231,8 @@ def test_names_that_are_not_believed_are_told_with_their_odds() -> None:
     assert reason.effect is None
     contest = Contest.of_round(found.candidates, 1)
     assert contest.something == pytest.approx(np.log(1 / contest_none(contest) - 1), rel=1e-6)
-    if contest.something < NAMED:
-        assert f"are {power(contest.something)} to 1, and {power(NAMED)} to 1 is needed" in reason.sentences[0]
+    if contest.something < NOTICED:
+        assert f"are {power(contest.something)} to 1, and {power(NOTICED)} to 1 is needed" in reason.sentences[0]
     assert "curve over velocity without a name" in " ".join(reason.sentences)
     dearer = tuple(replace(c, score=c.score + 100.0) for c in found.candidates)
     assert "did not hold up" in replace(found, candidates=dearer).explain().short[0]

@@ -209,11 +209,16 @@ def _names(first: Fit, second: Fit) -> tuple[str, str]:
 
 
 def rivals_of(diagnosis: Findings) -> tuple[Fit, Fit] | None:
-    """The extended model and the best alternative to its first ambiguous cause, both fitted; None if there is none."""
+    """The extended model and the best alternative to its first ambiguous cause, both fitted; None if there is none.
+
+    Where the best alternative is that nothing is missing, no signal tells more than a longer log.
+    """
     for cause in diagnosis.causes:
         if cause.probability >= CLEAR or not cause.alternatives:
             continue
-        next_best, _ = cause.alternatives[0]
+        next_best, share = cause.alternatives[0]
+        if share < 1.0 - cause.missing:
+            continue
         tried = [(c.evidence, c.fitted) for c in diagnosis.candidates if c.effect == next_best and c.fitted is not None]
         if not tried:
             continue

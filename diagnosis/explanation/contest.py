@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.odds import CLEAR, NONE
+from diagnosis.odds import NONE, SEEN
 from diagnosis.result import Candidate, Cause, Findings
 
 AGAIN = 0
 """In place of a round: a cause that was weighed again at the end, beside the others."""
-NAMED = float(np.log(CLEAR / (1.0 - CLEAR)))
-"""Log odds of "something is missing" that a name needs."""
+NOTICED = float(np.log(SEEN / (1.0 - SEEN)))
+"""Log odds of "something is missing" from which it is told."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,9 +1,9 @@
 """How large an effect could be without being noticed: the limit of detection of a log in which nothing is missing.
 
 Beside everything that the fit can absorb, the coefficient of an effect's trace has a standard error s. An effect of
-size c then raises the log-likelihood by c^2 / (2 s^2) on average, from which its charge is taken; something is noticed
-when the rest is at least the log odds that a name needs. Said only of effects whose trace has one shape and whose only
-parameter is its size, for there the screen is exact to first order.
+size c then raises the log-likelihood by c^2 / (2 s^2) on average, from which its charge is taken; it is noticed when
+the rest is at least the log odds from which it is told that something is missing. Said only of effects whose trace has
+one shape and whose only parameter is its size, for there the screen is exact to first order.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from diagnosis.explanation.contest import NAMED
+from diagnosis.explanation.contest import NOTICED
 from diagnosis.linear import response
 from diagnosis.result import Candidate, Estimate
 from diagnosis.screen import Screen
@@ -37,7 +37,7 @@ def detectable(fit: Fit, tried: Iterable[Candidate]) -> dict[str, Estimate]:
         if len(specs) != 1 or any(len(shapes) != 1 or shapes[0].columns.shape[1] != 1 for shapes in traces):
             continue
         error = min(_standard_error(screen, trace) for screen, (trace,) in zip(screens, traces, strict=True))
-        size = error * float(np.sqrt(2.0 * max(NAMED + candidate.evidence - candidate.visible, 0.0)))
+        size = error * float(np.sqrt(2.0 * max(NOTICED + candidate.evidence - candidate.visible, 0.0)))
         unit = specs[0].unit_on(fit.model.axis)
         found[candidate.effect] = Estimate(value=size, std=None, unit=unit)
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from diagnosis.experiment import Experiment
-from diagnosis.explanation.contest import AGAIN, NAMED, Contest, contest_of
+from diagnosis.explanation.contest import AGAIN, NOTICED, Contest, contest_of
 from diagnosis.explanation.detectable import detectable
 from diagnosis.explanation.evidence_picture import Gathered, Shown, gathered, shown, without
 from diagnosis.explanation.wording import acting, effect_of, listed, percent, power, sentence_case, size, title_of
@@ -154,7 +154,16 @@ def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> l
     rivals = [name for name, share in cause.alternatives if share > _OPEN]
     names = listed([title_of(name, diagnosis) for name in (cause.effect, *rivals)])
     needed = f"{CLEAR / (1.0 - CLEAR):.2g} to 1"
-    lines = [f"A name stands alone from {needed} against all others together: this log does not tell {names} apart."]
+    lines = []
+    if rivals:
+        lines.append(
+            f"A name stands alone from {needed} against all others together: this log does not tell {names} apart."
+        )
+    if cause.missing < CLEAR:
+        lines.append(
+            f"That nothing is missing at all has {percent(1.0 - cause.missing)}; a name stands alone from {needed} "
+            "against that too. A longer log would tell, or motion in which it shows more."
+        )
     for other in (effect_of(diagnosis, name) for name in rivals):
         if kind is not None and other is not None:
             known = other.name in kind.confused_with or kind.name in other.confused_with
@@ -208,10 +217,10 @@ def _not_believed(diagnosis: Findings, contest: Contest) -> str:
     if best is None:
         return "Nothing that was asked explains what is missing."
     led = f"The best name, {title_of(best.effect, diagnosis)}, makes the data {power(best.evidence)} times likelier"
-    if contest.something < NAMED:
+    if contest.something < NOTICED:
         return (
             f"{led} and pays {best.evidence - best.visible:.3g} for its parameters and the search: the odds that any "
-            f"effect of those asked is there are {power(contest.something)} to 1, and {power(NAMED)} to 1 is needed."
+            f"effect of those asked is there are {power(contest.something)} to 1, and {power(NOTICED)} to 1 is needed."
         )
     return (
         f"{led}, but the model with it did not hold up in simulation, or on what it had not been fitted to, or what it "

@@ -5,10 +5,9 @@ from __future__ import annotations
 from diagnosis.explanation.paragraphs import Explanation
 from diagnosis.explanation.wording import acting, listed, measured, percent, sentence_case, size, title_of
 from diagnosis.holdout import gain_errors
+from diagnosis.odds import CLEAR
 from diagnosis.repeated_runs import repeated_pairs
 from diagnosis.result import Cause, Findings
-
-_ALONE = 0.9  # probability above which a name stands without its rivals
 
 
 def headline(diagnosis: Findings) -> str:
@@ -25,8 +24,13 @@ def headline(diagnosis: Findings) -> str:
         where = ", ".join(diagnosis.unexplained.depends_on)
         lives = f"; it depends on {where}" if where else ""
         return f"Something is missing that no effect of the catalogue explains{lives}."
-    named = [title_of(cause.effect) for cause in causes if cause.probability >= _ALONE]
-    open_ones = [" or ".join(map(title_of, (c.effect, *_rivals(c)))) for c in causes if c.probability < _ALONE]
+    if len(causes) == 1 and causes[0].missing < CLEAR:
+        names = " or ".join(map(title_of, (causes[0].effect, *_close(causes[0]))))
+        return (
+            f"The model probably misses {names}; that anything is missing at all is {percent(causes[0].missing)} sure."
+        )
+    named = [title_of(cause.effect) for cause in causes if cause.probability >= CLEAR]
+    open_ones = [" or ".join(map(title_of, (c.effect, *_rivals(c)))) for c in causes if c.probability < CLEAR]
     known = f"The model misses {listed(named)}" if named else ""
     unclear = f"misses {listed(open_ones)}, and this log does not tell which" if open_ones else ""
     if known and unclear:
@@ -81,5 +85,8 @@ def _cause(cause: Cause) -> str:
 
 def _rivals(cause: Cause) -> list[str]:
     """The alternatives that cannot be put aside."""
-    close = [name for name, p in cause.alternatives if p > 0.05]
-    return close or [name for name, _ in cause.alternatives[:1]]
+    return _close(cause) or [name for name, _ in cause.alternatives[:1]]
+
+
+def _close(cause: Cause) -> list[str]:
+    return [name for name, p in cause.alternatives if p > 0.05]
