@@ -44,8 +44,6 @@ def pages() -> Iterator[tuple[str, str]]:
     """Path and content of each page and picture."""
     for name in ("CHANGELOG", "CONTRIBUTING"):
         yield f"{name.lower()}.md", (ROOT / f"{name}.md").read_text(encoding="utf-8")
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    yield "explanation/limits.md", readme[readme.index("## Limits") :].replace("## Limits", "# Limits", 1)
     yield "gallery.md", gallery()
     for name, kind in catalogue.items():
         if found := signature(kind):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import Path
 
 import pytest
 from front_door import antidrive, listing
@@ -35,6 +37,17 @@ def test_names_what_was_hidden_and_gains_by_it(told):
     friction = causes["coulomb_friction"]["parameters"]["torque"]["value"]
     assert friction == pytest.approx(HIDDEN["coulomb_friction"] + motors, rel=0.02)
     assert cogging["order"]["value"] == pytest.approx(HIDDEN["cogging_order"], rel=0.01)
+
+
+def test_ends_as_the_readme_says(told):
+    spoken, _ = told
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    (said,) = re.findall(r"```text\n(Synthetic.*?)```", readme, re.DOTALL)
+    number = re.compile(r"(?<![\w.])\d+(?:\.\d+)?")
+    ends = spoken.out[: spoken.out.index("Written to")]
+    assert number.sub("#", ends) == number.sub("#", said)
+    here, there = ([float(n) for n in number.findall(text)] for text in (ends, said))
+    assert here == pytest.approx(there, rel=0.1)
 
 
 def test_ends_in_numbers_and_leaves_models_that_load(told):
