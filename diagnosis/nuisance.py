@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import qr
 
 from identification.predictor import Prediction
 from plant.effects.effect import Array
@@ -75,9 +76,13 @@ def _beyond(own: Sequence[Array], values: Array) -> Array:
 
 
 def basis(columns: Array) -> Array:
-    """Orthonormal basis of what columns (T, n) span."""
+    """Orthonormal basis of what columns (T, n) span.
+
+    With pivots: where a column is nothing, as that of an instant at which the load rests, those behind it would lose
+    what they share with the arbitrary direction in its place.
+    """
     if columns.shape[1] == 0:
         return columns
-    basis, triangle = np.linalg.qr(columns)
+    basis, triangle, _ = qr(columns, mode="economic", pivoting=True)
     size = np.abs(np.diag(triangle))
     return np.ascontiguousarray(basis[:, size > _NOTHING * size.max()])

@@ -326,7 +326,7 @@ def test_the_louder_noise_of_an_observer_is_what_a_filter_of_white_noise_shows()
 
 def test_the_rivals_of_an_ambiguous_diagnosis_are_its_model_and_the_best_alternative() -> None:
     _, extended, alternative = rivals("lag")
-    cause = SimpleNamespace(effect="actuator_lag", probability=0.6, alternatives=(("input_delay", 0.4),))
+    cause = SimpleNamespace(effect="actuator_lag", probability=0.6, alternatives=(("input_delay", 0.4),), missing=1.0)
     screened = SimpleNamespace(effect="input_delay", evidence=9.0, fitted=None)
     tried = SimpleNamespace(effect="input_delay", evidence=5.0, fitted=InputDelay(time=0.003))
     diagnosis: Any = SimpleNamespace(causes=(cause,), candidates=(screened, tried), extended=extended)
@@ -337,6 +337,11 @@ def test_the_rivals_of_an_ambiguous_diagnosis_are_its_model_and_the_best_alterna
     assert found[1].log_likelihood == pytest.approx(alternative.log_likelihood, abs=0.5)
     cause.probability = 0.99
     assert rivals_of(diagnosis) is None
+    # Where the chief rival is that nothing is missing, a signal tells no more than a longer log.
+    cause.probability, cause.alternatives, cause.missing = 0.75, (("input_delay", 0.1),), 0.85
+    assert rivals_of(diagnosis) is None
+    cause.probability, cause.alternatives, cause.missing = 0.5, (("input_delay", 0.35),), 0.85
+    assert rivals_of(diagnosis) is not None
 
 
 def test_a_rival_may_be_an_effect_of_ones_own() -> None:
@@ -344,7 +349,7 @@ def test_a_rival_may_be_an_effect_of_ones_own() -> None:
         name = "fan"
 
     _, extended, _ = rivals("lag")
-    cause = SimpleNamespace(effect="actuator_lag", probability=0.6, alternatives=(("fan", 0.4),))
+    cause = SimpleNamespace(effect="actuator_lag", probability=0.6, alternatives=(("fan", 0.4),), missing=1.0)
     tried = SimpleNamespace(effect="fan", evidence=5.0, fitted=Fan(drag=0.01))
     diagnosis: Any = SimpleNamespace(causes=(cause,), candidates=(tried,), extended=extended)
     found = rivals_of(diagnosis)

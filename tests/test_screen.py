@@ -47,11 +47,15 @@ def test_each_run_has_an_initial_state_of_its_own_beside_the_shared_parameters(f
     assert nuisance.beyond(values[:, 0]) == pytest.approx(expected[:, 0], abs=1e-12)
 
 
-def test_a_parameter_without_a_trace_takes_nothing_away() -> None:
+@pytest.mark.parametrize("silent", [0, 1, 2])
+def test_a_parameter_without_a_trace_takes_nothing_away(silent: int) -> None:
+    """As the instant of a payload change does while the load rests; what comes behind it keeps its own."""
     rng = np.random.default_rng(1)
-    run = prediction(rng, 50, 2)
-    silent = replace(run, jacobian=run.jacobian * np.array([1.0, 0.0, 1.0, 1.0]))
-    assert Nuisance.of([silent]).shared.shape == (50, 1)
+    run = prediction(rng, 50, 3)
+    run.jacobian[:, silent] = 0.0
+    nuisance = Nuisance.of([run])
+    assert nuisance.shared.shape == (50, 2)
+    assert nuisance.beyond(run.jacobian) == pytest.approx(np.zeros((50, 5)), abs=1e-12)
 
 
 @pytest.fixture(scope="module")
