@@ -16,7 +16,7 @@ from diagnosis.refit import evidence_of, is_plausible, refit
 from diagnosis.round import Contestant
 from diagnosis.search import Outcome
 from identification.fit import base_model, fit
-from plant.effects import CableStiffness, Effect, EndStop
+from plant.effects import CableStiffness, Effect, EncoderEccentricity, EndStop
 
 
 @pytest.mark.parametrize(
@@ -30,8 +30,11 @@ from plant.effects import CableStiffness, Effect, EndStop
         (CableStiffness(stiffness=0.01, rest_angle=-12.0), True),
         (CableStiffness(stiffness=0.01, rest_angle=-30.0), False),
         (CableStiffness(stiffness=-0.01, cubic=0.02), False),
+        (EncoderEccentricity(amplitude=0.001, order=0.97, phase=0.3), True),
+        (EncoderEccentricity(amplitude=0.001, order=0.7, phase=0.3), False),
+        (EncoderEccentricity(amplitude=0.001, order=1.5, phase=0.3), True),
     ],
-    ids=lambda value: f"{value.name} {value.stiffness}" if isinstance(value, Effect) else "",
+    ids=lambda value: " ".join(map(str, (value.name, *value.values))) if isinstance(value, Effect) else "",
 )
 def test_what_a_cause_can_be(effect: Effect, plausible: bool) -> None:
     assert effect.plausible(low=-4.0, high=5.0, speed=2.0, inertia=2.0) is plausible
@@ -49,6 +52,12 @@ def test_a_soft_spring_over_most_of_the_travel_is_a_cable_and_not_a_stop() -> No
     assert not stop.plausible
     assert [cause.effect for cause in found.causes] == ["cable_stiffness"]
     assert "End stop came out with values that such a cause hardly ever has, and pays for it." in str(found.explain())
+
+
+def test_a_wave_slower_than_a_turn_is_believed_where_two_periods_were_seen() -> None:
+    geared = EncoderEccentricity(amplitude=0.001, order=0.25, phase=0.3)
+    assert not geared.plausible(low=0.0, high=40.0, speed=2.0, inertia=2.0)
+    assert geared.plausible(low=-20.0, high=40.0, speed=2.0, inertia=2.0)
 
 
 def test_strange_values_have_to_explain_much_more() -> None:

@@ -12,6 +12,7 @@ from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, param
 from plant.effects.order_lines import as_wave, closer, lines_over_angle, neighbouring, waves
 
 _FIRST = (1.0, 2.0)  # orders of a disc off its centre, and of one that is not round
+_ONCE = 0.9  # order below which it is not once a turn, as well as a short travel tells
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,10 @@ class EncoderEccentricity(Effect):
     def reading(self, angle: Expression, state: Expression) -> Expression:
         """The angle and its error."""
         return angle + self.amplitude * ca.sin(self.order * angle + self.phase)
+
+    def plausible(self, *, low: float, high: float, speed: float, inertia: float) -> bool:
+        """Once a turn or more often, or two periods were seen: a slower wave is the bend of something else."""
+        return bool(self.order >= _ONCE or self.order * (high - low) >= 4.0 * np.pi)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
