@@ -8,6 +8,7 @@ from functools import cache, partial
 
 from scipy.special import expit
 
+from diagnosis.agreement import still_needed
 from diagnosis.curves import (
     CLEARLY,
     Carried,
@@ -23,7 +24,7 @@ from diagnosis.odds import CLEAR, search_charge
 from diagnosis.refit import fitted_near, is_plausible
 from diagnosis.round import Addition
 from diagnosis.search import Outcome
-from diagnosis.wandering import less_sure, may_wander, refitted, still_needed
+from diagnosis.wandering import less_sure, may_wander, refitted
 from identification.fit_result import Fit
 from plant.effects.unnamed import plain
 

@@ -9,12 +9,13 @@ from itertools import chain
 
 import numpy as np
 
+from diagnosis.agreement import still_needed
 from diagnosis.odds import parameter_cost, schwarz_cost, search_charge
 from diagnosis.refit import evidence_of, follows_anything, refit, widening
 from diagnosis.round import Addition
 from diagnosis.screen import Screen, peaks_beside
 from diagnosis.unseen import holds_up
-from diagnosis.wandering import if_it_wanders, may_wander, refitted, still_needed
+from diagnosis.wandering import if_it_wanders, may_wander, refitted
 from identification.fit_result import Fit
 from identification.side_by_side import side_by_side
 from plant.effects.curve import Unnamed

@@ -105,6 +105,11 @@ def diagnose(
         "log; it explains no motion."
         for name in outcome.filters
     )
+    warnings.extend(
+        f"{effects[name].title.capitalize()} would fit, but the parts of the log disagree about it; the model lacks "
+        "something else."
+        for name in outcome.uneven
+    )
     tell("looking for what has no name")
     surely = beside_surface(outcome.additions, null, progress)
     warnings.extend(gave_way(outcome.additions, surely))
@@ -121,7 +126,7 @@ def diagnose(
     again = repeats(outcome.fit)
     depends_on = _depends_on(outcome.fit, missing, beside)
     unnamed = (
-        bool(beside.path or depends_on or outcome.strange or outcome.refused)
+        bool(beside.path or depends_on or outcome.strange or outcome.refused or outcome.uneven)
         or missing.excess > _NOISE
         or (again is not None and again.deterministic)
     )

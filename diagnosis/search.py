@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
+from diagnosis.agreement import agreed, disagreed_about
 from diagnosis.backward import with_best_names, without_superfluous
 from diagnosis.filtered import without_filters
 from diagnosis.odds import CLEAR, SEEN
@@ -32,6 +33,7 @@ class Outcome:
         refused: names for which the log speaks loudly, but whose models did not hold up.
         wanderers: names that did no better than a load that wanders.
         filters: names that only mended the observer.
+        uneven: names about which the parts of the log disagree: what is missing is something else.
         strange: names whose causes hardly ever have the values that came out.
     """
 
@@ -41,6 +43,7 @@ class Outcome:
     refused: tuple[str, ...] = ()
     wanderers: tuple[str, ...] = ()
     filters: tuple[str, ...] = ()
+    uneven: tuple[str, ...] = ()
     strange: tuple[str, ...] = ()
 
     @property
@@ -91,11 +94,18 @@ def forward(
 
 
 def weighed_again(outcome: Outcome, progress: Callable[[str], None] | None = None) -> Outcome:
-    """What a search has found by the best names beside all others, without those that explain no motion."""
+    """What a search has found by the best names beside all others, without those that only seemed to be causes."""
     named = with_best_names(list(outcome.additions), progress)
     lasting = without_wanderers(outcome.base, named, progress)
-    kept = without_filters(outcome.base, lasting, progress)
-    return replace(outcome, additions=tuple(kept), wanderers=_gone(named, lasting), filters=_gone(lasting, kept))
+    moving = without_filters(outcome.base, lasting, progress)
+    kept = agreed(outcome.base, moving, progress)
+    return replace(
+        outcome,
+        additions=tuple(kept),
+        wanderers=_gone(named, lasting),
+        filters=_gone(lasting, moving),
+        uneven=disagreed_about(moving, _gone(moving, kept)),
+    )
 
 
 def _gone(before: list[Addition], after: list[Addition]) -> tuple[str, ...]:

@@ -138,7 +138,7 @@ def _odds(
     most beyond the charge for its search.
     """
     first = max(evidence, key=lambda name: evidence[name] - contest[name].charge)
-    uneven = unevenness(fits[first], first)
+    uneven = unevenness(fits[first], first).factor
     counts = {name: contest[name].evenly(rise, uneven) for name, rise in evidence.items()}
     said = {name for name, fit in fits.items() if is_plausible(fit, name) and not is_its_special_case(fit, name)}
     scores = {name: contest[name].score(fit, less, counts[name]) for name, fit in fits.items()}

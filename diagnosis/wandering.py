@@ -8,7 +8,7 @@ observer nearly as fast as the sampling follows anything, and says nothing of sl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 from scipy.special import expit
@@ -16,7 +16,6 @@ from scipy.special import expit
 from diagnosis.odds import CLEAR, NONE
 from diagnosis.refit import evidence_of, fitted_near, follows_anything
 from diagnosis.round import Addition
-from diagnosis.uneven import unevenness
 from diagnosis.unseen import lost_unseen
 from identification.fit_result import Fit
 from plant.effects.wandering_load import WanderingLoad
@@ -54,22 +53,6 @@ def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[
     sure = [(addition, needed[addition.effect]) for addition in additions]
     kept = [less_sure(addition, probability) for addition, probability in sure if probability >= CLEAR]
     return kept if len(kept) == len(additions) else refitted(base, kept, final)
-
-
-def still_needed(additions: Sequence[Addition], at: Fit) -> tuple[list[Addition], Fit]:
-    """Those of the additions to a fit's model that pay in it, and the fit without the others.
-
-    Where an observer still follows something, the model is not right, and a name counts as far as the parts of the log
-    agree about it.
-    """
-    kept = list(additions)
-    for addition in sorted(additions, key=lambda addition: addition.evidence):
-        less = fitted_near(at, at.model.without_effect(addition.effect))
-        uneven = unevenness(at, addition.effect) if at.bandwidth else None
-        if needed_with(addition, at, less, uneven=uneven) < CLEAR:
-            at = less
-            kept.remove(addition)
-    return kept, at
 
 
 def refitted(base: Fit, additions: list[Addition], final: Fit) -> list[Addition]:

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
-from diagnosis import belief, curves, wandering
+from diagnosis import agreement, belief, curves, wandering
 from diagnosis.curves import Carried, beside_unnamed, carried
 from diagnosis.round import Addition, Contestant
 from diagnosis.search import Outcome
+from diagnosis.uneven import Unevenness
 from plant.effects import CoulombFriction
 from plant.effects.curve import HEIGHTS
 from plant.effects.effect import Array
@@ -226,9 +227,9 @@ def test_a_name_that_does_not_pay_beside_it_goes(
 
     near, true = (SimpleNamespace(effect=name, evidence=10.0, fit=fit(name)) for name in ("near", "true"))
     monkeypatch.setattr(curves, "carried", lambda at: Carried(path=(fit("near", "true", "curve"),), seen=()))
-    monkeypatch.setattr(wandering, "fitted_near", lambda at, names: fit(*names))
-    monkeypatch.setattr(wandering, "needed_with", needed_with)
-    monkeypatch.setattr(wandering, "unevenness", lambda at, name: 3.0)
+    monkeypatch.setattr(agreement, "fitted_near", lambda at, names: fit(*names))
+    monkeypatch.setattr(agreement, "needed_with", needed_with)
+    monkeypatch.setattr(agreement, "unevenness", lambda at, name: Unevenness(3.0, 1.0))
     monkeypatch.setattr(curves, "refitted", lambda base, kept, at: kept)
     additions, beside = beside_unnamed(fit(), (near, true))  # type: ignore[arg-type]
     assert [addition.effect for addition in additions] == ["true"]
@@ -244,8 +245,8 @@ def test_what_is_carried_beside_names_that_all_go_is_asked_anew(monkeypatch: pyt
     beside, alone = (Carried(path=(fit(name),), seen=()) for name in ("beside", "alone"))
     near: Any = SimpleNamespace(effect="near", evidence=10.0, fit=fit("near"))
     monkeypatch.setattr(curves, "carried", lambda at: asked.append(at.name) or (beside if at.name == "near" else alone))
-    monkeypatch.setattr(wandering, "fitted_near", lambda at, model: fit("less"))
-    monkeypatch.setattr(wandering, "needed_with", lambda addition, at, less, uneven: 0.89)
+    monkeypatch.setattr(agreement, "fitted_near", lambda at, model: fit("less"))
+    monkeypatch.setattr(agreement, "needed_with", lambda addition, at, less, uneven: 0.89)
     assert beside_unnamed(fit("base"), (near,)) == ((), alone)
     assert asked == ["near", "base"]
 

@@ -15,7 +15,7 @@ from diagnosis.refit import refit
 from diagnosis.round import Addition, Contestant, one_round
 from diagnosis.search import Outcome, forward, weighed_again
 from diagnosis.surface import beside_surface, surface_evidence
-from diagnosis.uneven import unevenness
+from diagnosis.uneven import Unevenness, unevenness
 from identification.fit import fit
 from identification.fit_result import Fit
 from identification.log import Log
@@ -195,7 +195,7 @@ class Predicted:
     jacobian: Array
 
 
-def spoken(monkeypatch: pytest.MonkeyPatch, slopes: Array, noise: Array) -> float:
+def spoken(monkeypatch: pytest.MonkeyPatch, slopes: Array, noise: Array) -> Unevenness:
     """Unevenness about the first parameter of three, after a fit to noise."""
     basis = np.linalg.qr(slopes)[0]
     predicted = Predicted(noise - basis @ (basis.T @ noise), slopes)
@@ -212,9 +212,12 @@ def test_noise_makes_parts_disagree_by_one(monkeypatch: pytest.MonkeyPatch) -> N
     fading = np.exp(-time / 10.0)
     slow = np.column_stack((np.sin(np.outer(time, (0.004, 0.01, 0.017))), fading, time * fading))
     found = [spoken(monkeypatch, slow, rng.standard_normal(1000)) for _ in range(400)]
-    assert 0.33 < np.mean(np.array(found) > 1.0) < 0.5
+    assert 0.33 < np.mean([each.factor > 1.0 for each in found]) < 0.5
+    assert 0.02 < np.mean([each.least > 1.0 for each in found]) < 0.09
     changing = np.sign(np.sin(0.02 * time)) * slow[:, 0]  # what a model may lack
-    assert np.median([spoken(monkeypatch, slow, rng.standard_normal(1000) + changing) for _ in range(20)]) > 5.0
+    found = [spoken(monkeypatch, slow, rng.standard_normal(1000) + changing) for _ in range(20)]
+    assert np.median([each.factor for each in found]) > 5.0
+    assert np.median([each.least for each in found]) > 2.0
 
 
 def test_an_effect_that_shows_in_one_part_only_has_none_to_disagree_with(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -222,14 +225,16 @@ def test_an_effect_that_shows_in_one_part_only_has_none_to_disagree_with(monkeyp
     slopes = rng.standard_normal((1000, 5))
     slopes[:, 0] *= np.arange(1000) < 100
     for _ in range(20):
-        assert spoken(monkeypatch, slopes, rng.standard_normal(1000)) == 1.0
+        assert spoken(monkeypatch, slopes, rng.standard_normal(1000)) == (1.0, 1.0)
     slopes[:, 0] = 0.0
-    assert spoken(monkeypatch, slopes, rng.standard_normal(1000)) == 1.0
+    assert spoken(monkeypatch, slopes, rng.standard_normal(1000)) == (1.0, 1.0)
 
 
 def test_a_complete_model_speaks_as_evenly_as_noise_lets_it() -> None:
     evenly = [
-        unevenness(fit(record(Machine().hiding(**PULLS), excitation(k, duration=15.0), seed=k).log(), KNOWN), name)
+        unevenness(
+            fit(record(Machine().hiding(**PULLS), excitation(k, duration=15.0), seed=k).log(), KNOWN), name
+        ).factor
         for k in range(3)
         for name in ("cable_stiffness", "dead_zone")
     ]
@@ -239,8 +244,8 @@ def test_a_complete_model_speaks_as_evenly_as_noise_lets_it() -> None:
 
 def test_what_a_model_lacks_makes_the_parts_of_a_log_disagree() -> None:
     """Contacts that give say one thing of the spring while the motion is small, and another in the sweep."""
-    assert unevenness(fit(sweep(PULLS), KNOWN), "cable_stiffness") < 2.0
-    assert unevenness(fit(sweep({**PULLS, **GIVES}), KNOWN), "cable_stiffness") > 5.0
+    assert unevenness(fit(sweep(PULLS), KNOWN), "cable_stiffness").factor < 2.0
+    assert unevenness(fit(sweep({**PULLS, **GIVES}), KNOWN), "cable_stiffness").factor > 5.0
 
 
 def test_the_more_unevenly_a_log_speaks_the_less_evidence_counts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -257,7 +262,7 @@ def test_the_more_unevenly_a_log_speaks_the_less_evidence_counts(monkeypatch: py
     fits = {name: replace(base, model=base.model.with_effect(own.effect)) for name, own in names.items()}
     evidence = {"cogging": 130.0, "encoder_eccentricity": 45.0}
     for over, least, most in ((1.0, 0.99, 1.0), (10.0, 0.5, 0.9)):
-        monkeypatch.setattr(surface, "unevenness", lambda fit, name, over=over: over)
+        monkeypatch.setattr(surface, "unevenness", lambda fit, name, over=over: Unevenness(over, 1.0))
         odds = surface._odds(names, fits, evidence, base)
         assert next(iter(odds)) == "cogging"
         assert least < odds["cogging"] < most
