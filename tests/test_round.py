@@ -15,7 +15,7 @@ from machine import Machine, excitation, record
 
 from diagnosis import diagnose, search
 from diagnosis import round as rounds
-from diagnosis.odds import NONE
+from diagnosis.odds import CLEAR, NONE, SEEN
 from diagnosis.result import Candidate
 from diagnosis.round import _PROMISING, _REFITS, _WORTH, Addition, Contestant, _neighbours, _worth_a_refit, weighed
 from diagnosis.screen import Suspect
@@ -79,9 +79,11 @@ def test_a_better_null_repeats_the_round_only_where_a_rival_could_win_from_it(
     base, better, fit = fits
     found = Addition(effect="a", fit=fit, odds={"a": 1.0 - second, "b": second}, evidence=100.0, contest=())
     asked: list[str] = []
+    bars: list[float] = []
 
-    def one_round(at: Any, *_: Any) -> Addition | None:
+    def one_round(at: Any, *_: Any, bar: float) -> Addition | None:
         asked.append(at.name)
+        bars.append(bar)
         return None if at is fit else found
 
     rises = {("better", "base"): 10.0, ("fit", "better"): 90.0}
@@ -92,9 +94,11 @@ def test_a_better_null_repeats_the_round_only_where_a_rival_could_win_from_it(
     monkeypatch.setattr(search, "holds_up", lambda *_: True)
     monkeypatch.setattr(search, "without_wanderers", lambda _, additions, __: additions)
     monkeypatch.setattr(search, "without_filters", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "agreed", lambda _, additions, __: additions)
     monkeypatch.setattr(search, "with_best_names", lambda additions, _: additions)
     outcome = search.weighed_again(search.forward(base))
     assert asked == rounds
+    assert bars == [SEEN for _ in rounds[:-1]] + [CLEAR]  # a companion has to be surer than a first name
     assert outcome.base is better
     assert [addition.effect for addition in outcome.additions] == ["a"]
     assert outcome.additions[0].evidence == (90.0 if len(rounds) == 2 else 100.0)
@@ -118,12 +122,13 @@ def test_the_search_goes_one_name_past_what_does_not_hold_up_and_no_further(
     }
     if mended_by == "both":
         following["both"] = None
-    monkeypatch.setattr(search, "one_round", lambda at, *_: following[at.name])
+    monkeypatch.setattr(search, "one_round", lambda at, *_, bar: following[at.name])
     monkeypatch.setattr(search, "_better_null", lambda *_: None)
     monkeypatch.setattr(search, "without_superfluous", lambda _, additions, __: additions)
     monkeypatch.setattr(search, "holds_up", lambda before, after: after.name == mended_by)
     monkeypatch.setattr(search, "without_wanderers", lambda _, additions, __: additions)
     monkeypatch.setattr(search, "without_filters", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "agreed", lambda _, additions, __: additions)
     monkeypatch.setattr(search, "with_best_names", lambda additions, _: additions)
     outcome = search.weighed_again(search.forward(fits[0]))
     assert [addition.effect for addition in outcome.additions] == found
@@ -137,7 +142,7 @@ def test_a_name_that_does_not_hold_up_though_the_log_speaks_loudly_is_not_nothin
 ) -> None:
     base, fit = (SimpleNamespace(name=name) for name in ("base", "fit"))
     found = Addition(effect="a", fit=fit, odds={"a": 1.0}, evidence=evidence, contest=())  # type: ignore[arg-type]
-    monkeypatch.setattr(search, "one_round", lambda at, *_: found if at is base else None)
+    monkeypatch.setattr(search, "one_round", lambda at, *_, bar: found if at is base else None)
     monkeypatch.setattr(search, "_better_null", lambda *_: None)
     monkeypatch.setattr(search, "without_superfluous", lambda _, additions, __: additions)
     monkeypatch.setattr(search, "holds_up", lambda *_: stands)
