@@ -26,6 +26,7 @@ CLEARLY = 0.1  # share by which what is richer, or has no name, must explain mor
 _MOST = 2  # curves that a model may carry
 _PROMISING = -5.0  # score from which a refit may still clear the bar, where an observer hides what it would bring
 _TRIES = 4  # refits in search of one that pays and holds up
+_PAIRED = 2  # of them beside which another is tried, where none pays alone, and of the others
 _KNOTS_LEAVE = 0.2  # share of what the first brought that a second must bring: less may be how coarse the first is
 
 
@@ -75,12 +76,14 @@ def carried(fit: Fit) -> Carried:
     """What a fit may carry: a curve over one variable, unless what is richer says clearly more.
 
     As a name has to, each says more than a load torque that wanders at random; and what is richer leaves no work for a
-    fast observer.
+    fast observer. Where none does alone, two may together.
     """
     seen, known = unnamed_dependence(fit), dict[str, Fit | None]()
     simple = _path(fit, plain, seen, known)
     hides = _hides_something(simple[-1] if simple else fit)
     rich = _path(fit, unnamed, _promising(fit, unnamed), known) if hides else ()
+    if not simple and not rich and may_wander(fit):
+        rich = _two_together(fit)
     better = rich and not follows_anything(rich[-1]) and says_more(rich, simple, fit, times=1.0 + CLEARLY)
     return Carried(path=rich if better else simple, seen=tuple(curve for curve, _ in seen))
 
@@ -164,6 +167,24 @@ def _one_more(fit: Fit, found: tuple[tuple[Unnamed, float], ...], known: dict[st
         if best is not None and not may_wander(best):
             break
     return best
+
+
+def _two_together(fit: Fit) -> tuple[Fit, ...]:
+    """The fit with two more that leave nothing to an observer; each alone would leave what the other explains to it."""
+    best: tuple[Fit, ...] = ()
+    for first in _closest(fit, _TRIES)[:_PAIRED]:
+        for second in _closest(first, _PAIRED):
+            if not second.bandwidth and says_more((second,), best, fit, times=1.0):
+                best = first, second
+    over = charged(best, fit) - max(evidence_of(if_it_wanders(fit), fit), 0.0) - _MOST * _CLEARS if best else 0.0
+    return best if over > 0.0 and holds_up(fit, best[-1], must_show=True) else ()
+
+
+def _closest(fit: Fit, tries: int) -> list[Fit]:
+    """A fit with one more of those that the screen puts first, the one that says most first."""
+    starts = [start for start, _ in _promising(fit, unnamed)[:tries]]
+    fits = [refit(fit, start.begun(), fixed=start.shape()) for start in starts]
+    return sorted(fits, key=lambda one: charged((one,), fit), reverse=True)
 
 
 def _line_charge(fit: Fit, start: Unnamed) -> float:
