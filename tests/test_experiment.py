@@ -145,14 +145,52 @@ def test_without_a_duration_it_is_as_short_as_settles_it(monkeypatch: pytest.Mon
     monkeypatch.setattr(Design, "settled", lambda design, found, **_: found)
     monkeypatch.setattr(Design, "best", worth(3.0))
     design = task("load")
-    found = separating._shortest(lambda length: replace(design, duration=length), 0)
+    ladder = separating.durations(SAMPLE_TIME)
+    found = separating._shortest(lambda length: replace(design, duration=length), ladder, 0)
     assert found.log_odds == 3.0 * 4.0  # 6 s without reshaping; 3 s would be worth 9, and 9.3 is asked for
-    assert separating._chirp_duration(lambda length: replace(design, duration=length)) == 24.0
+    assert separating._chirp_duration(lambda length: replace(design, duration=length), ladder) == 24.0
     monkeypatch.setattr(Design, "best", worth(0.1))
     monkeypatch.setattr(Design, "promising", lambda design: [worth(0.1)(design)])
     monkeypatch.setattr(Design, "chirps", lambda design: [worth(0.1)(design)])
-    assert separating._shortest(lambda length: replace(design, duration=length), 0).log_odds == pytest.approx(3.2)
-    assert separating._chirp_duration(lambda length: replace(design, duration=length)) == np.inf
+    weak = separating._shortest(lambda length: replace(design, duration=length), ladder, 0)
+    assert weak.log_odds == pytest.approx(3.2)
+    assert separating._chirp_duration(lambda length: replace(design, duration=length), ladder) == np.inf
+
+
+def test_a_servo_that_is_40_times_slower_gets_the_same_experiment_40_times_longer() -> None:
+    """Once its signals were a chirp to 30 Hz or a few samples long, whatever the log."""
+    slower = 40.0
+    _, *quick = rivals("lag")
+    slow = [fit_slower(found, slower) for found in quick]
+    limits = replace(LIMITS, speed=LIMITS.speed / slower)
+    first, second = (replace(Rival.of(found), substeps=1) for found in slow)
+    design = replace(
+        task("lag"),
+        rivals=(first, second),
+        limits=limits,
+        duration=slower * DURATION,
+        sample_time=slower * SAMPLE_TIME,
+    )
+    mine, theirs = ({f.signal.family: f.worth.log_odds for f in d.promising()} for d in (design, task("lag")))
+    assert mine == pytest.approx(theirs, rel=0.1)
+    mine, theirs = next(design.chirps()), next(task("lag").chirps())
+    assert mine.worth.log_odds == pytest.approx(theirs.worth.log_odds, rel=0.1)
+    (ours, *_), (quickest, *_) = (found.trial._tasks(design.start) for found in (mine, theirs))
+    assert np.multiply(slower, ours.bandwidths) == pytest.approx(quickest.bandwidths)
+    ladder = separating.durations(slower * SAMPLE_TIME)
+    assert ladder == pytest.approx([slower * length for length in separating.durations(SAMPLE_TIME)])
+    assert separating.durations(0.1 * SAMPLE_TIME) == separating.durations(SAMPLE_TIME)
+
+
+def fit_slower(found: Fit, slower: float) -> Fit:
+    """The fit of a model to its log, stretched in time."""
+    runs = tuple(replace(run, time=slower * run.time) for run in found.log.runs)
+    powers = {"inertia": 2, "viscous_friction": 1, "time": 1, "time_constant": 1}
+    scale = np.array([slower ** powers.get(name.split(".")[-1], 0) for name in found.model.names])
+    problem = Problem.of(replace(found.log, runs=runs), found.model.with_values(scale * found.model.values))
+    initial = found.initial / np.array([1.0, slower])
+    begin = replace(found, model=problem.model, initial=initial, bandwidth=found.bandwidth / slower)
+    return problem.descend(begin)
 
 
 def test_a_plain_chirp_has_the_best_of_its_amplitudes() -> None:

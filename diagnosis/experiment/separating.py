@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.experiment.pace import pace
 from diagnosis.experiment.separation import Rival
 from diagnosis.experiment.signal_design import Design, Found, Limits
 from diagnosis.experiment.signal_families import Signal
@@ -23,8 +24,8 @@ from plant.errors import BadParameter
 
 __all__ = ["Experiment", "Limits", "rivals_of", "separating_experiment"]
 
-_DURATIONS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # that are tried where none is given [s]
-_WIDE = 30.0  # bandwidth of the observer from which a rival's refit descends [rad/s]
+_DURATIONS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # tried where none is given, at 5 ms [s]
+_WIDE = 30.0  # bandwidth of the observer from which a rival's refit descends, at 5 ms [rad/s]
 _CONVINCING = 5.0  # expected log odds from which an experiment is worth its time
 _TRIALS = 12  # of durations, about
 _SURE = 9.3  # m of which log odds scattered by sqrt(2 m) exceed log(CLEAR / (1 - CLEAR)) in 95 of 100 cases
@@ -45,7 +46,7 @@ class Experiment:
         absorbed: share of the difference between the rivals' outputs that the refit takes away [-].
         chirp_separation, chirp_absorbed: the same for a plain chirp of the same duration within the same limits, with
             the best of its amplitudes.
-        chirp_duration: that a plain chirp needs to settle it [s]; infinite if it is more than 32 s.
+        chirp_duration: that a plain chirp needs to settle it [s]; infinite if it is more than the longest tried.
         predictions: (T,) what the sensor shows under either rival [rad; m].
         axis: "rotary" or "linear".
     """
@@ -106,7 +107,8 @@ class Experiment:
                 f"No signal of {self.duration:.3g} s within the limits tells {first} from {second}: the best, "
                 f"{self.signal}, is worth a log-likelihood difference of {self.separation:.2g}."
             )
-        chirp = f"{self.chirp_duration:.3g} s" if np.isfinite(self.chirp_duration) else "more than 32 s"
+        longest = f"more than {durations(self.sample_time)[-1]:.3g} s"
+        chirp = f"{self.chirp_duration:.3g} s" if np.isfinite(self.chirp_duration) else longest
         return (
             f"Play {self.signal}, reshaped, for {self.duration:.3g} s to tell {first} from {second}: expected "
             f"log-likelihood difference {self.separation:.3g}, against {self.chirp_separation:.3g} for a plain chirp "
@@ -130,7 +132,8 @@ def separating_experiment(
     Args:
         first, second: the rivals, fitted to the same log.
         limits: of the machine; both rivals keep them in simulation.
-        duration: of the experiment [s]; by default as short as can be expected to settle it, at most 32 s.
+        duration: of the experiment [s]; by default as short as can be expected to settle it, at most 32 s, or 6,400
+            samples of more than 5 ms.
         seed: of the changes that are tried of the best signals.
         progress: called with a line of text for each duration that is tried.
 
@@ -154,7 +157,8 @@ def separating_experiment(
             progress(f"signals of {length:g} s, {next(tried)} of {_TRIALS} durations are tried")
         return Design(rivals=rivals, limits=limits, duration=length, sample_time=sample_time, start=start)
 
-    best = _shortest(lasting, seed) if duration is None else lasting(duration).best(seed)
+    ladder = durations(sample_time)
+    best = _shortest(lasting, ladder, seed) if duration is None else lasting(duration).best(seed)
     chirp = lasting(best.torque.size * sample_time).plain_chirp()
     return Experiment(
         rivals=_names(first, second),
@@ -166,36 +170,41 @@ def separating_experiment(
         absorbed=best.worth.absorbed,
         chirp_separation=chirp.log_odds if chirp else 0.0,
         chirp_absorbed=chirp.worth.absorbed if chirp else 1.0,
-        chirp_duration=_chirp_duration(lasting),
+        chirp_duration=_chirp_duration(lasting, ladder),
         predictions=(best.trial.runs[0].output, best.trial.runs[1].output),
         axis=first.model.axis,
     )
 
 
-def _shortest(lasting: Callable[[float], Design], seed: int) -> Found:
+def durations(sample_time: float) -> tuple[float, ...]:
+    """Those that are tried where none is given [s]."""
+    return tuple(length * pace(sample_time) for length in _DURATIONS)
+
+
+def _shortest(lasting: Callable[[float], Design], ladder: tuple[float, ...], seed: int) -> Found:
     """The best signal of the least duration that settles it; reshaping shortens it, by a half at the most."""
 
     def settled(length: float) -> bool:
         design = lasting(length)
         return design.settle(design.promising(), _SURE)
 
-    place = bisect_left(_DURATIONS[:-1], True, key=settled)
-    for length in _DURATIONS[max(place - 2, 0) : place]:
+    place = bisect_left(ladder[:-1], True, key=settled)
+    for length in ladder[max(place - 2, 0) : place]:
         best = lasting(length).best(seed)
         if best.log_odds >= _SURE:
             return best
-    return lasting(_DURATIONS[place]).best(seed)
+    return lasting(ladder[place]).best(seed)
 
 
-def _chirp_duration(lasting: Callable[[float], Design]) -> float:
+def _chirp_duration(lasting: Callable[[float], Design], ladder: tuple[float, ...]) -> float:
     """The least duration of a plain chirp that settles it [s]."""
 
     def settled(length: float) -> bool:
         design = lasting(length)
         return design.settle(design.chirps(), _SURE)
 
-    place = bisect_left(_DURATIONS, True, key=settled)
-    return _DURATIONS[place] if place < len(_DURATIONS) else np.inf
+    place = bisect_left(ladder, True, key=settled)
+    return ladder[place] if place < len(ladder) else np.inf
 
 
 def _names(first: Fit, second: Fit) -> tuple[str, str]:
@@ -227,6 +236,6 @@ def rivals_of(diagnosis: Findings) -> tuple[Fit, Fit] | None:
         model = fit.model.without_effect(cause.effect).with_effect(rival)
         fixed = [name for name in fit.fixed if name in model.names]
         # A descent only ever lowers the bandwidth, and a rival may need one where the leader needs none.
-        start = replace(fit, bandwidth=max(fit.bandwidth, _WIDE))
+        start = replace(fit, bandwidth=max(fit.bandwidth, _WIDE / pace(fit.log.sample_time)))
         return fit, Problem.of(fit.log, model, fixed=fixed).descend(start)
     return None

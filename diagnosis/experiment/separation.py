@@ -20,6 +20,7 @@ from typing import Self
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
+from diagnosis.experiment.pace import pace
 from identification.fit_result import Fit
 from identification.least_squares import NormalEquations, minimise
 from identification.log import Run
@@ -29,7 +30,7 @@ from plant.servo import ServoModel
 
 _RETUNING = 8  # iterations of a full refit to the other's output
 _DOUBTS = 2  # other values of the truth that an experiment should do for
-_BANDWIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # rad/s, to which a mimic may raise that of its observer
+_BANDWIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # rad/s at 5 ms, to which a mimic may raise that of its observer
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -195,8 +196,9 @@ class _Mimicry:
     @property
     def bandwidths(self) -> tuple[float, ...]:
         """To which the mimic may set that of its observer [rad/s], its own first."""
-        own = self.truth.bandwidth
-        return tuple(dict.fromkeys((max(own, self.mimic.bandwidth), own, *(w for w in _BANDWIDTHS if w > own))))
+        own, slower = self.truth.bandwidth, pace(self.run.sample_time)
+        wider = (w / slower for w in _BANDWIDTHS if w / slower > own)
+        return tuple(dict.fromkeys((max(own, self.mimic.bandwidth), own, *wider)))
 
     def settled(self, bandwidth: float) -> float:
         """Log odds at the minimum for a bandwidth."""

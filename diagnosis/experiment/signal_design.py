@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.experiment.pace import pace
 from diagnosis.experiment.reshaping import changed
 from diagnosis.experiment.separation import Rival, Separation, Trial
 from diagnosis.experiment.signal_families import Signal, shapes
@@ -17,7 +18,7 @@ from plant.errors import BadParameter
 _LADDER = (1.0, 0.6, 0.35, 0.2, 0.1, 0.05)  # amplitudes to try, as shares of what the torque limit leaves
 _TRIES = 200  # of changes of the best of all families, fewer where a simulation takes finer steps
 _LARGE, _SMALL = 0.2, 0.005  # changes at first and at least, as shares of the torque limit
-_PLAIN = (0.1, 5.0)  # Hz, the chirp that an experimenter would play first
+_PLAIN = (0.1, 5.0)  # Hz at 5 ms, the chirp that an experimenter would play first
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +113,7 @@ class Design:
         """All families on their grids, at every amplitude of the ladder that keeps the limits."""
         for bias in sorted({0.0, self.holding_torque()}):
             room = self.limits.torque - abs(bias)
-            for shape in shapes(bias):
+            for shape in shapes(bias, pace(self.sample_time)):
                 for share in _LADDER[:: min(self.effort, 3)]:
                     found = self.attempt(replace(shape, amplitude=share * room))
                     if found is not None:
@@ -178,7 +179,8 @@ class Design:
         for bias in sorted({0.0, self.holding_torque()}):
             for share in np.geomspace(1.0, 0.05, 10):
                 amplitude = float(share) * (self.limits.torque - abs(bias))
-                found = self.attempt(Signal(family="chirp", amplitude=amplitude, bias=bias, numbers=numbers))
+                plain = Signal(family="chirp", amplitude=amplitude, bias=bias, numbers=numbers)
+                found = self.attempt(plain.slower(pace(self.sample_time)))
                 if found is not None:
                     yield found
 
@@ -188,7 +190,7 @@ class Design:
 
     def holding_torque(self) -> float:
         """The constant torque that holds the machine where it begins, zero where the limit is too small for it."""
-        count = max(2, round(min(self.duration, 0.5) / self.sample_time))
+        count = max(2, round(min(self.duration, 0.5 * pace(self.sample_time)) / self.sample_time))
 
         def moved(torque: float) -> float:
             trial = self.play(np.full(count, torque))

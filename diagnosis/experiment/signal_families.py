@@ -38,6 +38,12 @@ class Signal:
         wave = FAMILIES[self.family].wave(self.numbers, duration, sample_time, self.seed)
         return np.asarray(self.bias + self.amplitude * wave, dtype=float)
 
+    def slower(self, factor: float) -> Signal:
+        """The same with all its times longer by a factor."""
+        rates = {name: value / factor for name, value in self.numbers.items() if name in _RATES}
+        times = {name: value * factor for name, value in self.numbers.items() if name not in _RATES}
+        return replace(self, numbers={name: (rates | times)[name] for name in self.numbers})
+
     def playable(self, sample_time: float) -> Signal:
         """The same with its numbers brought to what a torque that is held over each sample can show."""
         fastest = _FASTEST / sample_time
@@ -106,8 +112,8 @@ FAMILIES: Mapping[str, Family] = MappingProxyType(
 """Every family by its name."""
 
 
-def shapes(bias: float) -> Iterator[Signal]:
-    """One signal of amplitude 1 for each point of each family's grid, about a bias [N m]."""
+def shapes(bias: float, slower: float = 1.0) -> Iterator[Signal]:
+    """One signal of amplitude 1 for each point of each family's grid, about a bias [N m], that many times slower."""
     for name, family in FAMILIES.items():
         for numbers in family.grid:
-            yield Signal(family=name, amplitude=1.0, bias=bias, numbers=numbers)
+            yield Signal(family=name, amplitude=1.0, bias=bias, numbers=numbers).slower(slower)
