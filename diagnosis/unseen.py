@@ -31,26 +31,31 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     - So must what has no name to speak for it (`must_show`), and it must not err more from initial states that are not
       fitted to the whole run, as it will be used: a torque over time may only make up for those.
     - Where only an observer keeps the model on its runs, what speaks loudly must not err more when the simulation is
-      restarted again and again: one that has lost its run says little, and an observer helps a model that bends the
-      wrong way. Where the model follows its runs from end to end, or has a tenth of the error left, a restart would
-      only take from it what a memory holds.
+      restarted again and again, by as much: one that has lost its run says little, and an observer helps a model that
+      bends the wrong way. Where the model follows its runs from end to end, or has a tenth of the error left, a
+      restart would only take from it what a memory holds.
     - Nor may a gap need an observer where its predecessor needs none.
     """
     simulation, left = simulation_gain(before, after)
-    if simulation < -_SIGNIFICANT and left > _MORE:
+    if _errs_more(simulation, left):
         return False
     if must_show and _share_as_used(before, after) > 1.0:
         return False
     loud = must_show or after.log_likelihood - before.log_likelihood > LOUD
     if loud and _needs_holding(before, after):
         return False
-    if loud and _may_stray(after) and left > _FOLLOWS and restarted_share(before, after) > _MORE:
+    if loud and _may_stray(after) and left > _FOLLOWS and _errs_more(*restarted_gain(before, after)):
         return False
     if simulation > _SIGNIFICANT or left < 0.5:
         return True
     bandwidth = max(before.bandwidth, after.bandwidth)
     unseen = standard_errors(_unseen(after, bandwidth) - _unseen(before, bandwidth))
     return unseen > (_SIGNIFICANT if loud else -_SIGNIFICANT)
+
+
+def _errs_more(gain: float, left: float) -> bool:
+    """Whether the squared error rose, by that many standard errors to that share of what it was."""
+    return gain < -_SIGNIFICANT and left > _MORE
 
 
 def _needs_holding(before: Fit, after: Fit) -> bool:
@@ -76,25 +81,27 @@ def simulation_gain(before: Fit, after: Fit) -> tuple[float, float]:
     window = scoring_window(before, after)
     follows = not after.bandwidth and (after.model.chaotic or before.bandwidth > 0.0)
     if window is None or follows:
-        old, new = _squared_from_fit(before), _squared_from_fit(after)
-    else:
-        (old, _), (new, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
-    return standard_errors(old - new), float(np.mean(new)) / max(float(np.mean(old)), 1e-300)
+        return _fallen(_squared_from_fit(before), _squared_from_fit(after))
+    return _gain(before, after, window)
 
 
-def restarted_share(before: Fit, after: Fit) -> float:
-    """Share of the squared error over the estimation runs that is left, simulated anew again and again."""
-    return _share(before, after, restart_window(before.log))
+def restarted_gain(before: Fit, after: Fit) -> tuple[float, float]:
+    """The same over the estimation runs, simulated anew again and again."""
+    return _gain(before, after, restart_window(before.log))
 
 
 def _share_as_used(before: Fit, after: Fit) -> float:
     """Share that is left as the gain is measured on held-out runs: from what their first moments tell."""
-    return _share(before, after, scoring_window(before, after))
+    return _gain(before, after, scoring_window(before, after))[1]
 
 
-def _share(before: Fit, after: Fit, window: float | None) -> float:
+def _gain(before: Fit, after: Fit, window: float | None) -> tuple[float, float]:
     (old, _), (new, _) = (squared_errors(before.log, fit.model, window) for fit in (before, after))
-    return float(np.mean(new)) / max(float(np.mean(old)), 1e-300)
+    return _fallen(old, new)
+
+
+def _fallen(old: Array, new: Array) -> tuple[float, float]:
+    return standard_errors(old - new), float(np.mean(new)) / max(float(np.mean(old)), 1e-300)
 
 
 def _squared_from_fit(fit: Fit) -> Array:

@@ -13,7 +13,7 @@ from machine import Machine, excitation, record
 from diagnosis import unseen
 from diagnosis.curves import unnamed_dependence
 from diagnosis.refit import refit
-from diagnosis.unseen import _unseen, holds_up, restarted_share, simulation_gain
+from diagnosis.unseen import _unseen, holds_up, restarted_gain, simulation_gain
 from identification.fit import fit
 from identification.fit_result import Fit
 from identification.log import Log
@@ -73,7 +73,7 @@ def test_the_rule(
         return np.asarray(one.told)
 
     monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (simulation, left))
-    monkeypatch.setattr(unseen, "restarted_share", lambda *_: restarted)
+    monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (-3.0, restarted))
     monkeypatch.setattr(unseen, "_unseen", at_bandwidth)
     assert holds_up(before, after) == stands
     assert set(asked) <= {5.0}  # both behind the faster observer
@@ -96,26 +96,27 @@ def test_a_gap_that_only_an_observer_holds_does_not_stand_where_none_was_needed(
     model = SimpleNamespace(chaotic=chaotic)
     after: Any = SimpleNamespace(log_likelihood=rise, bandwidth=with_it, model=model, log=SPEED)
     monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (3.0, 0.6))
-    monkeypatch.setattr(unseen, "restarted_share", lambda *_: 0.6)
+    monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (3.0, 0.6))
     assert holds_up(before, after) == stands
 
 
 @pytest.mark.parametrize(
-    ("bandwidth", "log", "stands"),
+    ("bandwidth", "log", "gained", "stands"),
     [
-        (5.0, SPEED, False),
-        (0.0, SPEED, True),  # it follows its runs from end to end; a restart takes from it what a memory holds
-        (5.0, POSITION, True),  # the goal holds it there
+        (5.0, SPEED, -2.1, False),
+        (5.0, SPEED, -1.9, True),  # chance may make a few states from which it begins anew poorer
+        (0.0, SPEED, -2.1, True),  # it follows its runs from end to end; a restart takes from it what a memory holds
+        (5.0, POSITION, -2.1, True),  # the goal holds it there
     ],
 )
 def test_a_restart_is_asked_only_where_nothing_but_an_observer_holds_the_model(
-    monkeypatch: pytest.MonkeyPatch, bandwidth: float, log: Any, stands: bool
+    monkeypatch: pytest.MonkeyPatch, bandwidth: float, log: Any, gained: float, stands: bool
 ) -> None:
     before: Any = SimpleNamespace(log_likelihood=0.0, bandwidth=5.0)
     model = SimpleNamespace(chaotic=False)
     after: Any = SimpleNamespace(log_likelihood=LOUD, bandwidth=bandwidth, model=model, log=log)
     monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (3.0, 0.6))
-    monkeypatch.setattr(unseen, "restarted_share", lambda *_: 1.11)
+    monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (gained, 1.11))
     assert holds_up(before, after) == stands
 
 
@@ -178,7 +179,9 @@ def test_what_errs_more_within_a_second_does_not_stand_on_a_simulation_that_has_
     elastic = before.model.with_values([1.8819, 0.30662, 0.83983, 0.73940]).with_effect(spring)
     after = replace(before, model=elastic, log_likelihood=before.log_likelihood + LOUD)
     assert abs(simulation_gain(before, after)[0]) < 2.0
-    assert restarted_share(before, after) > 1.5
+    gained, left = restarted_gain(before, after)
+    assert gained < -2.0
+    assert left > 1.5
     assert not holds_up(before, after)
 
 
