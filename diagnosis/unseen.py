@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
+from diagnosis.foretold import LAST, by_sample, lost_unseen
 from diagnosis.holdout import bounded, restart_window, scoring_window, squared_errors, standard_errors
 from identification.fit_result import Fit
 from identification.predictor import Predictor
-from identification.problem import Problem
 from plant.effects.effect import Array
 
 _SIGNIFICANT = 2.0  # standard errors
 LOUD = 100.0  # rise of the log-likelihood of which a quarter should show in a quarter of the record
 _MORE = 1.1  # times the squared error; less may come from states that it is restarted from, or a load that wanders
 _FOLLOWS = 0.1  # share of the squared error below which a simulation has clearly not lost its run
-_UNSEEN = 0.25  # share at the end of each run on which a winner must hold up without having been fitted to it
+_HALF = 0.5  # of the share that a part of the record should have of the evidence
 
 
 def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
@@ -27,7 +25,8 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     - the free simulation must not get significantly worse, and by a tenth; and predictions of the last part of each
       run, after a fit to the first part, not significantly either, unless the simulation gets significantly better.
     - An effect for which the record speaks loudly must show there too: one of the two must get significantly better,
-      or, since an effect may act in a few places only, the simulation's error must be halved.
+      or, since an effect may act in a few places only, the simulation's error must be halved, or the last part must
+      bring half of its share of the evidence.
     - So must what has no name to speak for it (`must_show`), and it must not err more from initial states that are not
       fitted to the whole run, as it will be used: a torque over time may only make up for those.
     - Where only an observer keeps the model on its runs, what speaks loudly must not err more when the simulation is
@@ -49,8 +48,11 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     if simulation > _SIGNIFICANT or left < 0.5:
         return True
     bandwidth = max(before.bandwidth, after.bandwidth)
-    unseen = standard_errors(_unseen(after, bandwidth) - _unseen(before, bandwidth))
-    return unseen > (_SIGNIFICANT if loud else -_SIGNIFICANT)
+    unseen = standard_errors(by_sample(after, bandwidth) - by_sample(before, bandwidth))
+    if not loud or unseen > _SIGNIFICANT:
+        return unseen > -_SIGNIFICANT
+    share = LAST * (after.log_likelihood - before.log_likelihood)
+    return not must_show and lost_unseen(before, after) < -_HALF * share
 
 
 def _errs_more(gain: float, left: float) -> bool:
@@ -110,22 +112,3 @@ def _squared_from_fit(fit: Fit) -> Array:
     runs = predictor.predict(fit.model.values, fit.initial, bandwidth=0.0, width=0.0, sensitivities=False)
     errors = np.concatenate([p.errors for p in runs])
     return bounded(errors) ** 2
-
-
-def lost_unseen(before: Fit, after: Fit) -> float:
-    """By how much an extended model is less likely in the last part, each with the observer that it asks for."""
-    return float(np.sum(_unseen(before, before.bandwidth) - _unseen(after, after.bandwidth)))
-
-
-def _unseen(fit: Fit, bandwidth: float) -> Array:
-    """(U,) log-likelihood of each sample in the last part of the runs, after a fit to the first part."""
-    seen = replace(fit.log, runs=tuple(run.slice(0, int(len(run) * (1.0 - _UNSEEN))) for run in fit.log.runs))
-    problem = Problem.of(seen, fit.model, fixed=fit.fixed)
-    best = problem.minimise(problem.pack(fit.model.values, fit.initial), bandwidth, 0.0, iterations=5)
-    values, initial = problem.unpack(best.point)
-    variance = best.equations.cost / problem.samples
-    whole = replace(problem.predictor, runs=fit.log.runs, free=())
-    predictions = whole.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
-    pairs = zip(seen.runs, predictions, strict=True)
-    unseen = bounded(np.concatenate([prediction.innovations[len(part) :] for part, prediction in pairs]))
-    return np.asarray(-0.5 * unseen**2 / variance - 0.5 * np.log(variance))

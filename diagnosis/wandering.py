@@ -2,8 +2,8 @@
 
 Where a model is complete, nothing is left for an observer to do. Where a slow one is needed to the end, each name has
 to beat a load that wanders in its place. With enough names any wander is imitated, but it does not go on as they do:
-several that take a slow observer's place must not lose more where they are not fitted than they have gained. An
-observer nearly as fast as the sampling follows anything, and says nothing of slow loads.
+several that take a slow observer's place must foretell the end of the log, from a fit to what comes before, no worse
+than the observer does. One nearly as fast as the sampling follows anything, and says nothing of slow loads.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from dataclasses import replace
 
 from scipy.special import expit
 
+from diagnosis.foretold import lost_unseen
 from diagnosis.odds import CLEAR, NONE
 from diagnosis.refit import evidence_of, fitted_near, follows_anything
 from diagnosis.round import Addition
-from diagnosis.unseen import lost_unseen
 from identification.fit_result import Fit
 from plant.effects.wandering_load import WanderingLoad
 
@@ -36,7 +36,7 @@ def if_it_wanders(fit: Fit) -> Fit:
 def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[str], None] | None) -> list[Addition]:
     """The additions that still pay if the load may wander, fitted anew where one had to go."""
     final = additions[-1].fit if additions else base
-    if len(additions) >= _SEVERAL and may_wander(base) and lost_unseen(base, final) > evidence_of(final, base):
+    if len(additions) >= _SEVERAL and may_wander(base) and lost_unseen(base, final) > 0.0:
         return []
     if not may_wander(final):
         return additions

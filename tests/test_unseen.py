@@ -9,18 +9,21 @@ from typing import Any
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
+from scipy.stats import multivariate_normal
 
 from diagnosis import unseen
 from diagnosis.curves import unnamed_dependence
+from diagnosis.foretold import by_sample, density, lost_unseen
 from diagnosis.refit import refit
-from diagnosis.unseen import _unseen, holds_up, restarted_gain, simulation_gain
+from diagnosis.unseen import holds_up, restarted_gain, simulation_gain
 from identification.fit import fit
 from identification.fit_result import Fit
+from identification.least_squares import NormalEquations
 from identification.log import Log
 from identification.problem import Problem
 from identification.simulation import free_simulation
 from plant import ServoModel
-from plant.effects import Backlash, Compliance, CoulombFriction
+from plant.effects import Backlash, CableStiffness, Compliance, CoulombFriction
 from plant.effects.unnamed import plain
 
 QUIET, LOUD = 99.0, 101.0  # rise of the log-likelihood
@@ -74,9 +77,26 @@ def test_the_rule(
 
     monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (simulation, left))
     monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (-3.0, restarted))
-    monkeypatch.setattr(unseen, "_unseen", at_bandwidth)
+    monkeypatch.setattr(unseen, "by_sample", at_bandwidth)
+    monkeypatch.setattr(unseen, "lost_unseen", lambda *_: 0.0)
     assert holds_up(before, after) == stands
     assert set(asked) <= {5.0}  # both behind the faster observer
+
+
+@pytest.mark.parametrize(("gained", "stands"), [(12.7, True), (12.5, False)])
+def test_what_speaks_loudly_in_a_few_places_stands_if_half_its_share_of_the_evidence_is_foretold(
+    monkeypatch: pytest.MonkeyPatch, gained: float, stands: bool
+) -> None:
+    """Of 101 a quarter of the log should bring 25. So few places are no significant mean over the samples."""
+    before: Any = SimpleNamespace(log_likelihood=0.0, bandwidth=3.0)
+    after: Any = SimpleNamespace(log_likelihood=LOUD, bandwidth=3.0, log=SPEED)
+    monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (0.3, 0.97))
+    monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (0.3, 0.97))
+    monkeypatch.setattr(unseen, "_share_as_used", lambda *_: 1.0)
+    monkeypatch.setattr(unseen, "by_sample", lambda *_: np.zeros(1000))
+    monkeypatch.setattr(unseen, "lost_unseen", lambda *_: -gained)
+    assert holds_up(before, after) == stands
+    assert not holds_up(before, after, must_show=True)
 
 
 @pytest.mark.parametrize(
@@ -158,9 +178,36 @@ def test_it_is_the_density_of_what_comes_after_a_fit_to_the_first_part(log: Log,
     predictor = Problem.of(log, extended).predictor
     (whole,) = predictor.predict(alone.model.values, alone.initial, bandwidth=0.0, width=0.0)
     expected = -0.5 * (whole.errors[begun:] / alone.noise_std) ** 2 - np.log(alone.noise_std)
-    found = _unseen(refit(base, CoulombFriction(torque=0.2)), 0.0)
+    found = by_sample(refit(base, CoulombFriction(torque=0.2)), 0.0)
     assert found.shape == expected.shape
     assert np.mean(found) == pytest.approx(np.mean(expected), abs=0.01)
+
+
+def test_what_the_first_part_leaves_open_is_no_loss_in_the_last() -> None:
+    """A cable that pulls where the load goes last: its stiffness is told by nothing before."""
+    commands = np.concatenate((0.3 * excitation(1, duration=12.0), excitation(1, duration=4.0, scale=1.5)))
+    log = record(Machine().hiding(cable_stiffness={"stiffness": 0.2, "cubic": 0.3, "rest_angle": 0.0}), commands).log()
+    before = fit(log, ServoModel.paper())
+    after = refit(before, CableStiffness(stiffness=0.2, cubic=0.3, rest_angle=0.0))
+    assert after.log_likelihood > before.log_likelihood + LOUD
+    by_the_estimate = float(np.sum(by_sample(before, before.bandwidth) - by_sample(after, after.bandwidth)))
+    assert lost_unseen(before, after) < 0.0
+    assert lost_unseen(before, after) < by_the_estimate
+    assert lost_unseen(after, before) == -lost_unseen(before, after)
+
+
+def test_it_is_a_gaussian_process_density_where_the_model_is_linear() -> None:
+    """Density of the last samples given the first, by the covariance of all of them."""
+    rng = np.random.default_rng(5)
+    jacobian, sigma, seen = rng.normal(size=(400, 4)), 0.3, 300
+    told = jacobian @ rng.normal(size=4) + sigma * rng.normal(size=400)
+    first, rest = (NormalEquations.of(told[p], jacobian[p]) for p in (slice(0, seen), slice(seen, 400)))
+    step = np.linalg.solve(first.information, first.gradient)
+    left = told - jacobian @ step
+    covariance = sigma**2 * (np.eye(100) + jacobian[seen:] @ np.linalg.solve(first.information, jacobian[seen:].T))
+    expected = multivariate_normal(np.zeros(100), covariance).logpdf(left[seen:]) + 50.0 * np.log(2.0 * np.pi)
+    rest = NormalEquations.of(left[seen:], jacobian[seen:])
+    assert density(first.information, rest, sigma**2, seen, 100) == pytest.approx(expected)
 
 
 def test_friction_that_is_there_holds_up_and_its_loss_does_not(base: Fit) -> None:
