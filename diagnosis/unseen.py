@@ -31,8 +31,8 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
       fitted to the whole run, as it will be used: a torque over time may only make up for those.
     - Where only an observer keeps the model on its runs, what speaks loudly must not err more when the simulation is
       restarted again and again, by as much: one that has lost its run says little, and an observer helps a model that
-      bends the wrong way. Where the model follows its runs from end to end, or has a tenth of the error left, a
-      restart would only take from it what a memory holds.
+      bends the wrong way. What has no name must then err significantly less. Where the model follows its runs from
+      end to end, or has a tenth of the error left, a restart would only take from it what a memory holds.
     - Nor may a gap need an observer where its predecessor needs none.
     """
     simulation, left = simulation_gain(before, after)
@@ -43,8 +43,10 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     loud = must_show or after.log_likelihood - before.log_likelihood > LOUD
     if loud and _needs_holding(before, after):
         return False
-    if loud and _may_stray(after) and left > _FOLLOWS and _errs_more(*restarted_gain(before, after)):
-        return False
+    if loud and _may_stray(after) and left > _FOLLOWS:
+        restarted, more = restarted_gain(before, after)
+        if _errs_more(restarted, more) or (must_show and restarted < _SIGNIFICANT):
+            return False
     if simulation > _SIGNIFICANT or left < 0.5:
         return True
     bandwidth = max(before.bandwidth, after.bandwidth)

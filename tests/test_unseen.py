@@ -99,6 +99,22 @@ def test_what_speaks_loudly_in_a_few_places_stands_if_half_its_share_of_the_evid
     assert not holds_up(before, after, must_show=True)
 
 
+@pytest.mark.parametrize(("bandwidth", "restarted", "stands"), [(3.0, 2.1, True), (3.0, 1.9, False), (0.0, 1.9, True)])
+def test_what_has_no_name_and_leaves_an_observer_work_must_err_less_when_restarted(
+    monkeypatch: pytest.MonkeyPatch, bandwidth: float, restarted: float, stands: bool
+) -> None:
+    """A torque over time took a spring's place: less error over the log from fitted states, twice as much elsewhere."""
+    before: Any = SimpleNamespace(log_likelihood=0.0, bandwidth=3.0)
+    after: Any = SimpleNamespace(
+        log_likelihood=LOUD, bandwidth=bandwidth, log=SPEED, model=SimpleNamespace(chaotic=False)
+    )
+    monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (2.5, 0.17))
+    monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (restarted, 0.76))
+    monkeypatch.setattr(unseen, "_share_as_used", lambda *_: 0.5)
+    assert holds_up(before, after, must_show=True) == stands
+    assert holds_up(before, after)
+
+
 @pytest.mark.parametrize(
     ("alone", "with_it", "chaotic", "rise", "stands"),
     [
