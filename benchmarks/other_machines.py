@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +24,10 @@ sys.path.insert(0, str(HERE.parent / "tests"))
 
 from calibration import answer, held_out_errors, window_of  # noqa: E402
 from calibration_table import honest, rate, shown, table  # noqa: E402
-from hidden import CASES, evidence, oracle, rival_model  # noqa: E402
+from hidden import CASES, Hidden, evidence, oracle, rival_model  # noqa: E402
 from lot import COMMANDS, Bench, shaped  # noqa: E402
 from sizes import reaching  # noqa: E402
-from store import Key, add, stored  # noqa: E402
+from store import Key, add, attempted, stored  # noqa: E402
 
 from diagnosis import diagnose  # noqa: E402
 
@@ -45,15 +46,7 @@ def one(key: Key) -> dict[str, Any]:
         told = answer(found, time.perf_counter() - begin)
         return {"key": list(key), "truth": [], "kind": bench.commands, **told}
     case, wanted = shaped(CASES[number], bench, seed), LAMBDAS[seed // 4 % len(LAMBDAS)]
-
-    def lambda_of(size: float) -> float:
-        logs = [bench.log(case.machine(size), seed, sign=sign) for sign in (1.0, -1.0)]
-        more = len(case.truth(size).names) - len(rival_model(case, size).names)
-        return float(np.mean([evidence(case, size, log) for log in logs])) - more
-
-    # Of a gap narrower than the noise only the give of its flanks would show.
-    least = bench.noise if case.effect == "backlash" else case.sizes[0] / 1e3
-    ((size, reached),) = reaching({wanted: case.sizes[1]}, lambda_of, (least, 3.0 * case.sizes[2])).values()
+    size, reached = size_on(case, bench, seed, wanted)
     log = bench.log(case.machine(size), seed)
     held = bench.log(case.machine(size), seed + 1_000_000, duration=HELD_OUT)
     begin = time.perf_counter()
@@ -79,18 +72,24 @@ def one(key: Key) -> dict[str, Any]:
     }
 
 
+def size_on(case: Hidden, bench: Bench, seed: int, wanted: float) -> tuple[float, float]:
+    """The size of an effect that comes closest to a lambda on a log of the bench, with its own lambda."""
+
+    def lambda_of(size: float) -> float:
+        logs = [bench.log(case.machine(size), seed, sign=sign) for sign in (1.0, -1.0)]
+        more = len(case.truth(size).names) - len(rival_model(case, size).names)
+        return float(np.mean([evidence(case, size, log) for log in logs])) - more
+
+    # Of a gap narrower than the noise only the give of its flanks would show.
+    least = bench.noise if case.effect == "backlash" else case.sizes[0] / 1e3
+    ((found, reached),) = reaching({wanted: case.sizes[1]}, lambda_of, (least, 3.0 * case.sizes[2])).values()
+    return found, reached
+
+
 def keys(count: int, first: int) -> list[Key]:
     """(part, number of the case, seed): every fourth log is clean, in the others an effect is hidden by lot."""
     number = {seed: int(np.random.default_rng([seed, 24]).integers(len(CASES))) for seed in range(first, first + count)}
     return [("clean", 0, seed) if seed % 4 == 3 else ("hidden", number[seed], seed) for seed in number]
-
-
-def attempted(key: Key) -> dict[str, Any]:
-    """The line of a diagnosis, or what was raised in its place."""
-    try:
-        return one(key)
-    except Exception as error:  # a finding as good as any other, and the rest shall go on
-        return {"key": list(key), "failed": f"{type(error).__name__}: {error}"}
 
 
 def page(told: list[dict[str, Any]]) -> str:
@@ -107,7 +106,7 @@ def page(told: list[dict[str, Any]]) -> str:
 def main() -> None:
     if sys.argv[1] != "table":
         count, first = int(sys.argv[1]), int(sys.argv[2])
-        add(STORE, keys(count, first), attempted, int(sys.argv[3]) if len(sys.argv) > 3 else 2)
+        add(STORE, keys(count, first), partial(attempted, one), int(sys.argv[3]) if len(sys.argv) > 3 else 2)
     text = page(stored(STORE))
     (HERE / "results" / "other_machines.txt").write_text(text + "\n")
     print(text)

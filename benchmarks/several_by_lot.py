@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +24,11 @@ sys.path.insert(0, str(HERE.parent / "tests"))
 
 from calibration import answer, held_out_errors, window_of  # noqa: E402
 from calibration_table import table  # noqa: E402
-from hidden import CASES, Hidden, evidence, rival_model  # noqa: E402
+from hidden import CASES, Hidden  # noqa: E402
 from lot import Bench, shaped  # noqa: E402
 from machine import Machine  # noqa: E402
-from other_machines import HELD_OUT  # noqa: E402
-from sizes import reaching  # noqa: E402
-from store import Key, add, stored  # noqa: E402
+from other_machines import HELD_OUT, size_on  # noqa: E402
+from store import Key, add, attempted, stored  # noqa: E402
 
 from diagnosis import diagnose  # noqa: E402
 from identification.fit import fit  # noqa: E402
@@ -57,25 +57,12 @@ def drawn(seed: int) -> list[Hidden]:
     return chosen
 
 
-def size_of(case: Hidden, bench: Bench, seed: int) -> float:
-    """The size that has the wanted lambda alone."""
-
-    def lambda_of(size: float) -> float:
-        logs = [bench.log(case.machine(size), seed, sign=sign) for sign in (1.0, -1.0)]
-        more = len(case.truth(size).names) - len(rival_model(case, size).names)
-        return float(np.mean([evidence(case, size, log) for log in logs])) - more
-
-    least = bench.noise if case.effect == "backlash" else case.sizes[0] / 1e3
-    ((size, _),) = reaching({WANTED: case.sizes[1]}, lambda_of, (least, 3.0 * case.sizes[2])).values()
-    return size
-
-
 def one(key: Key) -> dict[str, Any]:
     """One diagnosis; `shown` is the lambda of each effect beside the others."""
     _, _, seed = key
     bench = Bench.drawn(seed)
     cases = [shaped(case, bench, seed) for case in drawn(seed)]
-    values = {case.effect: case.at(size_of(case, bench, seed)) for case in cases}
+    values = {case.effect: case.at(size_on(case, bench, seed, WANTED)[0]) for case in cases}
     machine: Machine = bench.host.hiding(**values)
     log = bench.log(machine, seed)
     held = bench.log(machine, seed + 1_000_000, duration=HELD_OUT)
@@ -103,14 +90,6 @@ def _without(best: Fit, effect: str) -> float:
     return Problem.of(best.log, best.model.without_effect(effect)).descend(best).log_likelihood
 
 
-def attempted(key: Key) -> dict[str, Any]:
-    """The line of a diagnosis, or what was raised in its place."""
-    try:
-        return one(key)
-    except Exception as error:  # a finding as good as any other, and the rest shall go on
-        return {"key": list(key), "failed": f"{type(error).__name__}: {error}"}
-
-
 def page(told: list[dict[str, Any]]) -> str:
     """The calibration's tables, held-out errors that got worse, and what was raised."""
     lines = [table([t for t in told if "failed" not in t])]
@@ -128,7 +107,7 @@ def main() -> None:
     if sys.argv[1] != "table":
         count, first = int(sys.argv[1]), int(sys.argv[2])
         keys: list[Key] = [("several", 0, seed) for seed in range(first, first + count)]
-        add(STORE, keys, attempted, int(sys.argv[3]) if len(sys.argv) > 3 else 2)
+        add(STORE, keys, partial(attempted, one), int(sys.argv[3]) if len(sys.argv) > 3 else 2)
     text = page(stored(STORE))
     (HERE / "results" / "several_by_lot.txt").write_text(text + "\n")
     print(text)

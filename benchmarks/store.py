@@ -26,3 +26,11 @@ def add(path: Path, keys: Iterable[Key], work: Callable[[Key], dict[str, Any]], 
                 file.write(json.dumps(told) + "\n")
             said = told.get("failed") or f"{told['verdict']} {', '.join(c['effect'] for c in told['causes'])}"
             print(f"{place}/{len(left)} {told.get('truth') or told.get('kind')} {told['key'][2]}: {said}", flush=True)
+
+
+def attempted(work: Callable[[Key], dict[str, Any]], key: Key) -> dict[str, Any]:
+    """The line of a diagnosis, or what was raised in its place: a finding too, and the rest goes on."""
+    try:
+        return work(key)
+    except Exception as error:
+        return {"key": list(key), "failed": f"{type(error).__name__}: {error}"}
