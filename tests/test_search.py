@@ -148,3 +148,16 @@ def test_a_rival_that_runs_off_wherever_it_is_tried_is_worth_nothing() -> None:
     assert evidence_of(found, base) == -np.inf
     assert peaks_beside(found, "backlash") is None
     assert found["gravity"].value is None
+
+
+def test_a_stop_that_is_hardly_touched_is_found_where_the_load_turns() -> None:
+    """Once, 3 mrad deep at the end of 37 rad: no start lay near it, and it was told a payload change for sure."""
+    machine = Machine().hiding(end_stop={"angle": 19.8366, "stiffness": 30.0})
+    log, unseen = (
+        record(machine, excitation(128000 + k, duration=30.0 - 15.0 * k), seed=64000 + k, noise=1e-3).log()
+        for k in (0, 1)
+    )
+    found = diagnose(log, holdout=unseen, candidates=["end_stop", "payload_change"])
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect) == ("named", "end_stop")
+    assert cause.parameters["angle"].value == pytest.approx(19.8366, abs=2e-3)

@@ -40,7 +40,7 @@ class EndStop(Effect):
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """How deep the load is in a stop, for stops near both ends of the travel; a hard one lets nothing far in."""
         low, high = float(motion.angle.min()), float(motion.angle.max())
-        shares = (0.001, 0.004, 0.02, 0.05, 0.1, 0.2, 0.35)
+        shares = (0.0001, 0.0003, 0.001, 0.004, 0.02, 0.05, 0.1, 0.2, 0.35)
         for share in shares:
             for side, place in ((1.0, high - share * (high - low)), (-1.0, low + share * (high - low))):
                 yield Trace(
