@@ -2,8 +2,9 @@
 
 Where a model is complete, nothing is left for an observer to do. Where a slow one is needed to the end, each name has
 to beat a load that wanders in its place. With enough names any wander is imitated, but it does not go on as they do:
-several that take a slow observer's place must foretell the end of the log, from a fit to what comes before, no worse
-than the observer does. One nearly as fast as the sampling follows anything, and says nothing of slow loads.
+several that take a slow observer's place must not lose more where they are not fitted than they have gained, unless for
+what the rest leaves open of their parameters. An observer nearly as fast as the sampling follows anything, and says
+nothing of slow loads.
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 from scipy.special import expit
 
-from diagnosis.foretold import lost_unseen
+from diagnosis.foretold import by_sample, lost_unseen
 from diagnosis.odds import CLEAR, NONE
 from diagnosis.refit import evidence_of, fitted_near, follows_anything
 from diagnosis.round import Addition
@@ -36,7 +38,7 @@ def if_it_wanders(fit: Fit) -> Fit:
 def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[str], None] | None) -> list[Addition]:
     """The additions that still pay if the load may wander, fitted anew where one had to go."""
     final = additions[-1].fit if additions else base
-    if len(additions) >= _SEVERAL and may_wander(base) and lost_unseen(base, final) > 0.0:
+    if len(additions) >= _SEVERAL and may_wander(base) and _breaks_off(base, final):
         return []
     if not may_wander(final):
         return additions
@@ -53,6 +55,12 @@ def without_wanderers(base: Fit, additions: list[Addition], progress: Callable[[
     sure = [(addition, needed[addition.effect]) for addition in additions]
     kept = [less_sure(addition, probability) for addition, probability in sure if probability >= CLEAR]
     return kept if len(kept) == len(additions) else refitted(base, kept, final)
+
+
+def _breaks_off(base: Fit, final: Fit) -> bool:
+    """Whether what a model explains more than another does not go on, nor is it for want of having been seen."""
+    lost = float(np.sum(by_sample(base, base.bandwidth) - by_sample(final, final.bandwidth)))
+    return lost > evidence_of(final, base) and lost_unseen(base, final) > 0.0
 
 
 def refitted(base: Fit, additions: list[Addition], final: Fit) -> list[Addition]:
