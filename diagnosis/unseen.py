@@ -6,6 +6,7 @@ import numpy as np
 
 from diagnosis.foretold import LAST, by_sample, lost_unseen
 from diagnosis.holdout import bounded, restart_window, scoring_window, squared_errors, standard_errors
+from diagnosis.refit import follows_anything
 from identification.fit_result import Fit
 from identification.predictor import Predictor
 from plant.effects.effect import Array
@@ -26,7 +27,7 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
       run, after a fit to the first part, not significantly either, unless the simulation gets significantly better.
     - An effect for which the record speaks loudly must show there too: one of the two must get significantly better,
       or, since an effect may act in a few places only, the simulation's error must be halved, or the last part must
-      bring half of its share of the evidence.
+      bring half of its share of the evidence, unless behind an observer that follows anything.
     - So must what has no name to speak for it (`must_show`), and it must not err more from initial states that are not
       fitted to the whole run, as it will be used: a torque over time may only make up for those.
     - Where only an observer keeps the model on its runs, what speaks loudly must not err more when the simulation is
@@ -53,8 +54,10 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     unseen = standard_errors(by_sample(after, bandwidth) - by_sample(before, bandwidth))
     if not loud or unseen > _SIGNIFICANT:
         return unseen > -_SIGNIFICANT
+    if must_show or follows_anything(after):
+        return False
     share = LAST * (after.log_likelihood - before.log_likelihood)
-    return not must_show and lost_unseen(before, after) < -_HALF * share
+    return lost_unseen(before, after) < -_HALF * share
 
 
 def _errs_more(gain: float, left: float) -> bool:

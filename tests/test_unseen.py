@@ -83,11 +83,15 @@ def test_the_rule(
     assert set(asked) <= {5.0}  # both behind the faster observer
 
 
-@pytest.mark.parametrize(("gained", "stands"), [(12.7, True), (12.5, False)])
+@pytest.mark.parametrize(("gained", "fast", "stands"), [(12.7, False, True), (12.5, False, False), (12.7, True, False)])
 def test_what_speaks_loudly_in_a_few_places_stands_if_half_its_share_of_the_evidence_is_foretold(
-    monkeypatch: pytest.MonkeyPatch, gained: float, stands: bool
+    monkeypatch: pytest.MonkeyPatch, gained: float, fast: bool, stands: bool
 ) -> None:
-    """Of 101 a quarter of the log should bring 25. So few places are no significant mean over the samples."""
+    """Of 101 a quarter of the log should bring 25. So few places are no significant mean over the samples.
+
+    A fast observer follows anything, on EMPS a dead zone and a stop that nobody sees in it.
+    """
+    monkeypatch.setattr(unseen, "follows_anything", lambda _: fast)
     before: Any = SimpleNamespace(log_likelihood=0.0, bandwidth=3.0)
     after: Any = SimpleNamespace(log_likelihood=LOUD, bandwidth=3.0, log=SPEED)
     monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (0.3, 0.97))
