@@ -79,6 +79,7 @@ def test_the_rule(
     monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (-3.0, restarted))
     monkeypatch.setattr(unseen, "by_sample", at_bandwidth)
     monkeypatch.setattr(unseen, "lost_unseen", lambda *_: 0.0)
+    monkeypatch.setattr(unseen, "follows_anything", lambda _: False)
     assert holds_up(before, after) == stands
     assert set(asked) <= {5.0}  # both behind the faster observer
 
