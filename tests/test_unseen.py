@@ -104,9 +104,12 @@ def test_what_speaks_loudly_in_a_few_places_stands_if_half_its_share_of_the_evid
     assert not holds_up(before, after, must_show=True)
 
 
-@pytest.mark.parametrize(("bandwidth", "restarted", "stands"), [(3.0, 2.1, True), (3.0, 1.9, False), (0.0, 1.9, True)])
-def test_what_has_no_name_and_leaves_an_observer_work_must_err_less_when_restarted(
-    monkeypatch: pytest.MonkeyPatch, bandwidth: float, restarted: float, stands: bool
+@pytest.mark.parametrize(
+    ("bandwidth", "fast", "restarted", "stands"),
+    [(3.0, False, 2.1, True), (3.0, False, 1.9, False), (3.0, True, 1.9, True), (0.0, False, 1.9, True)],
+)
+def test_what_has_no_name_and_leaves_a_slow_observer_work_must_err_less_when_restarted(
+    monkeypatch: pytest.MonkeyPatch, bandwidth: float, fast: bool, restarted: float, stands: bool
 ) -> None:
     """A torque over time took a spring's place: less error over the log from fitted states, twice as much elsewhere."""
     before: Any = SimpleNamespace(log_likelihood=0.0, bandwidth=3.0)
@@ -115,6 +118,7 @@ def test_what_has_no_name_and_leaves_an_observer_work_must_err_less_when_restart
     )
     monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (2.5, 0.17))
     monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (restarted, 0.76))
+    monkeypatch.setattr(unseen, "follows_anything", lambda _: fast)
     monkeypatch.setattr(unseen, "_share_as_used", lambda *_: 0.5)
     assert holds_up(before, after, must_show=True) == stands
     assert holds_up(before, after)
