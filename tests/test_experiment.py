@@ -15,7 +15,7 @@ from machine import Machine, excitation, record
 
 import diagnosis.experiment.separating as separating
 from diagnosis import Experiment, Limits, rivals_of, separating_experiment
-from diagnosis.experiment.reshaping import changed
+from diagnosis.experiment.reshaping import changed, rearranged
 from diagnosis.experiment.separation import Rival, Trial, noise_factor
 from diagnosis.experiment.signal_design import Design
 from diagnosis.experiment.signal_families import Signal, shapes
@@ -126,6 +126,26 @@ def test_a_change_is_as_large_as_asked_for_and_local_or_everywhere() -> None:
     moved = (np.abs(moves) > 1e-9).mean(axis=1)
     assert (moved < 0.1).any()
     assert (moved > 0.9).any()
+
+
+def test_what_is_rearranged_has_the_same_levels_in_other_places() -> None:
+    torque = np.repeat([1.0, -2.0, 1.0, 1.0, -2.0], 80)
+    rng = np.random.default_rng(2)
+    moved = np.array([rearranged(torque, rng) for _ in range(400)])
+    assert moved.min() == -2.0
+    assert moved.max() == 1.0
+    assert 0.02 < (np.abs(moved - torque) > 1e-9).mean() < 0.5
+    assert (np.isin(moved, (1.0, -2.0))).mean() > 0.95
+
+
+def test_a_signal_at_its_limits_still_gets_better() -> None:
+    """A random switching between the limits: what is added to it is cut off again, and it was left as it was."""
+    design = task("load", duration=3.0)
+    switching = Signal(family="pseudo_random_binary", amplitude=4.0, bias=0.0, numbers={"hold": 0.3})
+    found = design.attempt(switching)
+    assert found is not None
+    begun = design.settled(found)
+    assert design.refined(begun, np.random.default_rng(0)).log_odds > 1.3 * begun.log_odds
 
 
 def test_it_tells_which_durations_it_tries() -> None:

@@ -146,22 +146,23 @@ def test_a_gap_that_only_an_observer_holds_does_not_stand_where_none_was_needed(
 
 
 @pytest.mark.parametrize(
-    ("bandwidth", "log", "gained", "stands"),
+    ("bandwidth", "log", "gained", "left", "stands"),
     [
-        (5.0, SPEED, -2.1, False),
-        (5.0, SPEED, -1.9, True),  # chance may make a few states from which it begins anew poorer
-        (0.0, SPEED, -2.1, True),  # it follows its runs from end to end; a restart takes from it what a memory holds
-        (5.0, POSITION, -2.1, True),  # the goal holds it there
+        (5.0, SPEED, -2.1, 1.11, False),
+        (5.0, SPEED, -1.9, 1.99, True),  # chance may make a few states from which it begins anew poorer
+        (5.0, SPEED, -1.9, 2.01, False),
+        (0.0, SPEED, -2.1, 2.01, True),  # it follows its runs from end to end; a restart takes what a memory holds
+        (5.0, POSITION, -2.1, 2.01, True),  # the goal holds it there
     ],
 )
 def test_a_restart_is_asked_only_where_nothing_but_an_observer_holds_the_model(
-    monkeypatch: pytest.MonkeyPatch, bandwidth: float, log: Any, gained: float, stands: bool
+    monkeypatch: pytest.MonkeyPatch, bandwidth: float, log: Any, gained: float, left: float, stands: bool
 ) -> None:
     before: Any = SimpleNamespace(log_likelihood=0.0, bandwidth=5.0)
     model = SimpleNamespace(chaotic=False)
     after: Any = SimpleNamespace(log_likelihood=LOUD, bandwidth=bandwidth, model=model, log=log)
     monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (3.0, 0.6))
-    monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (gained, 1.11))
+    monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (gained, left))
     assert holds_up(before, after) == stands
 
 

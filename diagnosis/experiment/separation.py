@@ -29,7 +29,7 @@ from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 _RETUNING = 8  # iterations of a full refit to the other's output
-_DOUBTS = 5  # other values of the truth that an experiment should do for
+_DOUBTS = 2  # other values of the truth that an experiment should do for
 _BANDWIDTHS = (0.3, 1.0, 3.0, 10.0, 30.0)  # rad/s at 5 ms, to which a mimic may raise that of its observer
 
 

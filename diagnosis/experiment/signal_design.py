@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.experiment.reshaping import changed
+from diagnosis.experiment.reshaping import changed, rearranged
 from diagnosis.experiment.separation import Rival, Separation, Trial
 from diagnosis.experiment.signal_families import Signal, shapes
 from identification.log import Log
@@ -120,16 +120,20 @@ class Design:
                         yield found
 
     def refined(self, found: Found, rng: np.random.Generator) -> Found:
-        """The best of many small changes of a signal, one after another (Rechenberg 1973, (1+1) evolution strategy)."""
+        """The best of many small changes of a signal, one after another (Rechenberg 1973, (1+1) evolution strategy).
+
+        Every other one, by chance, moves what is there; by those that add something the size of the next is chosen.
+        """
         best, size = found, _LARGE
         for _ in range(max(_TRIES // self.effort, 5)):
-            torque = changed(best.torque, size * self.limits.torque, rng)
+            moves = rng.random() < 0.5
+            torque = rearranged(best.torque, rng) if moves else changed(best.torque, size * self.limits.torque, rng)
             near = self.tried(best.signal, np.clip(torque, -self.limits.torque, self.limits.torque))
             if near is not None:
                 near = self.settled(near, above=best.log_odds, weakest=best.weakest)
             if near is not None and near.log_odds > best.log_odds:
-                best, size = near, min(1.5 * size, 1.0)
-            else:
+                best, size = near, size if moves else min(1.5 * size, 1.0)
+            elif not moves:
                 size = max(0.93 * size, _SMALL)
         return best
 
