@@ -18,7 +18,7 @@ from identification.log import Log
 from identification.predictor import observer_gain
 from identification.problem import Problem
 from plant import Effect, ServoModel
-from plant.effects import CoulombFriction, TorqueOffset
+from plant.effects import CoulombFriction, GravityOffset, TorqueOffset
 from plant.effects.wandering_load import WanderingLoad
 
 DT, DURATION = 0.005, 30.0
@@ -80,7 +80,7 @@ def test_a_name_has_to_beat_a_wandering_load():
     assert is_said_to_wander(found)
 
 
-RUBS, PUSHES = CoulombFriction(torque=0.1), TorqueOffset(torque=0.1)
+RUBS, PUSHES, TURNS = CoulombFriction(torque=0.1), TorqueOffset(torque=0.1), GravityOffset(beta=0.1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +122,25 @@ def test_of_two_names_that_wandering_could_replace_one_by_one_the_weaker_goes(mo
     (kept,) = without_wanderers(fitted(model, 0.0), additions, None)
     assert kept.effect == "torque_offset"
     assert [effect.name for effect in kept.fit.model.effects] == ["torque_offset"]  # and no load that wanders
+
+
+@pytest.mark.parametrize(
+    ("by_the_estimate", "with_what_is_open", "names"),
+    [(170.0, 1.0, []), (170.0, -1.0, [RUBS, PUSHES, TURNS]), (160.0, 1.0, [RUBS, PUSHES, TURNS])],
+)
+def test_several_names_go_that_break_off_and_not_for_want_of_having_been_seen(
+    monkeypatch: pytest.MonkeyPatch, by_the_estimate: float, with_what_is_open: float, names: list[Effect]
+) -> None:
+    """They explain 165 more than a slow observer did, and leave it nothing."""
+    base = fitted(ServoModel(), 0.0, 5.0)
+    model = ServoModel().with_effect(RUBS).with_effect(PUSHES).with_effect(TURNS)
+    final = fitted(model, 165.0, 0.0)
+    additions = [addition(effect, final, evidence=50.0) for effect in (RUBS, PUSHES, TURNS)]
+    monkeypatch.setattr(wandering, "evidence_of", lambda at, than: at.log_likelihood - than.log_likelihood)
+    monkeypatch.setattr(wandering, "by_sample", lambda at, _: np.array([by_the_estimate if at is base else 0.0]))
+    monkeypatch.setattr(wandering, "lost_unseen", lambda *_: with_what_is_open)
+    kept = without_wanderers(base, additions, None)
+    assert [one.effect for one in kept] == [effect.name for effect in names]
 
 
 @pytest.mark.parametrize("bandwidth", [0.0, 0.1 / DT])
