@@ -184,7 +184,7 @@ def _closest(fit: Fit, tries: int) -> list[Fit]:
     """A fit with one more of those that the screen puts first, the one that says most first."""
     starts = [start for start, _ in _promising(fit, unnamed)[:tries]]
     fits = [refit(fit, start.begun(), fixed=start.shape()) for start in starts]
-    return sorted(fits, key=lambda one: charged((one,), fit), reverse=True)
+    return sorted((one for one in fits if not one.runs_off), key=lambda one: charged((one,), fit), reverse=True)
 
 
 def _line_charge(fit: Fit, start: Unnamed) -> float:

@@ -190,8 +190,12 @@ class Screen:
 
         A few traces are drawn and followed at a time, for their columns are as long as the log.
         """
-        e = self.nuisance.beyond(self.innovations)
-        power = max(float(e @ e), 1e-300)
+        with np.errstate(over="ignore", invalid="ignore"):
+            e = self.nuisance.beyond(self.innovations)
+            power = max(float(e @ e), 1e-300)
+        if not np.isfinite(power):  # of a simulation that runs off nothing says what it lacks
+            yield from ((trace, 0.0, np.zeros(trace.columns.shape[1])) for trace in traces)
+            return
         for some in _handfuls(traces):
             columns = np.hstack([trace.columns for trace in some]) if len(some) > 1 else some[0].columns
             regressors = response(self.filters, columns, on_reading=some[0].acts_on == "reading")

@@ -174,3 +174,13 @@ def test_of_a_narrow_peak_the_top_is_taken(monkeypatch: pytest.MonkeyPatch, scre
     (after,) = screen.ask({"cogging": Cogging})
     assert after.evidence > before.evidence
     assert after.starts[0] == top
+
+
+def test_of_a_simulation_that_runs_off_nothing_is_told_and_no_warning_given() -> None:
+    found = fit(record(Machine(), excitation(1, duration=5.0)).log(), ServoModel.paper())
+    screen = Screen.of(found, Problem.of(found.log, found.model), bandwidth=0.0)
+    lost = replace(screen, innovations=1e200 * np.cosh(np.linspace(0.0, 9.0, screen.innovations.size)))
+    for trace, evidence, coefficients in lost.regress(CoulombFriction.traces(screen.motion)):
+        assert evidence == 0.0
+        assert not coefficients.any()
+        assert coefficients.size == trace.columns.shape[1]
