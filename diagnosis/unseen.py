@@ -16,7 +16,7 @@ LOUD = 100.0  # rise of the log-likelihood of which a quarter should show in a q
 _MORE = 1.1  # times the squared error; less may come from states that it is restarted from, or a load that wanders
 _DOUBLED = 2.0  # times the squared error, which a few states from which it begins anew do not make
 _FOLLOWS = 0.1  # share of the squared error below which a simulation has clearly not lost its run
-_HALF = 0.5  # of the share that a part of the record should have of the evidence
+_HALF = 0.5  # of the squared error, or of the share that a part of the record should have of the evidence
 
 
 def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
@@ -34,8 +34,8 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
     - Where only an observer keeps the model on its runs, what speaks loudly must not err more when the simulation is
       restarted again and again, by as much, nor twice as much however seldom: one that has lost its run says little,
       and an observer helps a model that bends the wrong way. What has no name and leaves a slow observer work, as a
-      load that wanders does, must then err significantly less. Where the model follows its runs from end to end, or
-      has a tenth of the error left, a restart would only take from it what a memory holds.
+      load that wanders does, must then err significantly less, or half as much. Where the model follows its runs from
+      end to end, or has a tenth of the error left, a restart would only take from it what a memory holds.
     - Nor may a gap need an observer where its predecessor needs none.
     """
     simulation, left = simulation_gain(before, after)
@@ -50,9 +50,9 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
         restarted, more = restarted_gain(before, after)
         if _errs_more(restarted, more) or more > _DOUBLED:
             return False
-        if must_show and restarted < _SIGNIFICANT and not follows_anything(after):
+        if must_show and restarted < _SIGNIFICANT and more > _HALF and not follows_anything(after):
             return False
-    if simulation > _SIGNIFICANT or left < 0.5:
+    if simulation > _SIGNIFICANT or left < _HALF:
         return True
     bandwidth = max(before.bandwidth, after.bandwidth)
     unseen = standard_errors(by_sample(after, bandwidth) - by_sample(before, bandwidth))

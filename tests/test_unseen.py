@@ -105,11 +105,17 @@ def test_what_speaks_loudly_in_a_few_places_stands_if_half_its_share_of_the_evid
 
 
 @pytest.mark.parametrize(
-    ("bandwidth", "fast", "restarted", "stands"),
-    [(3.0, False, 2.1, True), (3.0, False, 1.9, False), (3.0, True, 1.9, True), (0.0, False, 1.9, True)],
+    ("bandwidth", "fast", "restarted", "left", "stands"),
+    [
+        (3.0, False, 2.1, 0.76, True),
+        (3.0, False, 1.9, 0.76, False),
+        (3.0, False, 1.9, 0.49, True),
+        (3.0, True, 1.9, 0.76, True),
+        (0.0, False, 1.9, 0.76, True),
+    ],
 )
 def test_what_has_no_name_and_leaves_a_slow_observer_work_must_err_less_when_restarted(
-    monkeypatch: pytest.MonkeyPatch, bandwidth: float, fast: bool, restarted: float, stands: bool
+    monkeypatch: pytest.MonkeyPatch, bandwidth: float, fast: bool, restarted: float, left: float, stands: bool
 ) -> None:
     """A torque over time took a spring's place: less error over the log from fitted states, twice as much elsewhere."""
     before: Any = SimpleNamespace(log_likelihood=0.0, bandwidth=3.0)
@@ -117,7 +123,7 @@ def test_what_has_no_name_and_leaves_a_slow_observer_work_must_err_less_when_res
         log_likelihood=LOUD, bandwidth=bandwidth, log=SPEED, model=SimpleNamespace(chaotic=False)
     )
     monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (2.5, 0.17))
-    monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (restarted, 0.76))
+    monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (restarted, left))
     monkeypatch.setattr(unseen, "follows_anything", lambda _: fast)
     monkeypatch.setattr(unseen, "_share_as_used", lambda *_: 0.5)
     assert holds_up(before, after, must_show=True) == stands
