@@ -12,7 +12,6 @@ from identification.least_squares import Minimum, uncertainty
 from identification.noise import log_likelihood
 from identification.objective import Objective
 from identification.over_runs import informations
-from identification.pace import pace
 from identification.predictor import FADING, Prediction
 from identification.prior import natural_scales
 from plant.effects.effect import Array
@@ -124,10 +123,9 @@ def _around(
     peak says nothing of the others. An observer that is faster than the chaos smooths it, unless impacts in quick
     succession make its slopes grow without bound; then that peak is all there is.
     """
-    fast = FADING / pace(objective.log.sample_time)
-    if not objective.model.chaotic or bandwidth >= fast:
+    if not objective.model.chaotic or bandwidth >= FADING:
         return here
-    smooth = objective.predictor.predict(values, initial, bandwidth=fast, width=0.0)
+    smooth = objective.predictor.predict(values, initial, bandwidth=FADING, width=0.0)
     with np.errstate(over="ignore", invalid="ignore"):
         bounded = all(np.isfinite(p.jacobian.T @ p.jacobian).all() for p in smooth)
     return smooth if bounded else here

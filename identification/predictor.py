@@ -22,7 +22,6 @@ import numpy as np
 
 from identification.log import Run
 from identification.noise import Whitening
-from identification.pace import SAMPLE_TIME, pace
 from plant.discrete import INPUTS, Structure, sample_reading
 from plant.effects import State
 from plant.effects.effect import Array
@@ -76,12 +75,10 @@ def _third_order_gain(bandwidth: float, dt: Array) -> Array:
 
 
 FADING = 30.0
-"""Rate at which slopes fade where they grow without bound, at most at 5 ms [1/s]."""
+"""Rate at which slopes fade where they grow without bound [1/s]."""
 
-
-def held(sample_time: float) -> float:
-    """Bandwidth of an observer behind which a chaotic model stays with a log of a sample time [s] [rad/s]."""
-    return 0.5 * FADING / pace(sample_time)
+HELD = 0.5 * FADING
+"""Bandwidth of an observer behind which a chaotic model stays with the log [rad/s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -297,7 +294,7 @@ def forgetful(model: ServoModel, slopes: Any, dt: Any) -> Any:
         return slopes
     first = 2 + sum(len(effect.states) for effect in model.effects[: model.effects.index(motor)])
     rows = ca.vertsplit(slopes)
-    kept = ca.exp(-FADING * ca.fmin(dt, SAMPLE_TIME))
+    kept = ca.exp(-FADING * dt)
     for place in (0, 1):
         rows[first + place] = rows[place] + kept * (rows[first + place] - rows[place])
     return ca.vertcat(*rows)

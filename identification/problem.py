@@ -21,7 +21,7 @@ from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
 from identification.noise import log_likelihood, short_autoregression
 from identification.objective import Objective
-from identification.predictor import held
+from identification.predictor import HELD
 from plant.effects.effect import Array
 
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
@@ -129,7 +129,7 @@ class Problem(Objective):
 
     def _highest(self, start: Fit) -> float:
         """Bandwidth at which a descent begins: where no observer holds a chaotic model, its likelihood is rugged."""
-        return max(start.bandwidth, held(self.log.sample_time)) if self.model.chaotic else start.bandwidth
+        return max(start.bandwidth, HELD) if self.model.chaotic else start.bandwidth
 
     def descend(self, start: Fit, begun: Minimum | None = None) -> Fit:
         """Fit from another fit of a simpler model that lies near: at its bandwidth first, then down as far as it pays.
@@ -190,7 +190,7 @@ class Problem(Objective):
             return fit
         problem = replace(self, log=fit.log, predictor=replace(self.predictor, colour=fit.log.colour))
         point = problem.pack(fit.model.values, fit.initial)
-        cost = problem.minimise(point, held(fit.log.sample_time), 0.0, iterations=6).equations.cost
+        cost = problem.minimise(point, HELD, 0.0, iterations=6).equations.cost
         return replace(fit, held_log_likelihood=log_likelihood(cost, self.samples))
 
     def _risen(self, trials: dict[float, _Trial], bandwidth: float) -> None:

@@ -15,7 +15,7 @@ from diagnosis.refit import evidence_of
 from diagnosis.screen import peaks_beside
 from identification.fit import fit
 from identification.log import Log
-from identification.predictor import held
+from identification.predictor import HELD
 from identification.problem import Problem
 from plant import BadParameter, ServoModel
 from plant.effects import Backlash, CableStiffness, PayloadChange
@@ -125,7 +125,7 @@ def test_a_loose_model_is_followed_down_from_an_observer_that_holds_it(monkeypat
     for model in (stiff.model, loose):
         with pytest.raises(StopIteration):
             Problem.of(log, model).descend(replace(stiff, bandwidth=0.0))
-    assert begun == [0.0, held(log.sample_time)]
+    assert begun == [0.0, HELD]
     assert falls_short(stiff.model, stiff)
     assert not falls_short(loose, stiff)
 

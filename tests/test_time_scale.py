@@ -13,7 +13,6 @@ from machine import excitation, record
 from diagnosis import diagnose
 from diagnosis.holdout import restart_window, squared_errors
 from identification.log import Log
-from identification.predictor import held
 from identification.problem import Problem
 from plant import BadModelFile, ModelFile, ServoModel, read_model
 from plant.discrete import integration_steps
@@ -128,9 +127,3 @@ def test_simulations_begin_anew_after_as_much_as_the_machine_does_in_a_second(ti
         here, _ = squared_errors(log, model, window)
         there, _ = squared_errors(smaller(log, torque=1.0, time=time), other, window and window * time)
         assert there.mean() == pytest.approx(here.mean(), rel=0.1)  # a few samples more may be looked at
-
-
-def test_a_chaotic_model_is_held_by_an_observer_that_is_as_slow_as_the_log() -> None:
-    """At 15 ms one of 15 rad/s hid what a gap is worth, and a payload that changed took its place."""
-    assert held(0.005) == held(0.001) == 15.0
-    assert held(0.02) == pytest.approx(3.75)

@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.experiment.pace import pace
 from diagnosis.experiment.separation import Rival
 from diagnosis.experiment.signal_design import Design, Found, Limits
 from diagnosis.experiment.signal_families import Signal
 from diagnosis.odds import CLEAR
 from diagnosis.result import Findings
 from identification.fit_result import Fit
-from identification.pace import pace
 from identification.problem import Problem
 from plant.effects.effect import Array, Axis
 from plant.errors import BadParameter

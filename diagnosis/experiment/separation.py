@@ -20,10 +20,10 @@ from typing import Self
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
+from diagnosis.experiment.pace import pace
 from identification.fit_result import Fit
 from identification.least_squares import NormalEquations, minimise
 from identification.log import Run
-from identification.pace import pace
 from identification.predictor import Prediction, Predictor, observer_gain
 from plant.effects.effect import Array
 from plant.servo import ServoModel

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.experiment.pace import pace
 from diagnosis.experiment.reshaping import changed, rearranged
 from diagnosis.experiment.separation import Rival, Separation, Trial
 from diagnosis.experiment.signal_families import Signal, shapes
 from identification.log import Log
-from identification.pace import pace
 from plant.effects.effect import Array
 from plant.errors import BadParameter
 
