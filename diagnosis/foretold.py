@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.holdout import bounded
 from identification.fit_result import Fit
@@ -31,7 +32,7 @@ def _foretold(fit: Fit) -> float:
         (place, replace(p, innovations=p.innovations[len(run) :], jacobian=p.jacobian[len(run) :]))
         for place, (run, p) in enumerate(zip(problem.log.runs, predictions, strict=True))
     ]
-    samples = sum(len(p.innovations) for _, p in rest)
+    samples = int(_masks(fit, problem).sum())
     unseen = normal_equations(rest, len(rest))
     return density(best.equations.information, unseen, best.equations.cost / problem.samples, problem.samples, samples)
 
@@ -65,12 +66,19 @@ def density(seen: Array, unseen: NormalEquations, variance: float, before: int, 
 
 
 def by_sample(fit: Fit, bandwidth: float) -> Array:
-    """(U,) log-likelihood of each sample in the last part of the runs, after a fit to the first part."""
+    """(U,) log-likelihood of each sample that counts in the last part of the runs, after a fit to the first part."""
     problem, best, predictions = _continued(fit, bandwidth, slopes=False)
     variance = best.equations.cost / problem.samples
     pairs = zip(problem.log.runs, predictions, strict=True)
     unseen = bounded(np.concatenate([prediction.innovations[len(part) :] for part, prediction in pairs]))
-    return np.asarray(-0.5 * unseen**2 / variance - 0.5 * np.log(variance))
+    counts = unseen[_masks(fit, problem)]
+    return np.asarray(-0.5 * counts**2 / variance - 0.5 * np.log(variance))
+
+
+def _masks(fit: Fit, problem: Problem) -> NDArray[np.bool_]:
+    """Which samples of the last part count: of one that is masked nothing is foretold."""
+    pairs = zip(fit.log.runs, problem.log.runs, strict=True)
+    return np.concatenate([run.valid[len(part) :] for run, part in pairs])
 
 
 def _continued(fit: Fit, bandwidth: float, *, slopes: bool) -> tuple[Problem, Minimum, list[Prediction]]:

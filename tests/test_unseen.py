@@ -242,6 +242,21 @@ def test_it_is_a_gaussian_process_density_where_the_model_is_linear() -> None:
     assert density(first.information, rest, sigma**2, seen, 100) == pytest.approx(expected)
 
 
+def test_of_a_masked_sample_nothing_is_foretold(log: Log) -> None:
+    """It would count for whoever claims the smaller noise."""
+    (run,) = log.runs
+    valid = run.valid.copy()
+    valid[-len(run) // 8 :] = False
+    partly = replace(log, runs=(replace(run, valid=valid),))
+    before = fit(partly, ServoModel.paper())
+    after = refit(before, CoulombFriction(torque=0.2))
+    shorter = len(run) - len(run) * 3 // 4 - int((~valid).sum())
+    assert by_sample(after, after.bandwidth).size == shorter
+    whole = fit(log, ServoModel.paper())
+    gained = -lost_unseen(whole, refit(whole, CoulombFriction(torque=0.2)))
+    assert -lost_unseen(before, after) == pytest.approx(0.5 * gained, rel=0.3)
+
+
 def test_friction_that_is_there_holds_up_and_its_loss_does_not(base: Fit) -> None:
     found = refit(base, CoulombFriction(torque=0.2))
     assert holds_up(base, found)
