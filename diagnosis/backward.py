@@ -17,8 +17,16 @@ from plant.servo import ServoModel
 _SHORT = 30.0  # times what a leaner model saves, which it loses at a first look
 
 
-def without_superfluous(base: Fit, additions: list[Addition], progress: Callable[[str], None] | None) -> list[Addition]:
-    """Take out of each earlier addition what no longer pays beside the last: all of it, or down to a special case."""
+def without_superfluous(
+    base: Fit,
+    additions: list[Addition],
+    effects: Mapping[str, type[Effect]],
+    progress: Callable[[str], None] | None,
+) -> list[Addition]:
+    """Take out of each earlier addition what no longer pays beside the last: all of it, or down to a special case.
+
+    Only to one that is among the effects that are asked.
+    """
     for addition in additions[:-1]:
         fit = additions[-1].fit
         effect = fit.model.effect(addition.effect)
@@ -27,7 +35,7 @@ def without_superfluous(base: Fit, additions: list[Addition], progress: Callable
             continue
         if progress is not None:
             progress(f"is {effect.title} still needed?")
-        simpler = _simplest_that_does(fit, effect)
+        simpler = _simplest_that_does(fit, effect, effects)
         if simpler is None:
             continue
         place, special, leaner = additions.index(addition), *simpler
@@ -39,11 +47,13 @@ def without_superfluous(base: Fit, additions: list[Addition], progress: Callable
     return additions
 
 
-def _simplest_that_does(fit: Fit, effect: Effect) -> tuple[Effect | None, Fit] | None:
+def _simplest_that_does(
+    fit: Fit, effect: Effect, effects: Mapping[str, type[Effect]]
+) -> tuple[Effect | None, Fit] | None:
     """The model without an effect, or with a special case of it instead, if that costs less evidence than it saves."""
     without = fit.model.without_effect(effect.name)
     variants: list[tuple[Effect | None, ServoModel]] = [(None, without)]
-    others = [special for special in effect.reduced() if not without.holds(special.name)]
+    others = [special for special in effect.reduced() if special.name in effects and not without.holds(special.name)]
     variants += [(special, without.with_effect(special)) for special in others]
     for special, model in variants:
         if falls_short(model, fit):

@@ -81,7 +81,7 @@ def forward(
                 continue
             found = replace(found, evidence=evidence_of(found.fit, fit))
         additions.append(found)
-        additions = without_superfluous(base, additions, progress)
+        additions = without_superfluous(base, additions, effects, progress)
         fit = additions[-1].fit if additions else base
         held = firm[-1].fit if firm else base
         if additions and holds_up(held, fit):

@@ -15,7 +15,7 @@ from diagnosis.refit import evidence_of, refit
 from diagnosis.round import Addition, Contestant
 from identification.fit import fit
 from identification.fit_result import Fit
-from plant import Effect, ServoModel
+from plant import Effect, ServoModel, catalogue
 from plant.effects import (
     ActuatorLag,
     AsymmetricFriction,
@@ -71,7 +71,7 @@ def held(additions: list[Addition]) -> set[str]:
 
 def test_what_no_longer_pays_is_taken_out() -> None:
     start = base(RUBS)
-    left = without_superfluous(start, added(start, PUSHES, RUBS), None)
+    left = without_superfluous(start, added(start, PUSHES, RUBS), catalogue, None)
     assert names(left) == ["coulomb_friction"]
     assert held(left) == {"coulomb_friction"}
 
@@ -79,17 +79,25 @@ def test_what_no_longer_pays_is_taken_out() -> None:
 def test_what_is_needed_stays() -> None:
     start = base(RUBS, PUSHES)
     additions = added(start, PUSHES, RUBS)
-    left = without_superfluous(start, additions, None)
+    left = without_superfluous(start, additions, catalogue, None)
     assert all(one is other for one, other in zip(left, additions, strict=True))
 
 
 def test_a_special_case_takes_the_place_of_what_says_no_more_and_has_its_odds() -> None:
     start = base(RUBS)
     additions = added(start, AsymmetricFriction(forward=0.3, backward=0.3), PUSHES, rival=RUBS)
-    left = without_superfluous(start, additions, None)
+    left = without_superfluous(start, additions, catalogue, None)
     assert names(left) == ["coulomb_friction", "torque_offset"]
     assert held(left) == {"coulomb_friction", "torque_offset"}
     assert left[0].odds == pytest.approx({"coulomb_friction": 0.9, NONE: 0.1})
+
+
+def test_a_special_case_that_is_not_asked_for_takes_no_place() -> None:
+    """An offset that the user had excluded was told at 1.000: as the special case of a cable's spring."""
+    start = base(RUBS)
+    additions = added(start, AsymmetricFriction(forward=0.3, backward=0.3), PUSHES)
+    others = {name: kind for name, kind in catalogue.items() if name != "coulomb_friction"}
+    assert names(without_superfluous(start, additions, others, None)) == ["asymmetric_friction", "torque_offset"]
 
 
 @pytest.mark.parametrize(("velocity", "stays"), [(1e-5, False), (0.1, True)])
@@ -100,7 +108,7 @@ def test_a_shape_too_narrow_to_be_seen_goes_whatever_it_gains(
     hump = StribeckFriction(coulomb=0.3, excess=0.1, velocity=velocity)
     monkeypatch.setattr(backward, "evidence_of", lambda *_: 1000.0)
     monkeypatch.setattr(backward, "fitted_near", lambda near, model: replace(near, model=model))
-    found = _simplest_that_does(replace(start, model=start.model.with_effect(hump)), hump)
+    found = _simplest_that_does(replace(start, model=start.model.with_effect(hump)), hump, catalogue)
     assert (found is None) == stays
     assert stays or (found is not None and found[0] == CoulombFriction(torque=0.3))
 
@@ -108,7 +116,7 @@ def test_a_shape_too_narrow_to_be_seen_goes_whatever_it_gains(
 def test_what_the_last_one_contains_is_gone() -> None:
     start = base(RUBS)
     wider = StribeckFriction(coulomb=0.3, excess=0.05, velocity=0.1)
-    assert names(without_superfluous(start, added(start, RUBS, wider), None)) == ["stribeck_friction"]
+    assert names(without_superfluous(start, added(start, RUBS, wider), catalogue, None)) == ["stribeck_friction"]
 
 
 def test_odds_are_handed_over_also_to_what_had_none() -> None:
@@ -183,7 +191,7 @@ def test_nothing_is_reduced_to_what_another_effect_says_already(monkeypatch: pyt
     contacts = PreslidingHysteresis(torque=0.1, stiffness=50.0)
     start = base(RUBS)
     monkeypatch.setattr(backward, "falls_short", short)
-    _simplest_that_does(replace(start, model=start.model.with_effect(two).with_effect(contacts)), contacts)
+    _simplest_that_does(replace(start, model=start.model.with_effect(two).with_effect(contacts)), contacts, catalogue)
     assert tried == [{"dead_zone", "asymmetric_friction"}]
     assert not fits_in(start.model.with_effect(two), RUBS)
     assert fits_in(start.model.with_effect(two), contacts)

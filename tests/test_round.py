@@ -90,11 +90,11 @@ def test_a_better_null_repeats_the_round_only_where_a_rival_could_win_from_it(
     monkeypatch.setattr(search, "one_round", one_round)
     monkeypatch.setattr(search, "_better_null", lambda at, _: better if at is base else None)
     monkeypatch.setattr(search, "evidence_of", lambda after, before: rises[after.name, before.name])
-    monkeypatch.setattr(search, "without_superfluous", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "without_superfluous", lambda _, additions, *__: additions)
     monkeypatch.setattr(search, "holds_up", lambda *_: True)
-    monkeypatch.setattr(search, "without_wanderers", lambda _, additions, __: additions)
-    monkeypatch.setattr(search, "without_filters", lambda _, additions, __: additions)
-    monkeypatch.setattr(search, "agreed", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "without_wanderers", lambda _, additions, *__: additions)
+    monkeypatch.setattr(search, "without_filters", lambda _, additions, *__: additions)
+    monkeypatch.setattr(search, "agreed", lambda _, additions, *__: additions)
     monkeypatch.setattr(search, "with_best_names", lambda additions, _: additions)
     outcome = search.weighed_again(search.forward(base))
     assert asked == rounds
@@ -124,11 +124,11 @@ def test_the_search_goes_one_name_past_what_does_not_hold_up_and_no_further(
         following["both"] = None
     monkeypatch.setattr(search, "one_round", lambda at, *_, bar: following[at.name])
     monkeypatch.setattr(search, "_better_null", lambda *_: None)
-    monkeypatch.setattr(search, "without_superfluous", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "without_superfluous", lambda _, additions, *__: additions)
     monkeypatch.setattr(search, "holds_up", lambda before, after: after.name == mended_by)
-    monkeypatch.setattr(search, "without_wanderers", lambda _, additions, __: additions)
-    monkeypatch.setattr(search, "without_filters", lambda _, additions, __: additions)
-    monkeypatch.setattr(search, "agreed", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "without_wanderers", lambda _, additions, *__: additions)
+    monkeypatch.setattr(search, "without_filters", lambda _, additions, *__: additions)
+    monkeypatch.setattr(search, "agreed", lambda _, additions, *__: additions)
     monkeypatch.setattr(search, "with_best_names", lambda additions, _: additions)
     outcome = search.weighed_again(search.forward(fits[0]))
     assert [addition.effect for addition in outcome.additions] == found
@@ -144,7 +144,7 @@ def test_a_name_that_does_not_hold_up_though_the_log_speaks_loudly_is_not_nothin
     found = Addition(effect="a", fit=fit, odds={"a": 1.0}, evidence=evidence, contest=())  # type: ignore[arg-type]
     monkeypatch.setattr(search, "one_round", lambda at, *_, bar: found if at is base else None)
     monkeypatch.setattr(search, "_better_null", lambda *_: None)
-    monkeypatch.setattr(search, "without_superfluous", lambda _, additions, __: additions)
+    monkeypatch.setattr(search, "without_superfluous", lambda _, additions, *__: additions)
     monkeypatch.setattr(search, "holds_up", lambda *_: stands)
     assert search.forward(base).refused == refused  # type: ignore[arg-type]
 
