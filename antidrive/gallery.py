@@ -93,7 +93,7 @@ def paragraphs(kind: type[Effect]) -> list[str]:
 def bounds(spec: Parameter) -> str:
     """The values that a parameter may have, in words."""
     if not spec.fitted:
-        return "not fitted"
+        return "stated at first"
     low, high = np.isfinite(spec.lower), np.isfinite(spec.upper)
     if low and high:
         return f"{spec.lower:g} to {spec.upper:g}"

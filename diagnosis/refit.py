@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.odds import typical_speed
+from diagnosis.odds import schwarz_cost, typical_speed
 from diagnosis.result import Estimate
 from identification.fit_result import Fit
 from identification.problem import Problem
@@ -20,8 +20,7 @@ _FAST = 0.1  # bandwidth of an observer over the sampling rate, from which it fo
 _NOTHING = 1e-3  # rise of the log-likelihood that says nothing
 _FIRST_STEP = 2  # evaluations after which shapes that look alike are compared: where they are, and one step on
 _SMOOTHER = 0.2  # of the bandwidth before, below which a rugged likelihood is not looked at from afar
-_STAGES = 3  # searches among shapes that look alike, each finer than the one before
-_REPEATS = 4  # of the finest as long as it finds better ones
+_SEARCH = (0, 1, 2, 2, 2, 2, 2)  # among shapes that look alike, ever finer; the finest as long as it finds better ones
 
 
 def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
@@ -58,8 +57,9 @@ def refined(fit: Fit, found: Fit, name: str) -> Fit:
     Each search begins from the best so far and at its bandwidth: behind the observer of the model without the effect a
     fine shape is forgotten, and which peak is climbed from there is chance.
     """
-    best = found
-    for stage in (*range(_STAGES), *[_STAGES - 1] * _REPEATS):
+    best, ahead = found, list(_SEARCH)
+    while ahead:
+        stage, *ahead = ahead
         effect = best.model.effect(name)
         others = effect.look_alikes(stage) if effect is not None else ()
         alike = [problem_near(fit, best.model.without_effect(name).with_effect(other)) for other in others]
@@ -68,9 +68,10 @@ def refined(fit: Fit, found: Fit, name: str) -> Fit:
         at = max(best.bandwidth, _SMOOTHER * fit.bandwidth)
         near = replace(best, model=best.model.without_effect(name), bandwidth=at)
         again = _most_promising(alike, near, at, _FIRST_STEP)[0].descend(near)
-        if again.log_likelihood > best.log_likelihood:
-            best = again
-        elif stage == _STAGES - 1:
+        freed = len(again.free) - len(best.free)
+        if again.log_likelihood > best.log_likelihood + schwarz_cost(freed, fit.samples):
+            best, ahead = again, (list(_SEARCH) if freed else ahead)
+        elif stage == _SEARCH[-1]:
             break
     return best
 
@@ -130,7 +131,7 @@ def estimates(fit: Fit, effect: str) -> dict[str, Estimate]:
     own = fit.model.effect(effect)
     if own is None:
         return {}
-    lines = {spec.name: fit[f"{effect}.{spec.name}"] for spec in own.parameters() if spec.fitted}
+    lines = {spec.name: fit[f"{effect}.{spec.name}"] for spec in own.parameters() if spec.fitted or own.freed}
     return {
         name: Estimate(value=float(getattr(own, name)), std=line.std, unit=line.unit) for name, line in lines.items()
     }

@@ -62,7 +62,8 @@ class Contestant:
     def of(cls, fit: Fit, name: str, *, coefficients: int, charge: float) -> Contestant:
         """The effect of that name in a fit."""
         (effect,) = (effect for effect in fit.model.effects if effect.name == name)
-        return cls(effect=effect, coefficients=coefficients, charge=charge)
+        freed = sum(not spec.fitted for spec in effect.parameters()) if effect.freed else 0
+        return cls(effect=effect, coefficients=coefficients + freed, charge=charge)
 
     def score(self, fit: Fit, than: Fit, evidence: float | None = None) -> float:
         """Of a fit with it over one without, among the names; with the evidence of `evidence_of` if none is given."""

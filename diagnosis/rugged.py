@@ -44,7 +44,7 @@ def scatter(fit: Fit, effect: Effect) -> dict[str, float]:
     values = np.array([each for each in found if each is not None])
     if len(values) < _FEWEST:
         return {}
-    names = (f"{effect.name}.{spec.name}" for spec in effect.parameters() if spec.fitted)
+    names = (f"{effect.name}.{spec.name}" for spec in effect.parameters() if spec.fitted or effect.freed)
     return dict(zip(names, map(float, values.std(axis=0, ddof=1)), strict=True))
 
 
@@ -65,4 +65,6 @@ def _alone(rest: ServoModel, effect: Effect, part: Log) -> Array | None:
         own = refined(base, refit(base, effect), effect.name).model.effect(effect.name)
     except (Unidentifiable, BadParameter):
         return None
-    return None if own is None else np.array([getattr(own, spec.name) for spec in own.parameters() if spec.fitted])
+    if own is None:
+        return None
+    return np.array([getattr(own, spec.name) for spec in own.parameters() if spec.fitted or effect.freed])

@@ -36,7 +36,7 @@ def holds_up(before: Fit, after: Fit, *, must_show: bool = False) -> bool:
       and an observer helps a model that bends the wrong way. What has no name and leaves a slow observer work, as a
       load that wanders does, must then err significantly less, or half as much. Where the model follows its runs from
       end to end, or has a tenth of the error left, a restart would only take from it what a memory holds.
-    - Nor may a gap need an observer where its predecessor needs none.
+    - Nor may a gap need an observer where its predecessor needs none: without it, too, it must err less.
     """
     simulation, left = simulation_gain(before, after)
     if _errs_more(simulation, left):
@@ -70,8 +70,11 @@ def _errs_more(gain: float, left: float) -> bool:
 
 
 def _needs_holding(before: Fit, after: Fit) -> bool:
-    """Whether a chaotic model only follows its runs behind an observer, and its predecessor without one."""
-    return not before.bandwidth and after.bandwidth > 0.0 and after.model.chaotic
+    """Whether a chaotic model errs no less without the observer it was fitted with, which its predecessor has not."""
+    if before.bandwidth or not after.bandwidth or not after.model.chaotic:
+        return False
+    alone, _ = _fallen(_squared_from_fit(before), _squared_from_fit(after))
+    return alone < _SIGNIFICANT
 
 
 def _may_stray(fit: Fit) -> bool:

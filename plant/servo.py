@@ -78,7 +78,12 @@ class ServoModel:
         """All parameters in order; those of an effect are named `effect.parameter`."""
         own = tuple(replace(spec, unit=spec.unit_on(self.axis)) for spec in parameters_of(type(self)))
         theirs = tuple(
-            replace(spec, name=f"{effect.name}.{spec.name}", unit=spec.unit_on(self.axis))
+            replace(
+                spec,
+                name=f"{effect.name}.{spec.name}",
+                unit=spec.unit_on(self.axis),
+                fitted=spec.fitted or effect.freed,
+            )
             for effect in self.effects
             for spec in effect.parameters()
         )

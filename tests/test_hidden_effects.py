@@ -74,6 +74,18 @@ def test_a_gap_between_harder_flanks_than_the_models_is_named() -> None:
     assert cause.parameters["gap"].value == pytest.approx(0.02, rel=0.3)
 
 
+def test_a_gap_between_soft_flanks_has_no_companion_and_the_flanks_are_measured() -> None:
+    """Between flanks that count as hard two logs of four got a payload change too, one at 1.000."""
+    hidden = Machine(flank_frequency=150.0, flank_damping=0.3).hiding(backlash={"gap": 0.02, "motor_share": 0.3})
+    few = ["backlash", "compliance", "payload_change", "input_delay"]
+    found = diagnose(record(hidden, excitation(64, duration=15.0), seed=32).log(), candidates=few)
+    (cause,) = found.causes
+    assert cause.effect == "backlash"
+    assert cause.parameters["gap"].value == pytest.approx(0.02, rel=0.2)
+    assert cause.parameters["flank_frequency"].value == pytest.approx(150.0, rel=0.15)
+    assert cause.parameters["flank_frequency"].std is not None
+
+
 def test_an_instant_is_found_among_the_peaks_beside_it() -> None:
     """From the nearest instant of the screen the fit ends 1.2 s late, and what it leaves was an end stop at 0.99."""
     change = {"time": 23.1416, "inertia": 0.006, "gravity": 0.0018}

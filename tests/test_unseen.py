@@ -131,23 +131,34 @@ def test_what_has_no_name_and_leaves_a_slow_observer_work_must_err_less_when_res
 
 
 @pytest.mark.parametrize(
-    ("alone", "with_it", "chaotic", "rise", "stands"),
+    ("alone", "with_it", "chaotic", "rise", "from_end_to_end", "stands"),
     [
-        (0.0, 1.0, True, LOUD, False),
-        (0.0, 1.0, True, QUIET, True),
-        (0.0, 1.0, False, LOUD, True),  # what was found may let smaller errors of other effects be seen
-        (0.0, 0.0, True, LOUD, True),
-        (1.0, 1.0, True, LOUD, True),
+        (0.0, 1.0, True, LOUD, 1.0, False),
+        (0.0, 1.0, True, LOUD, 0.9, True),  # behind the observer it only is a little likelier
+        (0.0, 1.0, True, QUIET, 1.0, True),
+        (0.0, 1.0, False, LOUD, 1.0, True),  # what was found may let smaller errors of other effects be seen
+        (0.0, 0.0, True, LOUD, 1.0, True),
+        (1.0, 1.0, True, LOUD, 1.0, True),
     ],
 )
 def test_a_gap_that_only_an_observer_holds_does_not_stand_where_none_was_needed(
-    monkeypatch: pytest.MonkeyPatch, alone: float, with_it: float, chaotic: bool, rise: float, stands: bool
+    monkeypatch: pytest.MonkeyPatch,
+    alone: float,
+    with_it: float,
+    chaotic: bool,
+    rise: float,
+    from_end_to_end: float,
+    stands: bool,
 ) -> None:
+    errors = 1.0 + 0.1 * np.random.default_rng(1).standard_normal(1000)
     before: Any = SimpleNamespace(log_likelihood=0.0, bandwidth=alone)
     model = SimpleNamespace(chaotic=chaotic)
     after: Any = SimpleNamespace(log_likelihood=rise, bandwidth=with_it, model=model, log=SPEED)
     monkeypatch.setattr(unseen, "simulation_gain", lambda *_: (3.0, 0.6))
     monkeypatch.setattr(unseen, "restarted_gain", lambda *_: (3.0, 0.6))
+    monkeypatch.setattr(
+        unseen, "_squared_from_fit", lambda fit: errors if fit is before else from_end_to_end * errors[::-1]
+    )
     assert holds_up(before, after) == stands
 
 

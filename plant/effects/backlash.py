@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from plant.effects.compliance import Compliance
 from plant.effects.effect import (
     Array,
     Effect,
@@ -26,11 +27,15 @@ from plant.recursion import Recursion
 from plant.symbolic import one_at_a_time
 
 _STIFF = 400.0  # swing on the spring of a flank that a log of 5 ms cannot tell from a hard one [rad/s]
-_DAMPING = 0.5
+_DAMPING = 0.5  # of that swing on a flank that counts as hard
 _STEPS = 4.0  # integration steps in a radian of that swing
 _SHARES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the inertia, to start from
 
 _FEW_SHARES = (0.2, 0.45, 0.75)
+# Other flanks, by the frequency over a hard one's and the damping, which is never that of a hard one; and from there on
+# by both over those of the flank before.
+_SOFTER = ((1.0, 0.2), (1.0, 0.1), (0.7, 0.4), (0.5, 0.2), (0.5, 0.4), (0.35, 0.4), (0.35, 0.2))
+_NEXT = ((0.5, 1.0), (0.7, 1.0), (0.85, 1.0), (1.2, 1.0), (1.5, 1.0), (1.0, 0.5), (1.0, 0.75), (1.0, 1.3), (1.0, 2.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +43,9 @@ class Backlash(Effect):
     """A motor with inertia of its own that loses touch with the load, crosses the gap and lands on the other flank.
 
     A flank only pushes. It is a spring with a damper (Nordin and Gutman 2002), on which both masses would swing at the
-    flank frequency. That is not fitted, but so high that the log cannot tell the flank from a hard one.
+    flank frequency. At first that is so high that the log cannot tell the flank from a hard one, and is not fitted.
+    Then flanks are tried that are softer, or damp a knock less; where one of them fits clearly better, frequency and
+    damping are fitted too.
     A light motor crosses a wide gap as soon as a heavy one a narrow one: a log of a few seconds knows gap times share
     to some per cent, each alone to a quarter. The likelihood has many peaks; the standard errors of a fit hold beside
     the one that it has climbed, those of a diagnosis come from how parts of the log disagree.
@@ -60,8 +67,16 @@ class Backlash(Effect):
     gap: float = parameter("{angle}", "free play from flank to flank", lower=0.0)
     motor_share: float = parameter("-", "share of the inertia on the motor's side", lower=0.02, upper=0.98)
     flank_frequency: float = parameter(
-        "rad/s", "swing of both masses on a flank", lower=0.1, upper=1e6, fitted=False, default=_STIFF
+        "rad/s", "swing of both masses on a flank", lower=0.1, upper=1e6, swing=True, fitted=False, default=_STIFF
     )
+    flank_damping: float = parameter(
+        "-", "damping ratio of that swing", lower=0.0, upper=10.0, fitted=False, default=_DAMPING
+    )
+
+    @property
+    def freed(self) -> bool:
+        """Of a flank that is not hard, which no fit ends at by itself: it is recognised by its damping."""
+        return not (isinstance(self.flank_damping, float) and self.flank_damping == _DAMPING)
 
     def step_within(self, sample_time: float) -> float:
         """A quarter of a radian of the swing on a flank."""
@@ -74,7 +89,7 @@ class Backlash(Effect):
     def coupling(self, twist: Expression, rate: Expression, inertia: Expression) -> Expression:
         """The push of the flank in touch, if any."""
         stiffness = self.motor_share * (1.0 - self.motor_share) * inertia * self.flank_frequency**2
-        damping = 2.0 * _DAMPING / self.flank_frequency
+        damping = 2.0 * self.flank_damping / self.flank_frequency
         ahead, behind = twist - self.gap / 2, twist + self.gap / 2
         forward = ca.if_else(ahead > 0, ca.fmax(ahead + damping * rate, 0), 0)
         backward = ca.if_else(behind < 0, ca.fmin(behind + damping * rate, 0), 0)
@@ -92,7 +107,30 @@ class Backlash(Effect):
         factors = ((0.8, 0.9, 1.1, 1.25), (0.93, 0.97, 1.03, 1.07))[stage - 1]
         shares = [within(self.motor_share * factor, Backlash, "motor_share") for factor in factors]
         along = [replace(self, gap=width / share, motor_share=share) for share in shares]
-        return (*along, *(replace(self, gap=self.gap * factor) for factor in factors))
+        wider = [replace(self, gap=self.gap * factor) for factor in factors]
+        return (*along, *wider, *(self._flanks() if stage == 2 else ()))
+
+    def _flanks(self) -> list[Backlash]:
+        """The same gap between other flanks."""
+        rate, damping = (self.flank_frequency, self.flank_damping if self.freed else 1.0)
+        others = [(rate * faster, damping * more) for faster, more in (_NEXT if self.freed else _SOFTER)]
+        return [
+            replace(
+                self,
+                flank_frequency=within(frequency, Backlash, "flank_frequency"),
+                flank_damping=within(ratio, Backlash, "flank_damping"),
+            )
+            for frequency, ratio in others
+        ]
+
+    def reduced(self) -> tuple[Effect, ...]:
+        """Between soft flanks, the spring of the flanks alone."""
+        if not self.freed:
+            return ()
+        spring = Compliance(
+            frequency=self.flank_frequency, damping=max(self.flank_damping, 1e-4), motor_share=self.motor_share
+        )
+        return (spring,)
 
     def elsewhere(self, noise: float) -> tuple[Effect, ...]:
         """Gaps that hardly show: from one that is far too wide no descent leads back."""

@@ -145,6 +145,11 @@ class Effect:
         """The parameters' values, in order."""
         return tuple(getattr(self, spec.name) for spec in self.parameters())
 
+    @property
+    def freed(self) -> bool:
+        """Whether what is stated at first is fitted too, as its values are no longer those that one would state."""
+        return False
+
     def bound(self, values: Sequence[Expression]) -> Self:
         """The same effect with other values, also symbolic ones, unchecked."""
         other = copy.copy(self)

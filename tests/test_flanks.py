@@ -1,0 +1,109 @@
+"""The flanks of a gap: stated while they count as hard, fitted once others have been tried."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis import refit as refits
+from diagnosis.odds import schwarz_cost
+from diagnosis.refit import estimates, refined
+from diagnosis.round import Contestant
+from identification.problem import Problem
+from plant import ServoModel
+from plant.effects import Backlash, Compliance
+
+HARD = Backlash(gap=0.01, motor_share=0.3)
+SOFT = replace(HARD, flank_frequency=150.0, flank_damping=0.3)
+FLANKS = {"backlash.flank_frequency", "backlash.flank_damping"}
+
+
+def free(effect: Backlash) -> set[str]:
+    log = record(Machine(), excitation(1, duration=2.0)).log()
+    problem = Problem.of(log, ServoModel(effects=(effect,)))
+    return {problem.model.names[place] for place in problem.free}
+
+
+def test_a_fit_moves_the_flanks_only_of_a_gap_between_soft_ones() -> None:
+    assert free(SOFT) - free(HARD) == FLANKS
+    assert not FLANKS & free(replace(HARD, flank_frequency=90.0))  # the user states it, with a hard flank's damping
+
+
+def test_other_flanks_are_tried_at_the_end_of_a_search_and_every_one_is_fitted() -> None:
+    for stage in (0, 1):
+        assert not any(isinstance(other, Backlash) and other.freed for other in HARD.look_alikes(stage))
+    tried = [other for other in HARD.look_alikes(2) if isinstance(other, Backlash) and other.freed]
+    assert {other.gap for other in tried} == {HARD.gap}
+    assert min(other.flank_frequency for other in tried) < 0.5 * HARD.flank_frequency
+    assert max(other.flank_frequency for other in tried) == HARD.flank_frequency
+    assert all(other.freed for other in SOFT.look_alikes(2) if isinstance(other, Backlash))
+
+
+def test_between_soft_flanks_without_a_gap_it_is_a_spring() -> None:
+    assert HARD.reduced() == ()
+    (spring,) = SOFT.reduced()
+    assert spring == Compliance(frequency=150.0, damping=0.3, motor_share=0.3)
+    closed = replace(SOFT, gap=0.0)
+    for twist, rate in ((0.01, 0.0), (0.01, 0.2), (-0.02, -0.1)):
+        assert float(closed.coupling(twist, rate, 2.0)) == pytest.approx(float(spring.coupling(twist, rate, 2.0)))
+
+
+@pytest.mark.parametrize(("rise", "kept"), [(0.9, False), (1.1, True)])
+def test_soft_flanks_must_pay_for_both_their_parameters_and_then_all_is_searched_anew(
+    monkeypatch: pytest.MonkeyPatch, rise: float, kept: bool
+) -> None:
+    """Which share of the inertia is the motor's was decided with the wrong flanks."""
+    asked: list[int] = []
+
+    class Searched:
+        def __init__(self, effect: Backlash) -> None:
+            self.effect = effect
+
+        def look_alikes(self, stage: int) -> tuple[Backlash, ...]:
+            asked.append(stage)
+            return (SOFT,) if stage == 2 and not self.effect.freed else (self.effect,)
+
+    def fitted(effect: Backlash, log_likelihood: float) -> Any:
+        model = SimpleNamespace(
+            effect=lambda name: Searched(effect),
+            without_effect=lambda name: SimpleNamespace(with_effect=lambda other: other),
+        )
+        several = tuple(range(8 if effect.freed else 6))
+        return Stub(log_likelihood=log_likelihood, free=several, model=model, bandwidth=0.0, samples=1000)
+
+    best = schwarz_cost(2, 1000) * rise
+    monkeypatch.setattr(refits, "replace", lambda fit, **_: fit)
+    monkeypatch.setattr(
+        refits, "problem_near", lambda fit, model: SimpleNamespace(descend=lambda _: fitted(model, best * model.freed))
+    )
+    monkeypatch.setattr(refits, "_most_promising", lambda problems, *_: problems)
+    found = refined(fitted(HARD, 0.0), fitted(HARD, 0.0), "backlash")
+    assert (len(found.free) == 8) == kept
+    assert asked == ([0, 1, 2, 0, 1, 2] if kept else [0, 1, 2])
+
+
+class Stub(SimpleNamespace):
+    """A fit as far as the search looks at it."""
+
+
+class Told(dict[str, Any]):
+    """A fit as far as its lines are read."""
+
+    def __init__(self, lines: dict[str, Any], model: ServoModel) -> None:
+        super().__init__(lines)
+        self.model = model
+
+
+def test_they_count_as_parameters_of_the_contestant_and_are_told() -> None:
+    for effect, more in ((HARD, 0), (SOFT, 2)):
+        model = ServoModel(effects=(effect,))
+        fit: Any = Stub(model=model)
+        assert Contestant.of(fit, "backlash", coefficients=1, charge=0.0).coefficients == 1 + more
+        lines = {name: SimpleNamespace(std=0.1, unit="") for name in model.names}
+
+        told: Any = Told({**lines}, model)
+        assert len(estimates(told, "backlash")) == 2 + more
