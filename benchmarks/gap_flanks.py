@@ -51,7 +51,9 @@ def main() -> None:
         for line in pool.imap(told, product(FLANKS, GAPS, SEEDS)):
             print(line, flush=True)
             lines.append(line)
-    lines.append(f"The motor has {SHARE:g} of the inertia; the model's flanks have 400 rad/s and 0.5. Noise 1 mrad.")
+    lines.append(
+        f"The motor has {SHARE:g} of the inertia; the model's flanks have 400 rad/s and 0.5 at first. Noise 1 mrad."
+    )
     (HERE / "results" / "gap_flanks.txt").write_text("\n".join(lines) + "\n")
 
 

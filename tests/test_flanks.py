@@ -52,6 +52,18 @@ def test_between_soft_flanks_without_a_gap_it_is_a_spring() -> None:
         assert float(closed.coupling(twist, rate, 2.0)) == pytest.approx(float(spring.coupling(twist, rate, 2.0)))
 
 
+def test_beside_a_heavier_load_the_flanks_of_the_gap_are_as_stiff_as_before() -> None:
+    for effect in (SOFT, HARD):
+        heavier = effect.loaded(2.0, 3.0)
+        push, after = (
+            [float(gap.coupling(0.007, rate, inertia)) for rate in (0.0, 0.1)]
+            for gap, inertia in ((effect, 2.0), (heavier, 3.0))
+        )
+        assert heavier.motor_share * 3.0 == pytest.approx(effect.motor_share * 2.0)
+        assert (after == pytest.approx(push)) == effect.freed
+        assert heavier.freed == effect.freed
+
+
 @pytest.mark.parametrize(("rise", "kept"), [(0.9, False), (1.1, True)])
 def test_soft_flanks_must_pay_for_both_their_parameters_and_then_all_is_searched_anew(
     monkeypatch: pytest.MonkeyPatch, rise: float, kept: bool

@@ -96,7 +96,15 @@ class Backlash(Effect):
         return stiffness * (forward + backward)
 
     def loaded(self, before: float, after: float) -> Backlash:
-        """The motor stays what it is; the flanks are stiff before and after."""
+        """The motor and its flanks stay what they are; hard ones are hard before and after."""
+        if self.freed:
+            spring = self._spring.loaded(before, after)
+            return replace(
+                self,
+                motor_share=spring.motor_share,
+                flank_frequency=spring.frequency,
+                flank_damping=spring.damping,
+            )
         return replace(self, motor_share=within(self.motor_share * before / after, Backlash, "motor_share"))
 
     def look_alikes(self, stage: int) -> tuple[Effect, ...]:
@@ -125,12 +133,15 @@ class Backlash(Effect):
 
     def reduced(self) -> tuple[Effect, ...]:
         """Between soft flanks, the spring of the flanks alone."""
-        if not self.freed:
-            return ()
-        spring = Compliance(
-            frequency=self.flank_frequency, damping=max(self.flank_damping, 1e-4), motor_share=self.motor_share
+        return (self._spring,) if self.freed else ()
+
+    @property
+    def _spring(self) -> Compliance:
+        return Compliance(
+            frequency=self.flank_frequency,
+            damping=within(self.flank_damping, Compliance, "damping"),
+            motor_share=self.motor_share,
         )
-        return (spring,)
 
     def elsewhere(self, noise: float) -> tuple[Effect, ...]:
         """Gaps that hardly show: from one that is far too wide no descent leads back."""
