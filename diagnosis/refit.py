@@ -54,26 +54,43 @@ def _from_the_best(fit: Fit, starts: Sequence[Effect], fixed: tuple[str, ...]) -
 def refined(fit: Fit, found: Fit, name: str) -> Fit:
     """What a refit of a fit with one effect more found, or better: the best among the shapes that look alike.
 
-    Each search begins from the best so far and at its bandwidth: behind the observer of the model without the effect a
-    fine shape is forgotten, and which peak is climbed from there is chance.
+    Then what the effect states is fitted too; where that fits clearly better all is searched anew.
     """
-    best, ahead = found, list(_SEARCH)
-    while ahead:
-        stage, *ahead = ahead
+    best = _best_alike(fit, found, name)
+    effect = best.model.effect(name)
+    freer = () if effect is None else effect.freer()
+    if not freer:
+        return best
+    freed = _climbed(fit, best, name, freer)
+    pays = schwarz_cost(len(freed.free) - len(best.free), fit.samples) + float(np.log(len(freer)))
+    return _best_alike(fit, freed, name) if freed.log_likelihood > best.log_likelihood + pays else best
+
+
+def _best_alike(fit: Fit, found: Fit, name: str) -> Fit:
+    best = found
+    for stage in _SEARCH:
         effect = best.model.effect(name)
-        others = effect.look_alikes(stage) if effect is not None else ()
-        alike = [problem_near(fit, best.model.without_effect(name).with_effect(other)) for other in others]
-        if not alike:
-            break
-        at = max(best.bandwidth, _SMOOTHER * fit.bandwidth)
-        near = replace(best, model=best.model.without_effect(name), bandwidth=at)
-        again = _most_promising(alike, near, at, _FIRST_STEP)[0].descend(near)
-        freed = len(again.free) - len(best.free)
-        if again.log_likelihood > best.log_likelihood + schwarz_cost(freed, fit.samples):
-            best, ahead = again, (list(_SEARCH) if freed else ahead)
+        again = _climbed(fit, best, name, () if effect is None else effect.look_alikes(stage))
+        if again.log_likelihood > best.log_likelihood:
+            best = again
         elif stage == _SEARCH[-1]:
             break
     return best
+
+
+def _climbed(fit: Fit, best: Fit, name: str, others: Sequence[Effect]) -> Fit:
+    """From the most promising of other shapes of an effect, if there are any: at the bandwidth of the best so far.
+
+    Behind the observer of the model without the effect a fine shape is forgotten, and which peak is climbed is chance.
+    """
+    if not others:
+        return best
+    rest = best.model.without_effect(name)
+    at = max(best.bandwidth, _SMOOTHER * fit.bandwidth)
+    near = replace(best, model=rest, bandwidth=at)
+    alike = [problem_near(fit, rest.with_effect(other)) for other in others]
+    promising = _most_promising(alike, near, at, _FIRST_STEP)[:_DESCENTS]
+    return max(side_by_side(lambda each: each.descend(near), promising), key=lambda fit: fit.log_likelihood)
 
 
 def problem_near(fit: Fit, model: ServoModel, fixed: tuple[str, ...] = ()) -> Problem:

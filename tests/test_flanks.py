@@ -34,13 +34,16 @@ def test_a_fit_moves_the_flanks_only_of_a_gap_between_soft_ones() -> None:
 
 
 def test_other_flanks_are_tried_at_the_end_of_a_search_and_every_one_is_fitted() -> None:
-    for stage in (0, 1):
+    for stage in (0, 1, 2):
         assert not any(isinstance(other, Backlash) and other.freed for other in HARD.look_alikes(stage))
-    tried = [other for other in HARD.look_alikes(2) if isinstance(other, Backlash) and other.freed]
+        assert SOFT.freer() == ()
+    tried = [other for other in HARD.freer() if isinstance(other, Backlash) and other.freed]
     assert {other.gap for other in tried} == {HARD.gap}
     assert min(other.flank_frequency for other in tried) < 0.5 * HARD.flank_frequency
     assert max(other.flank_frequency for other in tried) == HARD.flank_frequency
-    assert all(other.freed for other in SOFT.look_alikes(2) if isinstance(other, Backlash))
+    alike = [other for other in SOFT.look_alikes(2) if isinstance(other, Backlash)]
+    assert all(other.freed for other in alike)
+    assert len({other.flank_damping for other in alike}) > 1
 
 
 def test_between_soft_flanks_without_a_gap_it_is_a_spring() -> None:
@@ -77,7 +80,10 @@ def test_soft_flanks_must_pay_for_both_their_parameters_and_then_all_is_searched
 
         def look_alikes(self, stage: int) -> tuple[Backlash, ...]:
             asked.append(stage)
-            return (SOFT,) if stage == 2 and not self.effect.freed else (self.effect,)
+            return (self.effect,)
+
+        def freer(self) -> tuple[Backlash, ...]:
+            return () if self.effect.freed else (SOFT,)
 
     def fitted(effect: Backlash, log_likelihood: float) -> Any:
         model = SimpleNamespace(
@@ -96,6 +102,32 @@ def test_soft_flanks_must_pay_for_both_their_parameters_and_then_all_is_searched
     found = refined(fitted(HARD, 0.0), fitted(HARD, 0.0), "backlash")
     assert (len(found.free) == 8) == kept
     assert asked == ([0, 1, 2, 0, 1, 2] if kept else [0, 1, 2])
+
+
+def test_a_search_goes_over_wider_and_narrower_gaps_too_and_follows_the_two_that_promise_most(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Between shares of one width, on machines by lot, the best peak was missed: once the gap was not told at all."""
+    alike = [other for other in HARD.look_alikes(0) if isinstance(other, Backlash)]
+    widths = {round(other.gap * other.motor_share / (HARD.gap * HARD.motor_share), 6) for other in alike}
+    assert (min(widths) < 0.8, 1.0 in widths, max(widths) > 1.3) == (True, True, True)
+
+    class Alike:
+        def __init__(self, place: int) -> None:
+            self.place = place
+
+        def descend(self, _: Any) -> Any:  # the second ends best; the third, which would be better still, is not asked
+            return Stub(log_likelihood=float(self.place), model=found.model, bandwidth=0.0)
+
+    model = SimpleNamespace(
+        effect=lambda name: SimpleNamespace(look_alikes=lambda stage: (HARD,) * 3, freer=lambda: ()),
+        without_effect=lambda name: SimpleNamespace(with_effect=lambda other: other),
+    )
+    found: Any = Stub(log_likelihood=0.0, model=model, bandwidth=0.0)
+    monkeypatch.setattr(refits, "replace", lambda fit, **_: fit)
+    monkeypatch.setattr(refits, "problem_near", lambda fit, model: model)
+    monkeypatch.setattr(refits, "_most_promising", lambda problems, *_: [Alike(place) for place in (1, 2, 3)])
+    assert refined(found, found, "backlash").log_likelihood == 2.0
 
 
 class Stub(SimpleNamespace):

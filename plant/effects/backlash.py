@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -30,8 +31,9 @@ _STIFF = 400.0  # swing on the spring of a flank that a log of 5 ms cannot tell 
 _DAMPING = 0.5  # of that swing on a flank that counts as hard
 _STEPS = 4.0  # integration steps in a radian of that swing
 _SHARES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the inertia, to start from
-
+_WIDTHS = (0.7, 1.0, 1.4)  # by which the gap is wider than what a first descent ended at, tried with each share
 _FEW_SHARES = (0.2, 0.45, 0.75)
+
 # Other flanks, by the frequency over a hard one's and the damping, which is never that of a hard one; and from there on
 # by both over those of the flank before.
 _SOFTER = ((1.0, 0.2), (1.0, 0.1), (0.7, 0.4), (0.5, 0.2), (0.5, 0.4), (0.35, 0.4), (0.35, 0.2))
@@ -111,25 +113,23 @@ class Backlash(Effect):
         """A light motor crosses a wide gap in the time in which a heavy one crosses a narrow one."""
         width = self.gap * self.motor_share
         if stage == 0:
-            return tuple(replace(self, gap=width / share, motor_share=share) for share in _SHARES)
+            both = product(_WIDTHS, _SHARES)
+            return tuple(replace(self, gap=times * width / share, motor_share=share) for times, share in both)
         factors = ((0.8, 0.9, 1.1, 1.25), (0.93, 0.97, 1.03, 1.07))[stage - 1]
         shares = [within(self.motor_share * factor, Backlash, "motor_share") for factor in factors]
         along = [replace(self, gap=width / share, motor_share=share) for share in shares]
         wider = [replace(self, gap=self.gap * factor) for factor in factors]
-        return (*along, *wider, *(self._flanks() if stage == 2 else ()))
+        if not self.freed or stage < 2:
+            return (*along, *wider)
+        return (*along, *wider, *(self._between(faster, more * self.flank_damping) for faster, more in _NEXT))
 
-    def _flanks(self) -> list[Backlash]:
-        """The same gap between other flanks."""
-        rate, damping = (self.flank_frequency, self.flank_damping if self.freed else 1.0)
-        others = [(rate * faster, damping * more) for faster, more in (_NEXT if self.freed else _SOFTER)]
-        return [
-            replace(
-                self,
-                flank_frequency=within(frequency, Backlash, "flank_frequency"),
-                flank_damping=within(ratio, Backlash, "flank_damping"),
-            )
-            for frequency, ratio in others
-        ]
+    def freer(self) -> tuple[Effect, ...]:
+        """The same gap between flanks that are softer, or damp a knock less."""
+        return () if self.freed else tuple(self._between(slower, damping) for slower, damping in _SOFTER)
+
+    def _between(self, faster: float, damping: float) -> Backlash:
+        frequency = within(self.flank_frequency * faster, Backlash, "flank_frequency")
+        return replace(self, flank_frequency=frequency, flank_damping=within(damping, Backlash, "flank_damping"))
 
     def reduced(self) -> tuple[Effect, ...]:
         """Between soft flanks, the spring of the flanks alone."""

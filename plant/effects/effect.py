@@ -249,6 +249,10 @@ class Effect:
         """
         return ()
 
+    def freer(self) -> tuple[Effect, ...]:
+        """Shapes of which what this one states is fitted too, as `freed` says: tried once its own values are found."""
+        return ()
+
     def elsewhere(self, noise: float) -> tuple[Effect, ...]:
         """Shapes to begin from where this one and its like have come out no better than no effect at all.
 
