@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.odds import schwarz_cost, typical_speed
+from diagnosis.odds import typical_speed
 from diagnosis.result import Estimate
 from identification.fit_result import Fit
 from identification.problem import Problem
@@ -18,9 +17,6 @@ from plant.servo import ServoModel
 _DESCENTS = 2  # starts of one effect that are followed to the end
 _FAST = 0.1  # bandwidth of an observer over the sampling rate, from which it follows anything
 _NOTHING = 1e-3  # rise of the log-likelihood that says nothing
-_FIRST_STEP = 2  # evaluations after which shapes that look alike are compared: where they are, and one step on
-_SMOOTHER = 0.2  # of the bandwidth before, below which a rugged likelihood is not looked at from afar
-_SEARCH = (0, 1, 2, 2, 2, 2, 2)  # among shapes that look alike, ever finer; the finest as long as it finds better ones
 
 
 def refit(fit: Fit, *starts: Effect, fixed: tuple[str, ...] = ()) -> Fit:
@@ -41,7 +37,7 @@ def _from_the_best(fit: Fit, starts: Sequence[Effect], fixed: tuple[str, ...]) -
 
     problems = [problem(start) for start in starts]
     if len(problems) > _DESCENTS:
-        problems = _most_promising(problems, fit, fit.bandwidth)[:_DESCENTS]
+        problems = most_promising(problems, fit, fit.bandwidth)[:_DESCENTS]
     begun = side_by_side(lambda each: each.begun(fit), problems)
     ways = [  # those that come by the same place go on alike
         (problem, here)
@@ -49,48 +45,6 @@ def _from_the_best(fit: Fit, starts: Sequence[Effect], fixed: tuple[str, ...]) -
         if not any(here.is_at(other.point, fit.samples) for other in begun[:place])
     ]
     return max(side_by_side(lambda way: way[0].descend(fit, way[1]), ways), key=lambda found: found.log_likelihood)
-
-
-def refined(fit: Fit, found: Fit, name: str) -> Fit:
-    """What a refit of a fit with one effect more found, or better: the best among the shapes that look alike.
-
-    Then what the effect states is fitted too; where that fits clearly better all is searched anew.
-    """
-    best = _best_alike(fit, found, name)
-    effect = best.model.effect(name)
-    freer = () if effect is None else effect.freer()
-    if not freer:
-        return best
-    freed = _climbed(fit, best, name, freer)
-    pays = schwarz_cost(len(freed.free) - len(best.free), fit.samples) + float(np.log(len(freer)))
-    return _best_alike(fit, freed, name) if freed.log_likelihood > best.log_likelihood + pays else best
-
-
-def _best_alike(fit: Fit, found: Fit, name: str) -> Fit:
-    best = found
-    for stage in _SEARCH:
-        effect = best.model.effect(name)
-        again = _climbed(fit, best, name, () if effect is None else effect.look_alikes(stage))
-        if again.log_likelihood > best.log_likelihood:
-            best = again
-        elif stage == _SEARCH[-1]:
-            break
-    return best
-
-
-def _climbed(fit: Fit, best: Fit, name: str, others: Sequence[Effect]) -> Fit:
-    """From the most promising of other shapes of an effect, if there are any: at the bandwidth of the best so far.
-
-    Behind the observer of the model without the effect a fine shape is forgotten, and which peak is climbed is chance.
-    """
-    if not others:
-        return best
-    rest = best.model.without_effect(name)
-    at = max(best.bandwidth, _SMOOTHER * fit.bandwidth)
-    near = replace(best, model=rest, bandwidth=at)
-    alike = [problem_near(fit, rest.with_effect(other)) for other in others]
-    promising = _most_promising(alike, near, at, _FIRST_STEP)[:_DESCENTS]
-    return max(side_by_side(lambda each: each.descend(near), promising), key=lambda fit: fit.log_likelihood)
 
 
 def problem_near(fit: Fit, model: ServoModel, fixed: tuple[str, ...] = ()) -> Problem:
@@ -103,7 +57,7 @@ def fitted_near(fit: Fit, model: ServoModel) -> Fit:
     return problem_near(fit, model).descend(fit)
 
 
-def _most_promising(problems: list[Problem], fit: Fit, bandwidth: float, iterations: int = 4) -> list[Problem]:
+def most_promising(problems: list[Problem], fit: Fit, bandwidth: float, iterations: int = 4) -> list[Problem]:
     """The problems by how well a few iterations from a fit serve them, the best first."""
     costs = side_by_side(lambda each: each.glance(fit, bandwidth, iterations), problems)
     return [problems[place] for place in np.argsort(costs, kind="stable")]

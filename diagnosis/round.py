@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.look_alikes import refined
 from diagnosis.odds import (
     CLEAR,
     NONE,
@@ -22,7 +23,6 @@ from diagnosis.refit import (
     is_its_special_case,
     is_plausible,
     problem_near,
-    refined,
     refit,
     widening,
 )

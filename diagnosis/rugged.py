@@ -12,7 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from diagnosis.refit import refined, refit
+from diagnosis.look_alikes import refined
+from diagnosis.refit import refit
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
 from identification.log import Log

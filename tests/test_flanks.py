@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 from machine import Machine, excitation, record
 
-from diagnosis import refit as refits
+from diagnosis import look_alikes
+from diagnosis.look_alikes import refined
 from diagnosis.odds import schwarz_cost
-from diagnosis.refit import estimates, refined
+from diagnosis.refit import estimates
 from diagnosis.round import Contestant
 from identification.problem import Problem
 from plant import ServoModel
@@ -91,20 +92,29 @@ def test_soft_flanks_must_pay_for_both_their_parameters_and_then_all_is_searched
             without_effect=lambda name: SimpleNamespace(with_effect=lambda other: other),
         )
         several = tuple(range(8 if effect.freed else 6))
-        return Stub(log_likelihood=log_likelihood, free=several, model=model, bandwidth=0.0, samples=1000)
+        return Stub(
+            log_likelihood=log_likelihood,
+            held_log_likelihood=None,
+            free=several,
+            model=model,
+            bandwidth=0.0,
+            samples=1000,
+        )
 
     best = schwarz_cost(2, 1000) * rise
-    monkeypatch.setattr(refits, "replace", lambda fit, **_: fit)
+    monkeypatch.setattr(look_alikes, "replace", lambda fit, **_: fit)
     monkeypatch.setattr(
-        refits, "problem_near", lambda fit, model: SimpleNamespace(descend=lambda _: fitted(model, best * model.freed))
+        look_alikes,
+        "problem_near",
+        lambda fit, model: SimpleNamespace(descend=lambda _: fitted(model, best * model.freed)),
     )
-    monkeypatch.setattr(refits, "_most_promising", lambda problems, *_: problems)
+    monkeypatch.setattr(look_alikes, "most_promising", lambda problems, *_: problems)
     found = refined(fitted(HARD, 0.0), fitted(HARD, 0.0), "backlash")
     assert (len(found.free) == 8) == kept
-    assert asked == ([0, 1, 2, 0, 1, 2] if kept else [0, 1, 2])
+    assert asked.count(0) == (2 if kept else 1)
 
 
-def test_a_search_goes_over_wider_and_narrower_gaps_too_and_follows_the_two_that_promise_most(
+def test_a_search_goes_over_wider_and_narrower_gaps_too_and_follows_two_ways(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Between shares of one width, on machines by lot, the best peak was missed: once the gap was not told at all."""
@@ -112,22 +122,34 @@ def test_a_search_goes_over_wider_and_narrower_gaps_too_and_follows_the_two_that
     widths = {round(other.gap * other.motor_share / (HARD.gap * HARD.motor_share), 6) for other in alike}
     assert (min(widths) < 0.8, 1.0 in widths, max(widths) > 1.3) == (True, True, True)
 
-    class Alike:
+    def fitted(place: int, log_likelihood: float) -> Any:
+        model = SimpleNamespace(effect=lambda name: Shape(place), without_effect=lambda name: Rest)
+        return Stub(log_likelihood=log_likelihood, held_log_likelihood=None, model=model, bandwidth=0.0)
+
+    class Rest:
+        @staticmethod
+        def with_effect(other: Any) -> Any:
+            return other
+
+    class Shape(SimpleNamespace):
         def __init__(self, place: int) -> None:
-            self.place = place
+            super().__init__(place=place)
 
-        def descend(self, _: Any) -> Any:  # the second ends best; the third, which would be better still, is not asked
-            return Stub(log_likelihood=float(self.place), model=found.model, bandwidth=0.0)
+        def look_alikes(self, stage: int) -> tuple[Any, ...]:
+            return (Shape(1), Shape(2), Shape(3)) if stage == 0 else (Shape(10 * self.place),)
 
-    model = SimpleNamespace(
-        effect=lambda name: SimpleNamespace(look_alikes=lambda stage: (HARD,) * 3, freer=lambda: ()),
-        without_effect=lambda name: SimpleNamespace(with_effect=lambda other: other),
-    )
-    found: Any = Stub(log_likelihood=0.0, model=model, bandwidth=0.0)
-    monkeypatch.setattr(refits, "replace", lambda fit, **_: fit)
-    monkeypatch.setattr(refits, "problem_near", lambda fit, model: model)
-    monkeypatch.setattr(refits, "_most_promising", lambda problems, *_: [Alike(place) for place in (1, 2, 3)])
-    assert refined(found, found, "backlash").log_likelihood == 2.0
+        def freer(self) -> tuple[()]:
+            return ()
+
+        def descend(self, _: Any) -> Any:
+            return fitted(self.place, ENDS.get(self.place, 0.0))
+
+    ENDS = {1: 5.0, 2: 4.0, 3: 50.0, 10: 6.0, 20: 9.0}  # the second ends higher, the third is not asked
+    monkeypatch.setattr(look_alikes, "replace", lambda fit, **_: fit)
+    monkeypatch.setattr(look_alikes, "problem_near", lambda fit, model: model)
+    monkeypatch.setattr(look_alikes, "most_promising", lambda problems, *_: problems)
+    found = fitted(0, 0.0)
+    assert refined(found, found, "backlash").log_likelihood == 9.0
 
 
 class Stub(SimpleNamespace):
