@@ -149,10 +149,11 @@ class Predictor:
                 rows, moved = run_inputs(run, self.model, values, bandwidth, width, part)
                 carried, (errors, jacobian, states) = follow(carried, rows, moved)
                 output = rows[:, len(INPUTS)] - errors[:, 0]
-                if not run.valid[part].all():
-                    errors *= run.valid[part, None]
-                    jacobian *= run.valid[part, None]
-                white = whitened(np.hstack((errors, jacobian))) * run.valid[part, None] if self.colour else None
+                masked = ~run.valid[part]
+                errors[masked], jacobian[masked] = 0.0, 0.0  # not times zero: a simulation that overflows is infinite
+                white = whitened(np.hstack((errors, jacobian))) if self.colour else None
+                if white is not None:
+                    white[masked] = 0.0
                 yield (
                     place,
                     Prediction(

@@ -68,3 +68,16 @@ def test_a_prediction_begins_at_the_first_goal_though_the_drive_starts_late() ->
         predictor = Predictor(model=model, runs=(run_at,), free=())
         (found,) = predictor.predict(model.values, np.zeros((1, 2)), bandwidth=0.0, width=0.0)
         assert found.states[model.states.index("goal_rate_limit"), 0] == pytest.approx(goal)
+
+
+def test_a_masked_sample_counts_for_nothing_also_where_the_simulation_overflows() -> None:
+    model = ServoModel.paper()
+    runaway = model.values
+    runaway[model.names.index("viscous_friction")] = -1e6 * runaway[model.names.index("inertia")]
+    count = 400
+    run = run_of(count, valid=np.arange(count) < 300)
+    predictor = Predictor(model=model, runs=(run,), free=(0,))
+    (found,) = predictor.predict(runaway, np.array([[0.0, 10.0]]), bandwidth=0.0, width=0.0)
+    assert not np.isfinite(found.errors[299])
+    assert not found.errors[300:].any()
+    assert not found.jacobian[300:].any()
