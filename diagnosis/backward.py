@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from diagnosis.contestant import weighed
 from diagnosis.look_alikes import refined
 from diagnosis.odds import CLEAR, NONE, parameter_cost, schwarz_cost
 from diagnosis.refit import evidence_of, fitted_near, is_its_special_case, problem_near
-from diagnosis.round import Addition, weighed
+from diagnosis.round import Addition
 from diagnosis.unseen import holds_up
 from identification.fit_result import Fit
 from identification.noise import log_likelihood

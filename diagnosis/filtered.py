@@ -13,9 +13,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.special import expit
 
+from diagnosis.contestant import Contestant
 from diagnosis.odds import CLEAR
 from diagnosis.refit import evidence_of, fitted_near, follows_anything
-from diagnosis.round import Addition, Contestant
+from diagnosis.round import Addition
 from diagnosis.wandering import refitted
 from identification.fit_result import Fit
 from identification.noise import colouring

@@ -22,19 +22,26 @@ _SMOOTHER = 0.2  # of the bandwidth before, below which a rugged likelihood is n
 def refined(fit: Fit, found: Fit, name: str) -> Fit:
     """What a refit of a fit with one effect more found, or better: the best among the shapes that look alike.
 
-    Two ways are followed from all over the range: only at its end is seen which of them leads up the higher peak.
     Then what the effect states is fitted too; where that fits clearly better all is searched anew.
     """
-    afar = _climbed(fit, found, name, _look_alikes(found, name, stage=0), most=_WAYS)
-    ways = sorted((found, *afar), key=_height)[-_WAYS:] if afar else [found]
-    best = max(side_by_side(lambda way: _nearer(fit, way, name), ways), key=_height)
+    best = best_alike(fit, found, name)
     effect = best.model.effect(name)
     freer = () if effect is None else effect.freer()
     if not freer:
         return best
     (freed,) = _climbed(fit, best, name, freer, most=1)
     pays = schwarz_cost(len(freed.free) - len(best.free), fit.samples) + float(np.log(len(freer)))
-    return refined(fit, freed, name) if _height(freed) > _height(best) + pays else best
+    return best_alike(fit, freed, name) if _height(freed) > _height(best) + pays else best
+
+
+def best_alike(fit: Fit, found: Fit, name: str) -> Fit:
+    """The same with what the effect states as it is.
+
+    Two ways are followed from all over the range: only at its end is seen which of them leads up the higher peak.
+    """
+    afar = _climbed(fit, found, name, _look_alikes(found, name, stage=0), most=_WAYS)
+    ways = sorted((found, *afar), key=_height)[-_WAYS:] if afar else [found]
+    return max(side_by_side(lambda way: _nearer(fit, way, name), ways), key=_height)
 
 
 def _nearer(fit: Fit, best: Fit, name: str) -> Fit:

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from diagnosis.look_alikes import refined
+from diagnosis.look_alikes import best_alike
 from diagnosis.refit import refit
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
@@ -63,7 +63,7 @@ def _alone(rest: ServoModel, effect: Effect, part: Log) -> Array | None:
     """Fitted values of an effect in a part of the log, the rest of the model but for its inertia as it is."""
     try:
         base = Problem.of(part, rest, fixed=[name for name in rest.names if name != "inertia"]).solve()
-        own = refined(base, refit(base, effect), effect.name).model.effect(effect.name)
+        own = best_alike(base, refit(base, effect), effect.name).model.effect(effect.name)
     except (Unidentifiable, BadParameter):
         return None
     if own is None:

@@ -10,29 +10,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache, partial
-from typing import Any, NamedTuple
+from functools import cache, partial
+from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 from scipy.stats import chi2
 
 from diagnosis.linear import AT_ONCE, Linear, linearised, response, score
+from diagnosis.motion import motion_of
 from diagnosis.nuisance import Nuisance
 from diagnosis.odds import UNKNOWN, smooth_evidence
 from identification.fit_result import Fit
 from identification.least_squares import bounded_least_squares
-from identification.log import Run
 from identification.noise import coloured_information
-from identification.predictor import Prediction, observer_gain
 from identification.problem import Problem
 from identification.side_by_side import side_by_side
-from plant.discrete import Structure
 from plant.effects import Effect, Motion, Trace
 from plant.effects.effect import Array
-from plant.recursion import Recursion
-from plant.servo import ServoModel
-from plant.symbolic import one_at_a_time
 
 _NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own, where there are many peaks
 _STARTS = 8
@@ -113,11 +107,10 @@ class Screen:
             for run, p in zip(problem.log.runs, predictions, strict=True)
         )
         scores = score(linear, nuisance.beyond(innovations)[:, None])
+        motion = motion_of(fit, problem, predictions, bandwidth, scores)
         return cls(
             fit=fit,
-            motion=replace(
-                _motion(fit, problem, predictions, bandwidth, scores), chance=cache(partial(_chance, linear, nuisance))
-            ),
+            motion=replace(motion, chance=cache(partial(_chance, linear, nuisance))),
             innovations=innovations,
             nuisance=nuisance,
             filters=linear,
@@ -246,59 +239,3 @@ def _chance(linear: tuple[Linear, ...], nuisance: Nuisance) -> tuple[Array, Arra
     """(T, M) both scores of as many draws of white noise as are followed at once, the same each time."""
     draws = np.random.default_rng(0).normal(size=(len(nuisance.shared), AT_ONCE))
     return score(linear, nuisance.beyond(draws))
-
-
-def _motion(
-    fit: Fit, problem: Problem, predictions: list[Prediction], bandwidth: float, scores: tuple[Array, Array]
-) -> Motion:
-    """The model's motion, for the effects to draw their traces along."""
-    runs = problem.log.runs
-    velocity = np.concatenate([p.states[1] for p in predictions])
-    command = np.concatenate([run.command for run in runs])
-    gain, output = (np.concatenate([getattr(run, name) for run in runs]) for name in ("servo_gain", "output"))
-    limit = np.repeat([run.command_limit for run in runs], [len(run) for run in runs])
-
-    def law(command: Array) -> Array:
-        return np.asarray(np.clip(command - gain * output, -limit, limit))
-
-    dt = runs[0].sample_time
-    typical = float(np.quantile(np.abs(velocity), 0.9))
-    return Motion(
-        time=np.concatenate([run.time for run in runs]),
-        angle=np.concatenate([p.states[0] for p in predictions]),
-        velocity=velocity,
-        acceleration=np.concatenate([_acceleration(r, p, bandwidth) for r, p in zip(runs, predictions, strict=True)]),
-        command=command,
-        servo_gain=gain,
-        torque=law(command),
-        score=scores[0][:, 0],
-        reading_score=scores[1][:, 0],
-        inertia=float(fit.model.inertia),
-        law=law,
-        arriving=lambda torque: _arriving(fit.model, torque, velocity),
-        run=np.repeat(np.arange(len(runs)), [len(run) for run in runs]),
-        velocity_resolution=max(1e-3 * typical, fit.noise_std * bandwidth * np.sqrt(bandwidth * dt), 1e-12),
-    )
-
-
-def _arriving(model: ServoModel, torque: Array, velocity: Array) -> Array:
-    """(T,) what of a torque (T,) arrives at the load when every lag has settled [N m]."""
-    return _settled(Structure(model))((), np.column_stack((torque, velocity)), model.values)[1][0][:, 0]
-
-
-@one_at_a_time
-@lru_cache(maxsize=128)
-def _settled(structure: Structure) -> Recursion:
-    row, parameters = ca.SX.sym("row", 2), ca.SX.sym("parameters", len(structure.model.names))
-    torque: Any = row[0]
-    for effect in structure.model.bound(parameters).effects:
-        torque = effect.command(torque, torque, row[1])
-    return Recursion(ca.Function("settled", [row, parameters], [torque]), carried=0)
-
-
-def _acceleration(run: Run, prediction: Prediction, bandwidth: float) -> Array:
-    """(T,) acceleration of the model over each sample [rad/s^2], without the jumps of the observer's corrections."""
-    dt = np.diff(run.time)
-    corrected = prediction.states[1] + observer_gain(bandwidth, np.append(dt, dt[-1]))[1] * prediction.errors
-    steps = (prediction.states[1, 1:] - corrected[:-1]) / dt
-    return np.append(steps, steps[-1])

@@ -15,9 +15,10 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.backward import falls_short, fits_in
+from diagnosis.contestant import Contestant
 from diagnosis.odds import NONE, probabilities
 from diagnosis.refit import evidence_of, fitted_near, is_its_special_case, is_plausible, problem_near
-from diagnosis.round import Addition, Contestant
+from diagnosis.round import Addition
 from diagnosis.screen import Screen
 from diagnosis.uneven import unevenness
 from diagnosis.unseen import holds_up

@@ -10,9 +10,10 @@ from machine import Machine, excitation, record
 
 from diagnosis import backward
 from diagnosis.backward import _handed_over, _simplest_that_does, fits_in, with_best_names, without_superfluous
+from diagnosis.contestant import Contestant
 from diagnosis.odds import NONE
 from diagnosis.refit import evidence_of, refit
-from diagnosis.round import Addition, Contestant
+from diagnosis.round import Addition
 from identification.fit import fit
 from identification.fit_result import Fit
 from plant import Effect, ServoModel, catalogue

@@ -12,8 +12,9 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import agreement, belief, curves, wandering
+from diagnosis.contestant import Contestant
 from diagnosis.curves import Carried, beside_unnamed, carried
-from diagnosis.round import Addition, Contestant
+from diagnosis.round import Addition
 from diagnosis.search import Outcome
 from diagnosis.uneven import Unevenness
 from plant.effects import CoulombFriction

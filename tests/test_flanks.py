@@ -10,10 +10,10 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import look_alikes
+from diagnosis.contestant import Contestant
 from diagnosis.look_alikes import refined
 from diagnosis.odds import schwarz_cost
 from diagnosis.refit import estimates
-from diagnosis.round import Contestant
 from identification.problem import Problem
 from plant import ServoModel
 from plant.effects import Backlash, Compliance

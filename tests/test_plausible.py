@@ -11,9 +11,9 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import belief, diagnose
+from diagnosis.contestant import Contestant
 from diagnosis.odds import visibility_cost
 from diagnosis.refit import evidence_of, is_plausible, refit
-from diagnosis.round import Contestant
 from diagnosis.search import Outcome
 from identification.fit import base_model, fit
 from plant.effects import CableStiffness, Effect, EncoderEccentricity, EndStop

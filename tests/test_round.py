@@ -13,11 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from machine import Machine, excitation, record
 
+from diagnosis import contestant as contestants
 from diagnosis import diagnose, search
 from diagnosis import round as rounds
+from diagnosis.contestant import Contestant, weighed
 from diagnosis.odds import CLEAR, NONE, SEEN
 from diagnosis.result import Candidate
-from diagnosis.round import _PROMISING, _REFITS, _WORTH, Addition, Contestant, _neighbours, _worth_a_refit, weighed
+from diagnosis.round import _PROMISING, _REFITS, _WORTH, Addition, _neighbours, _worth_a_refit
 from diagnosis.screen import Suspect
 from identification.fit import fit
 from identification.fit_result import Fit
@@ -161,11 +163,11 @@ def test_against_nothing_a_name_stands_by_the_colour_of_its_own_evidence(monkeyp
     """A rival that is a little likelier, but on evidence of another colour, had taken it from a name that is plain."""
     plain, slow = SimpleNamespace(log_likelihood=40.0, widens=1.0), SimpleNamespace(log_likelihood=41.0, widens=50.0)
     none: Any = SimpleNamespace(log_likelihood=0.0)
-    monkeypatch.setattr(rounds, "widening", lambda at, than: at.widens)
-    monkeypatch.setattr(rounds, "evidence_of", lambda at, than, over=None: at.log_likelihood / (over or at.widens))
-    monkeypatch.setattr(rounds, "parameter_cost", lambda at, than: 0.0)
-    monkeypatch.setattr(rounds, "is_plausible", lambda at, name: True)
-    monkeypatch.setattr(rounds, "is_its_special_case", lambda at, name: False)
+    monkeypatch.setattr(contestants, "widening", lambda at, than: at.widens)
+    monkeypatch.setattr(contestants, "evidence_of", lambda at, than, over=None: at.log_likelihood / (over or at.widens))
+    monkeypatch.setattr(contestants, "parameter_cost", lambda at, than: 0.0)
+    monkeypatch.setattr(contestants, "is_plausible", lambda at, name: True)
+    monkeypatch.setattr(contestants, "is_its_special_case", lambda at, name: False)
     contest = {
         name: Contestant(effect=CoulombFriction(torque=0.1), coefficients=1, charge=3.0) for name in ("plain", "slow")
     }

@@ -11,8 +11,9 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import diagnose, surface, uneven
+from diagnosis.contestant import Contestant
 from diagnosis.refit import refit
-from diagnosis.round import Addition, Contestant, one_round
+from diagnosis.round import Addition, one_round
 from diagnosis.search import Outcome, forward, weighed_again
 from diagnosis.surface import beside_surface, surface_evidence
 from diagnosis.uneven import Unevenness, unevenness

@@ -1,0 +1,76 @@
+"""The motion of a fitted model, along which effects draw their traces."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from identification.fit_result import Fit
+from identification.predictor import Prediction, observer_gain
+from identification.problem import Problem
+from identification.run import Run
+from plant.discrete import Structure
+from plant.effects import Motion
+from plant.effects.effect import Array
+from plant.recursion import Recursion
+from plant.servo import ServoModel
+from plant.symbolic import one_at_a_time
+
+
+def motion_of(
+    fit: Fit, problem: Problem, predictions: list[Prediction], bandwidth: float, scores: tuple[Array, Array]
+) -> Motion:
+    """The model's motion, for the effects to draw their traces along."""
+    runs = problem.log.runs
+    velocity = np.concatenate([p.states[1] for p in predictions])
+    command = np.concatenate([run.command for run in runs])
+    gain, output = (np.concatenate([getattr(run, name) for run in runs]) for name in ("servo_gain", "output"))
+    limit = np.repeat([run.command_limit for run in runs], [len(run) for run in runs])
+
+    def law(command: Array) -> Array:
+        return np.asarray(np.clip(command - gain * output, -limit, limit))
+
+    dt = runs[0].sample_time
+    typical = float(np.quantile(np.abs(velocity), 0.9))
+    return Motion(
+        time=np.concatenate([run.time for run in runs]),
+        angle=np.concatenate([p.states[0] for p in predictions]),
+        velocity=velocity,
+        acceleration=np.concatenate([_acceleration(r, p, bandwidth) for r, p in zip(runs, predictions, strict=True)]),
+        command=command,
+        servo_gain=gain,
+        torque=law(command),
+        score=scores[0][:, 0],
+        reading_score=scores[1][:, 0],
+        inertia=float(fit.model.inertia),
+        law=law,
+        arriving=lambda torque: _arriving(fit.model, torque, velocity),
+        run=np.repeat(np.arange(len(runs)), [len(run) for run in runs]),
+        velocity_resolution=max(1e-3 * typical, fit.noise_std * bandwidth * np.sqrt(bandwidth * dt), 1e-12),
+    )
+
+
+def _arriving(model: ServoModel, torque: Array, velocity: Array) -> Array:
+    """(T,) what of a torque (T,) arrives at the load when every lag has settled [N m]."""
+    return _settled(Structure(model))((), np.column_stack((torque, velocity)), model.values)[1][0][:, 0]
+
+
+@one_at_a_time
+@lru_cache(maxsize=128)
+def _settled(structure: Structure) -> Recursion:
+    row, parameters = ca.SX.sym("row", 2), ca.SX.sym("parameters", len(structure.model.names))
+    torque: Any = row[0]
+    for effect in structure.model.bound(parameters).effects:
+        torque = effect.command(torque, torque, row[1])
+    return Recursion(ca.Function("settled", [row, parameters], [torque]), carried=0)
+
+
+def _acceleration(run: Run, prediction: Prediction, bandwidth: float) -> Array:
+    """(T,) acceleration of the model over each sample [rad/s^2], without the jumps of the observer's corrections."""
+    dt = np.diff(run.time)
+    corrected = prediction.states[1] + observer_gain(bandwidth, np.append(dt, dt[-1]))[1] * prediction.errors
+    steps = (prediction.states[1, 1:] - corrected[:-1]) / dt
+    return np.append(steps, steps[-1])
