@@ -119,7 +119,7 @@ def _silent(here: NormalEquations, lower: Array, upper: Array, samples: int, tol
     its bound, where the log may say very much, and no step would do.
     """
     known = np.diag(here.information)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         across = 0.5 * samples / here.cost * known * (upper - lower) ** 2
     return np.asarray((known <= 1e-280) | (across < tolerance))
 

@@ -178,6 +178,27 @@ def test_a_step_into_overflow_is_taken_back() -> None:
     assert np.isfinite(found.equations.cost)
 
 
+def test_slopes_that_all_but_overflow_are_no_silence() -> None:
+    """Of a gap in quick succession of impacts they are: across wide bounds there was a warning instead of a fit."""
+
+    def evaluate(point: Array) -> NormalEquations:
+        slope = 1e150
+        off = slope * (point - 1e-150)
+        return NormalEquations(cost=1.0 + float(off @ off), gradient=slope * off, information=np.array([[slope**2]]))
+
+    found = minimise(
+        evaluate,
+        np.array([0.0]),
+        lower=np.array([-1e6]),
+        upper=np.array([1e6]),
+        samples=100,
+        iterations=20,
+        tolerance=1e-6,
+    )
+    assert found.point == pytest.approx(1e-150)
+    assert found.converged
+
+
 @given(marks=st.lists(st.booleans(), min_size=1, max_size=4), seed=st.integers(0, 10**6))
 @settings(max_examples=100, deadline=None)
 def test_coefficients_that_cannot_be_negative_are_those_of_another_solver(marks: list[bool], seed: int) -> None:
