@@ -40,7 +40,7 @@ def best_alike(fit: Fit, found: Fit, name: str) -> Fit:
     Two ways are followed from all over the range: only at its end is seen which of them leads up the higher peak.
     """
     afar = _climbed(fit, found, name, _look_alikes(found, name, stage=0), most=_WAYS)
-    ways = sorted((found, *afar), key=_height)[-_WAYS:] if afar else [found]
+    ways = sorted((found, *afar), key=_height)[-_WAYS:]
     return max(side_by_side(lambda way: _nearer(fit, way, name), ways), key=_height)
 
 

@@ -57,6 +57,14 @@ def test_parts_of_the_log_disagree_about_a_gap_by_more_than_one_peak_is_wide(fou
     ]
 
 
+def test_parts_of_the_log_are_asked_about_the_flanks_of_the_whole(found: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A part that settled for other flanks told another gap by chance, and the gap of the whole was sure to nothing."""
+    asked: list[Backlash] = []
+    monkeypatch.setattr(Backlash, "freer", lambda self: asked.append(self) or ())
+    assert scatter(found, fitted(found))
+    assert asked == []
+
+
 def test_it_is_the_scatter_of_the_parts_that_could_tell_and_no_less_than_the_width_of_the_peak(
     found: Fit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
