@@ -3,61 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
 from identification.reading.cia402 import find_objects
 from identification.reading.clocks import on_one_clock
+from identification.reading.command import command_of
+from identification.reading.request import ALIASES, COLUMNS, Reading
+from identification.reading.runs import split_runs
 from identification.reading.stated_units import stated_units
 from identification.reading.table import Table
 from identification.reading.units import si_factor
+from identification.reading.values import numbers_of
 from identification.recording import Array, Recording
 from plant.errors import BadParameter
-
-# The columns that a log may have; anything else in a file is left alone.
-COLUMNS = (
-    *("time", "torque", "torque_1", "torque_2", "force", "angle", "position"),
-    *("velocity", "angle_1", "angle_2", "reference", "goal", "run"),
-)
-
-
-class Gears(Protocol):
-    """What a log needs to know of a gear train."""
-
-    @property
-    def torque_map(self) -> Array:
-        """(2,) follower torque per pinion torque (paper eq. 2)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reading:
-    """How a file's columns become the contract's columns.
-
-    mapping: contract column -> the file's name for it.
-    units: contract column -> the unit that its (scaled) values are in.
-    scales: contract column -> factor on the file's values, applied before the unit.
-    gears: needed when only the pinion torques were logged.
-    """
-
-    mapping: Mapping[str, str]
-    units: Mapping[str, str]
-    scales: Mapping[str, float]
-    gears: Gears | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse columns that no log has, and scales that are no factors."""
-        for option, given in (("mapping", self.mapping), ("unit", self.units), ("scale", self.scales)):
-            for column in given:
-                if column not in COLUMNS or (column == "run" and option != "mapping"):
-                    raise BadParameter(f"{option} for '{column}': a log has the columns {', '.join(COLUMNS)}.")
-        for column, scale in self.scales.items():
-            if not (isinstance(scale, int | float | np.number) and np.isfinite(scale) and scale != 0):
-                raise BadParameter(f"the scale of column '{column}' is {scale!r}, give a number other than 0.")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,7 +57,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     found = {column: name for column, name in found.items() if column not in stated.left_out}
     channels = {}
     for column, name in found.items():
-        values = _numbers(table, name, column)
+        values = numbers_of(table, name, column)
         if column in reading.scales:
             values = values * float(reading.scales[column])
         if column in stated.units:
@@ -106,27 +69,30 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     channels = {column: values[kept] for column, values in channels.items()}
     if len(rows) == 0:
         raise MalformedLog(f"{table.name}: there are no rows with numbers, export the log again.")
-    command, gain, command_name, unit, notes = _command(table, found, channels, axis, reading.gears)
+    command = command_of(table.name, found, channels, axis, reading)
+    if command is None:
+        direct = "torque" if axis == "rotary" else "force"
+        raise _missing(table, direct, f"the column '{direct}' (or 'torque_1' and 'torque_2', or 'setpoint')")
     output = "angle" if axis == "rotary" else "position"
     whole = Recording(
         label=table.name,
         number=0,
         time=channels["time"],
-        command=command,
+        command=command.values,
         output=channels[output],
-        servo_gain=gain,
+        servo_gain=command.servo_gain,
         valid=np.ones(len(rows), dtype=bool),
         rows=rows,
         axis=axis,
         first_line=table.first_line,
-        names={**found, "command": command_name, "output": found[output]},
+        names={**found, "command": command.name, "output": found[output]},
         others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output, "run")},
     )
     return Recorded(
-        recordings=_runs(whole, channels.get("run")),
+        recordings=split_runs(whole, channels.get("run")),
         axis=axis,
-        command_unit=unit,
-        notes=notes,
+        command_unit=command.unit,
+        notes=command.notes,
         warnings=table.notes + stated.notes,
     )
 
@@ -134,7 +100,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
 def _find_columns(table: Table, mapping: Mapping[str, str]) -> dict[str, str]:
     """Contract column -> the table's column: as mapped, else by its own name, else the same in other case."""
     found = {}
-    lower = {name.lower(): name for name in reversed(list(table.columns))}
+    lower = {ALIASES.get(name.lower(), name.lower()): name for name in reversed(list(table.columns))}
     for column in COLUMNS:
         if column in mapping:
             if mapping[column] not in table.columns:
@@ -182,44 +148,6 @@ def _listed(names: Mapping[str, Any]) -> str:
     return ", ".join(listed[:12]) + (f" and {len(listed) - 12} more" if len(listed) > 12 else "")
 
 
-def _numbers(table: Table, name: str, column: str) -> Array:
-    """The column as floats; dates become seconds from the first one."""
-    raw: NDArray[Any] = np.asarray(table.columns[name])
-    if raw.ndim != 1:
-        raise MalformedLog(
-            f"{table.name}: the column '{name}' has shape {raw.shape}, give one number for each sample of '{column}'."
-        )
-    if raw.dtype.kind in "fiub":
-        return raw.astype(np.float64)
-    import pandas as pd
-
-    if column == "time":
-        try:
-            stamps = pd.to_datetime(pd.Series(raw), format="ISO8601" if raw.dtype.kind in "OUT" else None)
-        except (ValueError, TypeError, OverflowError):
-            stamps = pd.Series(raw)
-        if stamps.dtype.kind == "M":
-            return np.asarray((stamps - stamps.iloc[0]).dt.total_seconds(), dtype=np.float64)
-    if raw.dtype.kind == "m":
-        return np.asarray(raw / np.timedelta64(1, "ns"), dtype=np.float64) * 1e-9
-    try:
-        numbers = np.asarray(pd.to_numeric(pd.Series(raw), errors="coerce"))
-    except (ValueError, TypeError):  # cells that are lists, records, ...
-        numbers = np.asarray([None])
-    if numbers.dtype.kind not in "fiub" or raw.dtype.kind in "M":
-        raise MalformedLog(f"{table.name}: the column '{name}' does not hold plain numbers, export it again.")
-    numbers = numbers.astype(np.float64)
-    bad = np.flatnonzero(np.isnan(numbers) & ~np.asarray(pd.isna(pd.Series(raw))))
-    if len(bad):
-        row = int(bad[0])
-        line = "" if table.first_line is None else f" (line {row + table.first_line})"
-        raise MalformedLog(
-            f"{table.name}, row {row + 1}{line}, column '{name}': {str(raw[row])[:30]!r} is not a number, "
-            "repair or delete this row."
-        )
-    return numbers
-
-
 def _same_length(table: Table, found: Mapping[str, str], channels: Mapping[str, Array]) -> None:
     samples = len(channels["time"])
     for column, values in channels.items():
@@ -228,42 +156,3 @@ def _same_length(table: Table, found: Mapping[str, str], channels: Mapping[str, 
                 f"{table.name}: the column '{found[column]}' has {len(values)} samples, but the time has {samples}; "
                 "export both at the same rate."
             )
-
-
-def _command(
-    table: Table, found: Mapping[str, str], channels: Mapping[str, Array], axis: str, gears: Gears | None
-) -> tuple[Array, Array, str, str, tuple[str, ...]]:
-    """Command, servo gain, the command's name, its unit and notes."""
-    direct = "torque" if axis == "rotary" else "force"
-    unit = "N m" if axis == "rotary" else "N"
-    none = np.zeros(len(channels["time"]))
-    if direct in channels:
-        return channels[direct], none, found[direct], unit, ()
-    if "torque_1" in channels and "torque_2" in channels:
-        if gears is None:
-            raise MalformedLog(
-                f"{table.name}: the torques of two pinions need the gear train to become the follower's torque; "
-                "give its tooth counts, or a column 'torque'."
-            )
-        first, second = np.asarray(gears.torque_map, dtype=np.float64)  # tau_f = -(Nf/N1) xi1 - (Nf/N2) xi2, eq. (2)
-        follower = first * channels["torque_1"] + second * channels["torque_2"]
-        return follower, none, f"{found['torque_1']}, {found['torque_2']}", unit, ()
-    if "goal" in channels:
-        note = f"torque scale unknown: {table.name} has a goal but no {direct}, so torques are per radian of goal error"
-        note = note if axis == "rotary" else note.replace("torques are per radian", "forces are per metre")
-        return channels["goal"], none + 1.0, found["goal"], "unknown", (note,)
-    raise _missing(table, direct, f"the column '{direct}' (or 'torque_1' and 'torque_2', or 'goal')")
-
-
-def _runs(whole: Recording, run: Array | None) -> tuple[Recording, ...]:
-    """One recording for each value of the run column, in the order in which they come."""
-    if run is None:
-        return (whole,)
-    odd = np.flatnonzero(~(np.isfinite(run) & (np.abs(run) < 2**31)) | (np.nan_to_num(run) % 1 != 0))
-    if len(odd):
-        raise MalformedLog(f"{whole.where(int(odd[0]))}: the run is {run[odd[0]]:g}, number the runs 0, 1, 2, ...")
-    numbers, first = np.unique(run, return_index=True)
-    return tuple(
-        replace(whole.take(run == number, label=f"{whole.label} run {int(number)}"), number=int(number))
-        for number in numbers[np.argsort(first)]
-    )

@@ -24,7 +24,7 @@ SI_UNITS = {
 }
 
 # Columns whose unit follows the axis: an angle on a rotary axis, a length on a linear one.
-AXIS_UNITS = {"velocity": ("rad/s", "m/s"), "reference": ("rad", "m"), "goal": ("rad", "m")}
+AXIS_UNITS = {"velocity": ("rad/s", "m/s"), "reference": ("rad", "m"), "setpoint": ("rad", "m")}
 
 # What pint would read as something else: a number_meter, a frequency, an enzyme_unit.
 _NEWTON_METRES = re.compile(r"(?<![A-Za-z])([mk]?)N([cm]?)m(?![A-Za-z])")
