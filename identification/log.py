@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 from identification.checks.check import check, excited
 from identification.errors import MalformedLog
 from identification.reading.columns import COLUMNS, Gears, Reading, read_recordings
-from identification.reading.files import columns_of, read_table
+from identification.reading.files import read_table
+from identification.reading.frames import columns_of
 from identification.reading.table import Table
 from identification.recording import Finding, Recording
 from identification.run import Run

@@ -102,7 +102,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         channels[column] = values
     _same_length(table, found, channels)
     kept = ~np.all([np.isnan(values) for column, values in channels.items() if column != "run"], axis=0)
-    rows = np.flatnonzero(kept) + 1
+    rows = np.flatnonzero(kept) + 1 if table.rows is None else table.rows[kept]
     channels = {column: values[kept] for column, values in channels.items()}
     if len(rows) == 0:
         raise MalformedLog(f"{table.name}: there are no rows with numbers, export the log again.")
@@ -212,10 +212,8 @@ def _numbers(table: Table, name: str, column: str) -> Array:
     bad = np.flatnonzero(np.isnan(numbers) & ~np.asarray(pd.isna(pd.Series(raw))))
     if len(bad):
         row = int(bad[0])
-        line = "" if table.first_line is None else f" (line {row + table.first_line})"
         raise MalformedLog(
-            f"{table.name}, row {row + 1}{line}, column '{name}': {str(raw[row])[:30]!r} is not a number, "
-            "repair or delete this row."
+            f"{table.where(row)}, column '{name}': {str(raw[row])[:30]!r} is not a number, repair or delete this row."
         )
     return numbers
 
