@@ -107,8 +107,8 @@ def _fields(message: Any) -> Any:
         return message.tolist() if message.typecode not in "bB" else []
     if isinstance(message, bytes | bytearray | memoryview | str | int | float | np.generic) or message is None:
         return [] if isinstance(message, bytes | bytearray | memoryview) else None
-    names = getattr(message, "__slots__", None) or getattr(message, "__dict__", None)
-    return {name: getattr(message, name) for name in names if not name.startswith("_")} if names else []
+    names = getattr(message, "__slots__", None) or getattr(message, "__dict__", {})
+    return {name: getattr(message, name) for name in names if not name.startswith("_") and hasattr(message, name)}
 
 
 def names_in(message: Mapping[Any, Any], labels: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
