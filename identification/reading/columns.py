@@ -13,6 +13,7 @@ from identification.errors import MalformedLog
 from identification.reading.clocks import on_one_clock
 from identification.reading.command import command_of
 from identification.reading.inventory import refuse_missing
+from identification.reading.joints import select_joint
 from identification.reading.recognition import Recognition, recognise
 from identification.reading.request import Reading
 from identification.reading.runs import split_runs
@@ -44,6 +45,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     Raises `MissingColumns` where the time, the command or the response is not recognised, `MalformedLog` for columns
     that do not go together or hold no numbers, `BadParameter` for options that do not fit.
     """
+    table = select_joint(table, reading.joint, mapped=list(reading.mapping.values()))
     known = recognise(table, reading)
     refuse_missing(table, known, reading)
     table, found = on_one_clock(table, known.found)
@@ -122,7 +124,8 @@ def _rows_with_numbers(table: Table, channels: Mapping[str, Array]) -> tuple[NDA
     kept = ~np.all([np.isnan(values) for column, values in channels.items() if column != "run"], axis=0)
     if not kept.any():
         raise MalformedLog(f"{table.name}: there are no rows with numbers, export the log again.")
-    return np.flatnonzero(kept) + 1, {column: values[kept] for column, values in channels.items()}
+    rows = np.arange(1, kept.size + 1) if table.rows is None else table.rows
+    return rows[kept], {column: values[kept] for column, values in channels.items()}
 
 
 def _axis(table: Table, found: Mapping[str, str]) -> str:

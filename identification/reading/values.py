@@ -42,9 +42,7 @@ def numbers_of(table: Table, name: str, column: str) -> Array:
     bad = np.flatnonzero(np.isnan(numbers) & ~np.asarray(pd.isna(pd.Series(raw))))
     if len(bad):
         row = int(bad[0])
-        line = "" if table.first_line is None else f" (line {row + table.first_line})"
         raise MalformedLog(
-            f"{table.name}, row {row + 1}{line}, column '{name}': {str(raw[row])[:30]!r} is not a number, "
-            "repair or delete this row."
+            f"{table.where(row)}, column '{name}': {str(raw[row])[:30]!r} is not a number, repair or delete this row."
         )
     return numbers
