@@ -16,12 +16,12 @@ import numpy as np
 from identification.bandwidth import between, neighbours, parabola_top
 from identification.certainty import fit_of, run_off
 from identification.fit_result import Fit
-from identification.inverse import starting_values
 from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
 from identification.noise import log_likelihood, short_autoregression
 from identification.objective import Objective
 from identification.predictor import HELD
+from identification.regression import starting_values
 from plant.effects.effect import Array
 
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
@@ -76,19 +76,18 @@ class Problem(Objective):
             progress: called with a line of text at each stage.
         """
         widest = 0.1 / self.log.runs[0].sample_time
-        width = self.widths()[0]
         at_first = first_states(self.log)
-        candidates = [self.model.values, *(starts or ()), *self._starts_from_data()]
+        candidates = [self.model.values, *(starts or ()), *starting_values(_parts(self.log), self.model)]
         points = [np.clip(self.pack(values, at_first), self.lower, self.upper) for values in candidates]
-        point = min(points, key=lambda p: self.cost(p, widest, width))
         visited: list[tuple[float, Minimum]] = []
         bandwidths = [widest, widest / 15.0, widest / 200.0, 0.0]
         for bandwidth, width in zip(bandwidths, self.widths(), strict=True):
-            best = self.minimise(point, bandwidth, width, iterations=4 if bandwidth else 30)
+            point = self._nearest(points, bandwidth, width)
+            best = self.minimise(point, bandwidth, width, iterations=30)
             if bandwidth and not self._plausible(best):
                 break
             visited.append((bandwidth, best))
-            point = best.point
+            points.append(best.point)
             if progress is not None:
                 progress(f"observer at {bandwidth:.3g} rad/s: noise {np.sqrt(best.equations.cost / self.samples):.3g}")
         if free and not bandwidth:
@@ -109,11 +108,9 @@ class Problem(Objective):
         typical = float(np.quantile(np.concatenate(speeds), 0.9)) or 1.0
         return [0.1 * typical, 0.02 * typical, 0.004 * typical, 0.0]
 
-    def _starts_from_data(self) -> list[Array]:
-        rate = 1.0 / self.log.runs[0].sample_time
-        log = _parts(self.log)
-        found = (starting_values(log, self.model, share * rate) for share in (0.005, 0.02, 0.06))
-        return [values for values in found if values is not None]
+    def _nearest(self, points: Sequence[Array], bandwidth: float, width: float) -> Array:
+        """That of some points (F + 2R,) at which the innovations are smallest."""
+        return min(points, key=lambda point: self.cost(point, bandwidth, width))
 
     def begun(self, start: Fit) -> Minimum:
         """Where a descent from another fit of a simpler model comes by at first: at its bandwidth.
