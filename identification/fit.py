@@ -47,6 +47,8 @@ def fit(
     if traded:
         found = Problem.of(log, model, fixed=(*fixed, *traded)).solve(progress=progress)
     found = with_its_colour(with_its_clock(found))
+    if found.converged:
+        found = Problem.of(found.log, found.model, fixed=found.fixed).polished(found)
     begun = [replace(line, start=float(start)) for line, start in zip(found.parameters, model.values, strict=True)]
     return replace(found, parameters=tuple(replace(p, value=None) if p.name in traded else p for p in begun))
 

@@ -27,6 +27,7 @@ from plant.effects.effect import Array
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
 _COLOURINGS = 3  # passes from the errors' colour to the fit and back
 _PARTS, _PART = 10, 5000  # of a log, and samples of each, from which a fit of the whole can begin
+_POLISH = 1e-8  # rise of the log-likelihood that is nothing
 _HOPELESS = 4.0  # loss of log-likelihood per sample at a lower bandwidth that no refit makes good
 
 
@@ -49,8 +50,9 @@ class Problem(Objective):
         width: float,
         iterations: int = 30,
         at_start: NormalEquations | None = None,
+        tolerance: float = 0.01,
     ) -> Minimum:
-        """The best point at a bandwidth and a width."""
+        """The best point at a bandwidth and a width; arguments as in `least_squares.minimise`."""
         return minimise(
             lambda point: self.linearise(point, bandwidth, width),
             start,
@@ -59,6 +61,7 @@ class Problem(Objective):
             samples=self.samples,
             iterations=iterations,
             at_start=at_start,
+            tolerance=tolerance,
         )
 
     def solve(
@@ -126,7 +129,7 @@ class Problem(Objective):
 
     def _highest(self, start: Fit) -> float:
         """Bandwidth at which a descent begins: where no observer holds a chaotic model, its likelihood is rugged."""
-        return max(start.bandwidth, HELD) if self.model.chaotic else start.bandwidth
+        return max(start.bandwidth, HELD / self.log.sample_time) if self.model.chaotic else start.bandwidth
 
     def descend(self, start: Fit, begun: Minimum | None = None) -> Fit:
         """Fit from another fit of a simpler model that lies near: at its bandwidth first, then down as far as it pays.
@@ -181,13 +184,19 @@ class Problem(Objective):
             return None
         return fit_of(problem, fit.bandwidth, best, evaluations - best.evaluations)
 
+    def polished(self, fit: Fit) -> Fit:
+        """The fit brought to the very top of its likelihood, where it does not matter how it came there."""
+        point = self.pack(fit.model.values, fit.initial)
+        best = self.minimise(point, fit.bandwidth, 0.0, tolerance=_POLISH)
+        return replace(fit_of(self, fit.bandwidth, best, fit.evaluations), held_log_likelihood=fit.held_log_likelihood)
+
     def _held(self, fit: Fit) -> Fit:
         """The fit with its likelihood behind an observer that holds it, where it is chaotic without one."""
         if not self.model.chaotic:
             return fit
         problem = replace(self, log=fit.log, predictor=replace(self.predictor, colour=fit.log.colour))
         point = problem.pack(fit.model.values, fit.initial)
-        cost = problem.minimise(point, HELD, 0.0, iterations=6).equations.cost
+        cost = problem.minimise(point, HELD / self.log.sample_time, 0.0, iterations=6).equations.cost
         return replace(fit, held_log_likelihood=log_likelihood(cost, self.samples))
 
     def _risen(self, trials: dict[float, _Trial], bandwidth: float) -> None:

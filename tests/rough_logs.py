@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 KINDS = ("prbs", "staircase", "moves", "stick_slip", "standstill", "tones")
 FINE = 4  # steps in a sample
+SHORTEST = 0.21  # of a log: shorter ones are refused [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +73,8 @@ def rough_log(seed: int, *, longest: int = 50_000) -> RoughLog:
     """The log of a seed, of at most so many samples."""
     rng = np.random.default_rng(seed)
     kind, axis = KINDS[seed % len(KINDS)], "linear" if rng.random() < 0.3 else "rotary"
-    rate = _log_uniform(rng, 10.0, 20_000.0)
-    samples = int(_log_uniform(rng, 50, longest))
+    rate = _log_uniform(rng, 10.0, min(20_000.0, longest / SHORTEST))
+    samples = int(_log_uniform(rng, max(50.0, SHORTEST * rate), longest))
     inertia, level, speed, settling = _scales(rng, rate, samples)
     friction = level * (rng.uniform(0.3, 0.6) if kind in ("stick_slip", "standstill") else rng.uniform(0.0, 0.2))
     load = _Load(
