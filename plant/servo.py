@@ -54,7 +54,7 @@ class ServoModel:
         if self.axis not in get_args(Axis):
             raise BadParameter(f"ServoModel: axis must be 'rotary' or 'linear', not {self.axis!r}.")
         for spec in parameters_of(type(self)):
-            spec.check("ServoModel", getattr(self, spec.name))
+            object.__setattr__(self, spec.name, spec.check("ServoModel", getattr(self, spec.name)))
         if self.axis == "linear" and self.gravity != 0.0:
             raise BadParameter("ServoModel: a linear axis has no gravity cos x; set gravity to 0.")
         if sum(effect.flexible for effect in self.effects) > 1:
