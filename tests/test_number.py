@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from allocation import Allocator
+from allocation import Allocator, Bounds
 from mpc import Controller
 from mpc.trajectory import minimum_heat
 from plant import BadParameter, GearTrain, ModelFile, Rig, ServoModel, simulate
@@ -16,7 +16,7 @@ from plant.effects import CoulombFriction
 FLOATS = (float, np.float16, np.float32, np.float64, np.longdouble)
 WHOLE = (int, np.uint8, np.int32, np.int64)
 GEARS = GearTrain.paper()
-LIMITS = Allocator(GEARS, min_torque=0.1, max_torque=1.0)
+LIMITS = Bounds(gears=GEARS, min_torque=0.1, max_torque=1.0)
 
 
 @pytest.mark.parametrize("kind", [*FLOATS, *WHOLE])
