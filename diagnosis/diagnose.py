@@ -26,8 +26,9 @@ from diagnosis.second_opinion import second_opinions
 from diagnosis.suggestion import suggestion
 from diagnosis.surface import beside_surface, gave_way
 from identification.errors import Unidentifiable
-from identification.fit import base_model, fit
+from identification.fit import base_model, fit_knowing, known_of
 from identification.fit_result import Fit
+from identification.known import Fixed, Pairs
 from identification.log import Log
 from identification.side_by_side import without_blas_threads
 from identification.stamps import evenly_timed
@@ -46,7 +47,9 @@ def diagnose(
     base: ServoModel | None = None,
     holdout: Log | None = None,
     *,
-    fixed: Collection[str] = (),
+    fixed: Fixed = (),
+    bounds: Pairs | None = None,
+    prior: Pairs | None = None,
     candidates: Sequence[Choice] | None = None,
     exclude: Collection[str] = (),
     progress: Callable[[str], None] | None = None,
@@ -58,7 +61,8 @@ def diagnose(
         base: the model to start from; by default eqs. (4) and (6) of the paper, whose dead zone is then part of the
             model and not a cause to be named.
         holdout: runs to measure the gain on; by default some runs of the log, or the last part of its only one.
-        fixed: names of parameters of the base that keep their value.
+        fixed, bounds, prior: what is known of parameters, as in `identification.fit`; also of those of effects that may
+            be named, `{"coulomb_friction.torque": (0.1, 0.3)}`.
         candidates: effects that may be named, by their name in the catalogue or as classes; also effects that the
             catalogue does not have. By default the whole catalogue.
         exclude: names of effects that may not.
@@ -72,12 +76,14 @@ def diagnose(
         Unidentifiable: the load does not move.
     """
     effects = chosen(candidates, exclude)
+    start = base_model(log) if base is None else base
+    known = known_of(fixed, bounds, prior, start, effects.values(), stated=base is not None)
     tell = progress or (lambda line: None)
     said: list[str] = []
     if holdout is None:
         log, holdout, *said = split(log)
     tell("fitting the base model")
-    null = fit(log, base_model(log) if base is None else base, fixed=fixed, progress=progress)
+    null = fit_knowing(log, start, known, progress)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
     log, holdout = null.log, evenly_timed(holdout) if null.log.evenly_timed else holdout

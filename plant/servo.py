@@ -77,17 +77,19 @@ class ServoModel:
     def parameters(self) -> tuple[Parameter, ...]:
         """All parameters in order; those of an effect are named `effect.parameter`."""
         own = tuple(replace(spec, unit=spec.unit_on(self.axis)) for spec in parameters_of(type(self)))
-        theirs = tuple(
-            replace(
-                spec,
-                name=f"{effect.name}.{spec.name}",
-                unit=spec.unit_on(self.axis),
-                fitted=spec.fitted or effect.freed,
-            )
+        theirs = (
+            replace(spec, fitted=spec.fitted or effect.freed)
             for effect in self.effects
+            for spec in self.parameters_with(type(effect))
+        )
+        return own + tuple(theirs)
+
+    def parameters_with(self, effect: type[Effect]) -> tuple[Parameter, ...]:
+        """The parameters that come with an effect of that kind, named `effect.parameter`."""
+        return tuple(
+            replace(spec, name=f"{effect.name}.{spec.name}", unit=spec.unit_on(self.axis))
             for spec in effect.parameters()
         )
-        return own + theirs
 
     @cached_property
     def names(self) -> tuple[str, ...]:
