@@ -13,7 +13,7 @@ from plant.errors import BadParameter
 from plant.number import finite
 from plant.servo import ServoModel
 
-Fixed: TypeAlias = "Collection[str] | Mapping[str, float]"
+Fixed: TypeAlias = "Collection[str] | Mapping[str, float] | Mapping[str, float | None]"
 Pairs: TypeAlias = "Mapping[str, tuple[float, float]]"
 
 
