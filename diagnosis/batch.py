@@ -11,13 +11,13 @@ from diagnosis.candidates import Choice
 from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
 from identification.known import Fixed, Pairs
-from identification.log import Log
+from identification.log_like import LogLike
 from plant.executors import in_order
 from plant.servo import ServoModel
 
 
 def diagnose_all(
-    logs: Iterable[Log],
+    logs: Iterable[LogLike],
     base: ServoModel | None = None,
     *,
     executor: Executor | None = None,
@@ -31,7 +31,7 @@ def diagnose_all(
     """Diagnose many logs, each by itself.
 
     Args:
-        logs: one log a diagnosis.
+        logs: one log a diagnosis, as in `diagnose`.
         base, fixed, bounds, prior, candidates, exclude: as in `diagnose`, the same for all.
         executor: any executor of `concurrent.futures`, also a `dask.distributed.Client().get_executor()`; logs and
             diagnoses are pickled where its workers are processes. None works on one log after the other here. A killed

@@ -29,7 +29,7 @@ from identification.errors import Unidentifiable
 from identification.fit import base_model, fit_knowing, known_of
 from identification.fit_result import Fit
 from identification.known import Fixed, Pairs
-from identification.log import Log
+from identification.log_like import LogLike, log_of
 from identification.side_by_side import without_blas_threads
 from identification.stamps import evenly_timed
 from plant.effects.curve import Unnamed
@@ -43,9 +43,9 @@ _MENTION = 1e-4  # probability from which a rival is listed
 
 @without_blas_threads
 def diagnose(
-    log: Log,
+    log: LogLike,
     base: ServoModel | None = None,
-    holdout: Log | None = None,
+    holdout: LogLike | None = None,
     *,
     fixed: Fixed = (),
     bounds: Pairs | None = None,
@@ -57,7 +57,7 @@ def diagnose(
     """Find out what a model misses in a log.
 
     Args:
-        log: measured runs.
+        log: measured runs, also as a path, a DataFrame or arrays by name.
         base: the model to start from; by default eqs. (4) and (6) of the paper, whose dead zone is then part of the
             model and not a cause to be named.
         holdout: runs to measure the gain on; by default some runs of the log, or the last part of its only one.
@@ -75,18 +75,20 @@ def diagnose(
         BadParameter: base and log do not fit together, or an effect is not known.
         Unidentifiable: the load does not move.
     """
-    effects = chosen(candidates, exclude)
+    log, effects = log_of(log), chosen(candidates, exclude)
     start = base_model(log) if base is None else base
     known = known_of(fixed, bounds, prior, start, effects.values(), stated=base is not None)
     tell = progress or (lambda line: None)
     said: list[str] = []
     if holdout is None:
-        log, holdout, *said = split(log)
+        log, held_out, *said = split(log)
+    else:
+        held_out = log_of(holdout)
     tell("fitting the base model")
     null = fit_knowing(log, start, known, progress)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
-    log, holdout = null.log, evenly_timed(holdout) if null.log.evenly_timed else holdout
+    log, held_out = null.log, evenly_timed(held_out) if null.log.evenly_timed else held_out
     warnings = [*log.warnings, *log.repairs, *log.notes, *said]
     if null.unidentifiable:
         warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
@@ -138,23 +140,23 @@ def diagnose(
     )
     path = [null, *(addition.fit for addition in outcome.additions), *beside.path]
     tell("measuring the gain on held-out data")
-    gain, squares, replays = measure_gain(holdout, path)
+    gain, squares, replays = measure_gain(held_out, path)
     final = path[-1]
     if (refuted := spoken_against(squares[0], squares[-1])) is not None:
-        warnings.append(" ".join(filter(None, (refuted, goes_further(holdout, log)))))
+        warnings.append(" ".join(filter(None, (refuted, goes_further(held_out, log)))))
     left = repeats(final)
     if left is not None:
         warnings.append(str(left))
     if (formula := suggestion(final)) is not None:
         warnings.append(formula)
-    opinions = second_opinions(final, holdout)
+    opinions = second_opinions(final, held_out)
     if opinions:
         warnings.append(f"Fitted to the held-out data alone, the model has {'; '.join(map(str, opinions))}.")
     return Diagnosis(
         verdict=_verdict(outcome, unnamed),
         causes=_causes(outcome, squares),
         gain=gain,
-        torque_error=inverse_errors(log, holdout, null.model, final.model),
+        torque_error=inverse_errors(log, held_out, null.model, final.model),
         unexplained=remaining(gain, depends_on),
         warnings=tuple(warnings),
         base=null,

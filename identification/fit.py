@@ -9,6 +9,7 @@ from identification.colour import with_its_colour
 from identification.fit_result import Fit
 from identification.known import Fixed, Known, Pairs
 from identification.log import Log
+from identification.log_like import LogLike, log_of
 from identification.problem import Problem
 from identification.side_by_side import without_blas_threads
 from identification.stamps import with_its_clock
@@ -19,7 +20,7 @@ from plant.servo import ServoModel
 
 @without_blas_threads
 def fit(
-    log: Log,
+    log: LogLike,
     model: ServoModel | None = None,
     *,
     fixed: Fixed = (),
@@ -30,7 +31,7 @@ def fit(
     """Estimate the parameters of a model from a log.
 
     Args:
-        log: one or more runs; a run's initial state is estimated.
+        log: one or more runs, also as a path, a DataFrame or arrays by name; a run's initial state is estimated.
         model: structure and start; by default eqs. (4) and (6) of the paper, J, alpha, K and gamma.
         fixed: names of parameters that keep the model's value, or values by name: `{"inertia": 0.2}`.
         bounds: least and greatest value by name: `{"inertia": (0.1, 0.3)}`.
@@ -44,6 +45,7 @@ def fit(
         BadParameter: a name is not a parameter of the model, a number is not one that it can have, or the model's axis
             is not the log's.
     """
+    log = log_of(log)
     start = base_model(log) if model is None else model
     known = known_of(fixed, bounds, prior, start, stated=model is not None)
     return fit_knowing(log, start, known, progress)
