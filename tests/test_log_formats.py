@@ -268,7 +268,7 @@ def test_goal_of_a_position_servo():
     log = Log.from_arrays(time=SOUND["time"], goal=SOUND["angle"] + 0.1, angle=SOUND["angle"])
     run = log.runs[0]
     assert (run.servo_gain == 1.0).all()
-    np.testing.assert_array_equal(run.command, run.servo_gain * run.goal)
+    np.testing.assert_array_equal(run.command, run.servo_gain * run.setpoint)
     assert "scale unknown" in log.notes[0]
     assert log.command_unit == "unknown"
     torque = Log.from_arrays(**SOUND, goal=SOUND["angle"] + 0.1)

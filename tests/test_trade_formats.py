@@ -160,7 +160,7 @@ def test_channels_of_one_name_are_told_apart_by_their_group(tmp_path):
         tdms(tmp_path / "log.tdms", SOUND, other),
     ):
         same(Log.read(path, mapping={"angle": "group 0/angle"}))
-        with pytest.raises(MalformedLog, match="'group 1/angle'"):
+        with pytest.raises(MalformedLog, match=r"group 1/angle .*angle\?"):
             Log.read(path)
 
 
