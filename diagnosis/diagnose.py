@@ -49,6 +49,7 @@ def diagnose(
     fixed: Collection[str] = (),
     candidates: Sequence[Choice] | None = None,
     exclude: Collection[str] = (),
+    force: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Find out what a model misses in a log.
@@ -62,16 +63,19 @@ def diagnose(
         candidates: effects that may be named, by their name in the catalogue or as classes; also effects that the
             catalogue does not have. By default the whole catalogue.
         exclude: names of effects that may not.
+        force: diagnose also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each step.
 
     Returns:
         Verdict, causes, gain and the data of the pictures.
 
     Raises:
+        UnusableLog: the log, or the one to measure the gain on, has faults that no model fits.
         BadParameter: base and log do not fit together, or an effect is not known.
         Unidentifiable: the load does not move.
     """
     effects = chosen(candidates, exclude)
+    log, holdout = log.usable(force=force), None if holdout is None else holdout.usable(force=force)
     tell = progress or (lambda line: None)
     said: list[str] = []
     if holdout is None:

@@ -20,6 +20,7 @@ def fit(
     model: ServoModel | None = None,
     *,
     fixed: Collection[str] = (),
+    force: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
     """Estimate the parameters of a model from a log.
@@ -28,14 +29,17 @@ def fit(
         log: one or more runs; a run's initial state is estimated.
         model: structure and start; by default eqs. (4) and (6) of the paper, J, alpha, K and gamma.
         fixed: names of parameters to keep.
+        force: fit also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each stage.
 
     Returns:
         The fit; parameters that the data cannot tell are marked, not guessed.
 
     Raises:
+        UnusableLog: the log has faults that no model fits.
         BadParameter: a name in `fixed` is not a parameter of the model, or the model's axis is not the log's.
     """
+    log = log.usable(force=force)
     model = base_model(log) if model is None else model
     problem = Problem.of(log, model, fixed=fixed)
     return with_its_colour(with_its_clock(problem.solve(progress=progress)))

@@ -15,8 +15,9 @@ from identification.checks.channels import check_goal_unit, inconsistent_channel
 from identification.checks.faults import find_flat_tops, find_frozen, find_spikes, find_wraps, quantum, stretches
 from identification.checks.jumps import mask_dropouts, split_at_jumps
 from identification.checks.missing import bridge, fill_command, fill_others, fill_output
-from identification.checks.plausibility import check_time_unit, check_velocity_unit, warn_of_degrees
+from identification.checks.plausibility import check_time_unit, check_velocity_unit, degrees
 from identification.checks.repeats import drop_repeats
+from identification.checks.sign import sign_of_the_command
 from identification.checks.timing import check_time, clock, mask_gaps, split_at_gaps, too_short, trim
 from identification.errors import MalformedLog
 from identification.recording import Checked, Finding, Recording, counted
@@ -168,7 +169,7 @@ def constant_channels(recording: Recording) -> Iterable[Finding]:
             yield Finding(kind=f"frozen {name}", repaired=False, text=text)
 
 
-WARNINGS = (clock, warn_of_degrees, constant_channels, inconsistent_channels, cause_and_effect)
+WARNINGS = (clock, degrees, constant_channels, inconsistent_channels, cause_and_effect, sign_of_the_command)
 
 
 def excited(recording: Recording) -> bool:
