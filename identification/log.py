@@ -200,6 +200,8 @@ class Log:
                 f"{first.label}: neither '{first.name('command')}' nor '{first.name('output')}' ever changes, "
                 "record a log in which the drive moves the load."
             )
+        if not any(np.ptp(recording.output[recording.valid]) > 0 for recording in usable):
+            findings = [replace(found, unusable=found.unusable or found.kind == "never turns") for found in findings]
         return cls(
             runs=tuple(Run.from_recording(recording, _zero(usable)) for recording in usable),
             axis=axis,

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from identification.checks.faults import quantum
 from identification.errors import MalformedLog
-from identification.recording import Array, Finding, Recording
+from identification.recording import Finding, Recording
 
 SLOWEST_SAMPLING = 0.5  # [s]
 FASTEST_SAMPLING = 1e-6  # [s]
-FASTEST_LOAD = 1000.0  # [rad/s], 9550 rpm on the load's side
-_LEVELS, _MOST_LINES = 20, 2**26  # readings that differ, steps a turn
-_LUCK = 1e-3  # of the exponent of two: one encoder in 500 is as near to a power by chance
 
 # How many times too fast the output moves against the velocity channel, and what the column must then be measured in.
 _RATIOS = {
@@ -84,57 +79,3 @@ def check_velocity_unit(recording: Recording) -> tuple[Recording, list[Finding]]
     )
     others = {name: values for name, values in recording.others.items() if name != "velocity"}
     return replace(recording, others=others), [Finding(kind="velocity", repaired=True, text=text)]
-
-
-def degrees(recording: Recording) -> Iterable[Finding]:
-    """Steps of an encoder that divide a turn of 360 make the log unusable; an unusual speed alone is warned of."""
-    if recording.axis != "rotary" or "velocity" in recording.others:
-        return
-    output = recording.name("output")
-    lines = encoder_lines(recording.output[recording.valid], 360.0)
-    speeds = np.abs(np.diff(recording.output) / np.diff(recording.time))
-    if lines is not None:
-        text = (
-            f"{recording.label}: '{output}' has steps of 360/{lines}, as an encoder of {lines} steps a turn has in "
-            "degrees: --unit angle=deg"
-        )
-        yield Finding(kind="degrees", repaired=False, text=text, unusable=True)
-    elif float(np.quantile(speeds, 0.99)) > FASTEST_LOAD:
-        text = (
-            f"{recording.label}: '{output}' moves at {float(np.quantile(speeds, 0.99)):.3g} rad/s; if it is in "
-            "degrees, --unit angle=deg says so"
-        )
-        yield Finding(kind="fast", repaired=False, text=text)
-
-
-def encoder_lines(values: Array, turn: float) -> int | None:
-    """Steps a turn of the encoder that readings (T,) come from, where that is a power of two; else None.
-
-    The step is refined over more and more readings, so that its rounding in a file averages out. Readings that are
-    rounded to decimals have steps of 1, 2 or 5 of their last digit, which no power of two divides into a turn.
-    """
-    levels = np.unique(values)
-    step = quantum(levels)
-    if step == 0 or len(levels) < _LEVELS or turn / step > _MOST_LINES:
-        return None
-    gaps = np.diff(levels)
-    gaps = gaps[gaps > 0.3 * step]  # two roundings of one step
-    usual = float(np.median(gaps[gaps < 1.7 * gaps.min()]))
-    places, span = levels - levels[0], 16.0
-    while True:
-        near = places < span * usual
-        whole = np.round(places[near] / usual)
-        if whole[-1] > 0:
-            usual = float(whole @ places[near] / (whole @ whole))
-        if near.all():
-            break
-        span *= 2
-    off = places - usual * np.round(places / usual)
-    exponent = np.log2(turn / usual)
-    error = float(off.std()) / (usual * whole[-1]) / np.log(2)  # of the exponent, at most
-    if off.std() > 0.1 * usual or abs(exponent - np.round(exponent)) > max(4 * error, 1e-6):
-        return None
-    return int(2 ** np.round(exponent)) if 4 * error < _LUCK else None
-
-
-__all__ = ["check_time_unit", "check_velocity_unit", "degrees", "encoder_lines", "velocity_ratio"]

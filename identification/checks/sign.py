@@ -25,13 +25,17 @@ _ONE_WAY = 0.9  # share of all work that is done against the motion
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """A recording behind one filter: (N,) acceleration, speed and rows, and bases (N, n) of what else may act."""
+    """A recording behind one filter: (N,) acceleration, speed and rows, and (N, n) what else may act.
+
+    terms and gravity: bases of all that may act, and of gravity and a constant; friction: columns of friction alone.
+    """
 
     sigma: float
     rows: Array
     acceleration: Array
     speed: Array
     terms: Array
+    friction: Array
     gravity: Array
 
     def behind(self, command: Array) -> Array:
@@ -96,14 +100,16 @@ def _view(part: Recording, sound: Array, sigma: float) -> View | None:
     output, velocity = gaussian(part.output, sigma), gaussian(part.output, sigma, 1) / dt
     if not np.ptp(velocity[rows]) > 0:
         return None
-    gravity = [np.ones_like(output)] + ([np.cos(output), np.sin(output)] if part.axis == "rotary" else [])
+    terms = motion_terms(part, output, velocity, sigma)[rows]
+    turning = [0, -2, -1] if part.axis == "rotary" else [0]  # a constant, and the cosine and sine of the angle
     return View(
         sigma=sigma,
         rows=rows,
         acceleration=gaussian(part.output, sigma, 2)[rows] / dt**2,
         speed=velocity[rows],
-        terms=np.linalg.qr(motion_terms(part, output, velocity, sigma)[rows])[0],
-        gravity=np.linalg.qr(np.column_stack(gravity)[rows])[0],
+        terms=np.linalg.qr(terms)[0],
+        friction=terms[:, 1:6],
+        gravity=np.linalg.qr(terms[:, turning])[0],
     )
 
 
@@ -115,10 +121,10 @@ def beyond(values: Array, basis: Array) -> Array:
 
 def agreement(regressor: Array, target: Array) -> float:
     """Student's t of a slope over blocks in which the regressor (N,) has equal squares."""
-    return _student(regressor * target, regressor**2) if target.any() else 0.0
+    return student(regressor * target, regressor**2) if target.any() else 0.0
 
 
-def _student(values: Array, weight: Array) -> float:
+def student(values: Array, weight: Array) -> float:
     """Student's t of the mean of values (N,) over blocks of equal weight (N,)."""
     gathered = np.cumsum(weight)
     if not gathered[-1] > 0:
@@ -129,7 +135,7 @@ def _student(values: Array, weight: Array) -> float:
     return float(sums.sum()) / scatter if scatter > 0 else 0.0
 
 
-def _undisputed(told: Sequence[float]) -> float:
+def undisputed(told: Sequence[float]) -> float:
     """The t of the view that tells most; 0 if another view contradicts it."""
     best = max(told, key=abs)
     return 0.0 if any(t * np.sign(best) < -DOUBTFUL for t in told) else best
@@ -139,7 +145,7 @@ def heard(command: Array, seen: Sequence[View]) -> Witnesses:
     """What both witnesses say of a command (T,)."""
     told = [view.inertia(command) for view in seen]
     view = seen[int(np.argmax(np.abs(told)))]
-    return Witnesses(inertia=_undisputed(told), work=view.work(command))
+    return Witnesses(inertia=undisputed(told), work=view.work(command))
 
 
 def opposed(first: Array, second: Array, seen: Sequence[View]) -> bool:
@@ -147,8 +153,8 @@ def opposed(first: Array, second: Array, seen: Sequence[View]) -> bool:
     told = []
     for view in seen:
         of_sum, of_difference = view.unexplained(first + second), view.unexplained(first - second)
-        told.append(_student(of_sum - of_difference, of_sum + of_difference))
-    return _undisputed(told) > SURE
+        told.append(student(of_sum - of_difference, of_sum + of_difference))
+    return undisputed(told) > SURE
 
 
 def sign_of_the_command(recording: Recording) -> Iterable[Finding]:
