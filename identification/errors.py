@@ -18,3 +18,15 @@ class UnusableLog(AntidriveError, ValueError):
 
     The message is `Log.faults`; `force=True` goes on all the same.
     """
+
+
+class MissingColumns(MalformedLog):
+    """A log in which time, command or response were not recognised.
+
+    The message lists the columns of the file, one a line; `options` would name those that are missing.
+    """
+
+    def __init__(self, message: str, *, options: str = "", file: str = "") -> None:
+        """The message, the options that a command line would need, and the file's name."""
+        super().__init__(f"{message}\nName them, for example: {options}" if options else message)
+        self.options, self.file = options, file

@@ -7,15 +7,18 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.checks.check import check, excited
 from identification.errors import MalformedLog, UnusableLog
-from identification.reading.columns import COLUMNS, Gears, Reading, read_recordings
-from identification.reading.files import columns_of, read_table
+from identification.reading.columns import read_recordings
+from identification.reading.files import read_table
+from identification.reading.frames import columns_of
+from identification.reading.recognition import joined_if_needed
+from identification.reading.request import ALIASES, COLUMNS, Gears, How, Reading
 from identification.reading.table import Table
 from identification.recording import Finding, Recording
 from identification.run import Run
@@ -100,19 +103,17 @@ class Log:
         cls,
         paths: str | Path | Sequence[str | Path],
         *,
-        mapping: Mapping[str, str] | None = None,
-        units: Mapping[str, str] | None = None,
-        scales: Mapping[str, float] | None = None,
-        gears: Gears | None = None,
         after: Callable[[], None] | None = None,
+        **how: Unpack[How],
     ) -> Log:
-        """Read one or several files: CSV, Parquet, MAT (v5 to v7.3), NPZ, MF4, TDMS, MCAP.
+        """Read one or several files of any known kind, see `identification.reading.files`; "-" is standard input.
 
-        mapping: column of the log contract -> its name in the file, `{"angle": "qm"}`.
-        units: column -> its unit in the file, `{"angle": "deg"}`; a unit that the file itself gives needs not be said.
-            It may have a factor: `turn/131072` for counts, `2.4Nm/1000` for per mille of a rated torque.
-        scales: column -> factor on the file's values, `{"torque": 35.15}`, applied before the unit.
-        gears: the gear train, when only the pinion torques were logged.
+        Two files of one experiment, of which one has the command and one the response, are joined on their clocks.
+
+        how: names, units and what the file cannot know, as in `identification.reading.request.Reading`:
+            `mapping={"angle": "qm"}`, `units={"angle": "deg"}`, `scales={"torque": 35.15}`, `gears`, `rate`,
+            `torque_constant`, `kp`, `kd`, `joint`. A unit that the file itself gives needs not be said; one may have a
+            factor: `turn/131072` for counts, `2.4Nm/1000` for per mille of a rated torque.
         after: called twice a file: when it is read, and when it is checked.
 
         Raises `MalformedLog` for what cannot be used and `BadParameter` for options that do not fit.
@@ -120,11 +121,14 @@ class Log:
         listed = [paths] if isinstance(paths, str | Path) else list(paths)
         if not listed:
             raise BadParameter("no log is given, name at least one file.")
-        reading = Reading(mapping=mapping or {}, units=units or {}, scales=scales or {}, gears=gears)
-        done, logs = after or (lambda: None), []
+        reading = Reading(**how)
+        done = after or (lambda: None)
+        tables = []
         for path in listed:
-            table = read_table(path)
+            tables.append(read_table(path))
             done()
+        logs = []
+        for table in joined_if_needed(tables, reading):
             logs.append(cls._from_table(table, reading))
             done()
         return cls.merge(logs)
@@ -135,14 +139,11 @@ class Log:
         frame: pd.DataFrame,
         *,
         label: str = "DataFrame",
-        mapping: Mapping[str, str] | None = None,
-        units: Mapping[str, str] | None = None,
-        scales: Mapping[str, float] | None = None,
-        gears: Gears | None = None,
+        **how: Unpack[How],
     ) -> Log:
         """A log from the columns of a DataFrame; arguments and errors as in `read`."""
         columns = columns_of(frame)
-        reading = Reading(mapping=mapping or {}, units=units or {}, scales=scales or {}, gears=gears)
+        reading = Reading(**how)
         return cls._from_table(_table(columns, label), reading)
 
     @classmethod
@@ -153,6 +154,8 @@ class Log:
         units: Mapping[str, str] | None = None,
         scales: Mapping[str, float] | None = None,
         gears: Gears | None = None,
+        torque_constant: float | None = None,
+        rate: float | None = None,
         **channels: ArrayLike,
     ) -> Log:
         """A log from arrays (T,) named as the log contract names them: `time=..., torque=..., angle=...`.
@@ -160,9 +163,11 @@ class Log:
         Arguments and errors as in `read`.
         """
         for name in channels:
-            if name not in COLUMNS:
+            if ALIASES.get(name, name) not in COLUMNS:
                 raise BadParameter(f"there is no channel '{name}', a log has {', '.join(COLUMNS)}.")
-        reading = Reading(mapping={}, units=units or {}, scales=scales or {}, gears=gears)
+        reading = Reading(
+            units=units or {}, scales=scales or {}, gears=gears, torque_constant=torque_constant, rate=rate
+        )
         columns = {}
         for name, values in channels.items():
             try:

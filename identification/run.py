@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from identification.errors import MalformedLog
 from identification.recording import Array, Recording
 
-_OPTIONAL = ("velocity", "reference", "goal")
+_OPTIONAL = ("velocity", "reference", "setpoint")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,7 +29,7 @@ class Run:
     valid: (T,) False where the output is masked out of the fit.
     servo_gain: (T,) torque per output error [N m/rad] or [N/m].
     command_limit: largest magnitude of the drive's torque [N m] or force [N].
-    velocity, reference, goal: (T,) of the load, when logged.
+    velocity, reference, setpoint: (T,) of the load, when logged.
     zero: what the recording's clock shows at time zero [s]; it may have been running since 1970.
     drive_angles, torques: (T, 2) motor shaft angles [rad] and pinion torques [N m], when logged.
 
@@ -46,7 +46,7 @@ class Run:
     command_limit: float = np.inf
     velocity: Array | None = None
     reference: Array | None = None
-    goal: Array | None = None
+    setpoint: Array | None = None
     drive_angles: Array | None = None
     torques: Array | None = None
     zero: float = 0.0
@@ -116,7 +116,7 @@ class Run:
             command_limit=recording.command_limit,
             velocity=others.get("velocity"),
             reference=others.get("reference"),
-            goal=others.get("goal"),
+            setpoint=others.get("setpoint"),
             drive_angles=_pair(others, "angle_1", "angle_2"),
             torques=_pair(others, "torque_1", "torque_2"),
             zero=zero,

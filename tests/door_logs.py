@@ -65,7 +65,9 @@ def draw(count: int, seed: int) -> Drawn:
     weight = np.where(kind == "lift", push * log(2.0, 10.0), some(0.3, push * rng.uniform(-0.3, 0.3, count)))
     flows = np.isin(kind, ("generator", "hold"))
     flow = np.where(flows, push * log(1.0, 3.0), some(0.4, push * log(0.02, 0.3)))
-    shaft = np.where((rng.random(count) < 0.15) & ~np.isin(kind, ("speed", "generator")), loop * log(8.0, 30.0), 0.0)  # [rad/s], 0 for a stiff one
+    shaft = np.where(
+        (rng.random(count) < 0.15) & ~np.isin(kind, ("speed", "generator")), loop * log(8.0, 30.0), 0.0
+    )  # [rad/s], 0 for a stiff one
     load = _wandering(rng, count) * flow
     load = np.where(kind == "generator", np.abs(load) + flow, load)
     wanted = _reference(rng, kind, count, size, pace * dt)
@@ -97,10 +99,20 @@ def draw(count: int, seed: int) -> Drawn:
         measured[k] = reading
         torque[k] = acting if k else target
         for _ in range(FINE):
-            acting = np.where(lag > 0, acting + (1 - np.exp(-h / np.where(lag > 0, lag, 1.0))) * (target - acting), target)
+            acting = np.where(
+                lag > 0, acting + (1 - np.exp(-h / np.where(lag > 0, lag, 1.0))) * (target - acting), target
+            )
             held = gravity * np.cos(angle + offset) + cogging * np.sin(teeth * angle) + weight
-            twist = np.where(soft, stiff * (motor - angle) + 0.2 * stiff / np.where(soft, shaft, 1.0) * (speed - velocity), 0)
-            velocity = _rub(velocity, np.where(soft, twist, acting) + load[k] - held - viscous * velocity, dry, inertia * np.where(soft, 1 - share, 1.0), h)
+            twist = np.where(
+                soft, stiff * (motor - angle) + 0.2 * stiff / np.where(soft, shaft, 1.0) * (speed - velocity), 0
+            )
+            velocity = _rub(
+                velocity,
+                np.where(soft, twist, acting) + load[k] - held - viscous * velocity,
+                dry,
+                inertia * np.where(soft, 1 - share, 1.0),
+                h,
+            )
             speed = np.where(soft, speed + h * (acting - twist) / (inertia * share), velocity)
             angle = angle + h * velocity
             motor = np.where(soft, motor + h * speed, angle)
@@ -113,7 +125,9 @@ def draw(count: int, seed: int) -> Drawn:
     first = np.where(opposed, np.maximum(told, 0.0), part * told) + preload  # each on its own flank, or both on both
     torques = np.stack([first, told - first], axis=2) / ratio[:, None]
     torques += 0.01 * told.std(axis=0)[:, None] / ratio[:, None] * rng.standard_normal(torques.shape)
-    return Drawn(kind=kind, sample_time=dt, torque=told, angle=measured + offset, torques=torques, ratio=ratio, pair=pair)
+    return Drawn(
+        kind=kind, sample_time=dt, torque=told, angle=measured + offset, torques=torques, ratio=ratio, pair=pair
+    )
 
 
 def _rub(velocity: Array, force: Array, dry: Array, inertia: Array, step: Array) -> Array:

@@ -66,8 +66,7 @@ def test_preamble_comments_and_units_line(tmp_path):
     (tmp_path / "log.csv").write_text(f"{preamble}{names}\ns;N m;rad;rad/s\n{rest}")
     log = Log.read(tmp_path / "log.csv")
     same(log)
-    assert "lines 5 to 5" in log.warnings[0]
-    assert "--unit" in log.warnings[0]
+    assert "units as the file gives them, 'time' in s, 'torque' in N m" in log.warnings[0]
 
 
 def test_cut_off_last_line_is_left_out_and_said(tmp_path):
@@ -268,7 +267,7 @@ def test_goal_of_a_position_servo():
     log = Log.from_arrays(time=SOUND["time"], goal=SOUND["angle"] + 0.1, angle=SOUND["angle"])
     run = log.runs[0]
     assert (run.servo_gain == 1.0).all()
-    np.testing.assert_array_equal(run.command, run.servo_gain * run.goal)
+    np.testing.assert_array_equal(run.command, run.servo_gain * run.setpoint)
     assert "scale unknown" in log.notes[0]
     assert log.command_unit == "unknown"
     torque = Log.from_arrays(**SOUND, goal=SOUND["angle"] + 0.1)

@@ -175,7 +175,15 @@ def constant_channels(recording: Recording) -> Iterable[Finding]:
             yield Finding(kind=f"frozen {name}", repaired=False, text=text)
 
 
-WARNINGS = (clock, unit_of_the_angle, constant_channels, inconsistent_channels, cause_and_effect, speed_for_torque, sign_of_the_command)
+WARNINGS = (
+    clock,
+    unit_of_the_angle,
+    constant_channels,
+    inconsistent_channels,
+    cause_and_effect,
+    speed_for_torque,
+    sign_of_the_command,
+)
 
 
 def excited(recording: Recording) -> bool:
