@@ -30,6 +30,7 @@ def fit(
     fixed: Fixed = (),
     bounds: Pairs | None = None,
     prior: Pairs | None = None,
+    force: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
     """Estimate the parameters of a model from a log.
@@ -40,6 +41,7 @@ def fit(
         fixed: names of parameters that keep the model's value, or values by name: `{"inertia": 0.2}`.
         bounds: least and greatest value by name: `{"inertia": (0.1, 0.3)}`.
         prior: mean and standard deviation by name, of a Gaussian: `{"inertia": (0.2, 0.05)}`.
+        force: fit also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each stage.
 
     Returns:
@@ -47,10 +49,11 @@ def fit(
         moved nothing, says so in `failed`.
 
     Raises:
+        UnusableLog: the log has faults that no model fits.
         BadParameter: a name is not a parameter of the model, a number is not one that it can have, or the model's axis
             is not the log's.
     """
-    log = log_of(log)
+    log = log_of(log).usable(force=force)
     start = base_model(log) if model is None else model
     known = known_of(fixed, bounds, prior, start, stated=model is not None)
     return fit_knowing(log, start, known, progress)
