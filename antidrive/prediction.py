@@ -46,7 +46,7 @@ def write_prediction(
         for run, output in zip(log.runs, simulated, strict=True):
             for first in range(0, len(run), _ROWS):
                 rows = slice(first, first + _ROWS)
-                table = pd.DataFrame({"run": run.number, "time": run.zero + run.time[rows], column: output[rows]})
+                table = pd.DataFrame({"run": run.run, "time": run.zero + run.time[rows], column: output[rows]})
                 # a clock may need more digits than a prediction is worth
                 table[column] = table[column].map("{:.10g}".format)
                 table.to_csv(file, header=False, index=False, float_format="%.15g")

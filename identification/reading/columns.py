@@ -8,18 +8,19 @@ from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
 from identification.reading.cia402 import find_objects
 from identification.reading.clocks import on_one_clock
 from identification.reading.command import command_of
 from identification.reading.request import ALIASES, COLUMNS, Reading
-from identification.reading.runs import split_runs
+from identification.reading.runs import labels_of, split_runs
 from identification.reading.stated_units import stated_units
 from identification.reading.table import Table
 from identification.reading.units import si_factor
 from identification.reading.values import numbers_of
-from identification.recording import Array, Recording
+from identification.recording import Recording
 from plant.errors import BadParameter
 
 
@@ -56,15 +57,18 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     stated = stated_units(table, found, guessed, units=reading.units, scales=reading.scales, axis=axis)
     found = {column: name for column, name in found.items() if column not in stated.left_out}
     channels = {}
+    labels = labels_of(table, found["run"]) if "run" in found else None
     for column, name in found.items():
+        if column == "run":
+            continue
         values = numbers_of(table, name, column)
         if column in reading.scales:
             values = values * float(reading.scales[column])
         if column in stated.units:
             values = values * si_factor(column, stated.units[column], axis)
         channels[column] = values
-    _same_length(table, found, channels)
-    kept = ~np.all([np.isnan(values) for column, values in channels.items() if column != "run"], axis=0)
+    _same_length(table, found, channels if labels is None else {**channels, "run": labels})
+    kept = ~np.all([np.isnan(values) for values in channels.values()], axis=0)
     rows = np.flatnonzero(kept) + 1
     channels = {column: values[kept] for column, values in channels.items()}
     if len(rows) == 0:
@@ -86,14 +90,15 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         axis=axis,
         first_line=table.first_line,
         names={**found, "command": command.name, "output": found[output]},
-        others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output, "run")},
+        others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output)},
     )
+    recordings, told = split_runs(whole, None if labels is None else labels[kept])
     return Recorded(
-        recordings=split_runs(whole, channels.get("run")),
+        recordings=recordings,
         axis=axis,
         command_unit=command.unit,
         notes=command.notes,
-        warnings=table.notes + stated.notes,
+        warnings=table.notes + stated.notes + told,
     )
 
 
@@ -148,7 +153,7 @@ def _listed(names: Mapping[str, Any]) -> str:
     return ", ".join(listed[:12]) + (f" and {len(listed) - 12} more" if len(listed) > 12 else "")
 
 
-def _same_length(table: Table, found: Mapping[str, str], channels: Mapping[str, Array]) -> None:
+def _same_length(table: Table, found: Mapping[str, str], channels: Mapping[str, NDArray[Any]]) -> None:
     samples = len(channels["time"])
     for column, values in channels.items():
         if len(values) != samples:
