@@ -13,10 +13,10 @@ from typing import Annotated, Any
 
 import typer
 
-from antidrive import completion
+from antidrive import __version__, completion
 from antidrive.examples import told
 
-app = typer.Typer(help="From the log of a geared servo to what its model gets wrong, by name, and to the controller.")
+app = typer.Typer()
 UsageError: Any = typer.BadParameter.__bases__[0]  # every mistake in the words of a command line
 
 Logs = Annotated[
@@ -42,6 +42,21 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, an
 MinTorque = Annotated[float, typer.Option(help="Least torque of each pinion [N m].")]
 MaxTorque = Annotated[float, typer.Option(help="Greatest torque of each pinion [N m].")]
 OUT = Path("antidrive-out")
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"antidrive {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def everything(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version, and end.")
+    ] = False,
+) -> None:
+    """From the log of a geared servo to what its model gets wrong, by name, and to the controller."""
 
 
 @app.command(epilog=told("demo"))

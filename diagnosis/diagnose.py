@@ -69,7 +69,7 @@ def diagnose(
 
     Raises:
         BadParameter: base and log do not fit together, or an effect is not known.
-        Unidentifiable: the load does not move.
+        Unidentifiable: the load does not move, or the fit of the base model failed.
     """
     effects = chosen(candidates, exclude)
     tell = progress or (lambda line: None)
@@ -80,6 +80,8 @@ def diagnose(
     null = fit(log, base_model(log) if base is None else base, fixed=fixed, progress=progress)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
+    if null.failed is not None:
+        raise Unidentifiable(f"The fit of the base model failed: {null.failed}")
     log, holdout = null.log, evenly_timed(holdout) if null.log.evenly_timed else holdout
     warnings = [*log.warnings, *log.repairs, *log.notes, *said]
     if null.unidentifiable:

@@ -11,3 +11,15 @@ class MalformedLog(AntidriveError, ValueError):
 
 class Unidentifiable(AntidriveError, ValueError):
     """The data cannot tell a parameter that was asked for."""
+
+
+class MissingColumns(MalformedLog):
+    """A log in which time, command or response were not recognised.
+
+    The message lists the columns of the file, one a line; `options` would name those that are missing.
+    """
+
+    def __init__(self, message: str, *, options: str = "", file: str = "") -> None:
+        """The message, the options that a command line would need, and the file's name."""
+        super().__init__(f"{message}\nName them, for example: {options}" if options else message)
+        self.options, self.file = options, file

@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike
 from identification.checks.check import check, excited
 from identification.errors import MalformedLog
 from identification.reading.columns import read_recordings
-from identification.reading.files import columns_of, read_table
+from identification.reading.files import read_table
+from identification.reading.frames import columns_of
+from identification.reading.recognition import joined_if_needed
 from identification.reading.request import ALIASES, COLUMNS, Gears, How, Reading
 from identification.reading.table import Table
 from identification.recording import Finding, Recording
@@ -90,7 +92,9 @@ class Log:
         after: Callable[[], None] | None = None,
         **how: Unpack[How],
     ) -> Log:
-        """Read one or several files: CSV, Parquet, MAT (v5 to v7.3), NPZ, MF4, TDMS, MCAP.
+        """Read one or several files of any known kind, see `identification.reading.files`; "-" is standard input.
+
+        Two files of one experiment, of which one has the command and one the response, are joined on their clocks.
 
         how: names, units and what the file cannot know, as in `identification.reading.request.Reading`:
             `mapping={"angle": "qm"}`, `units={"angle": "deg"}`, `scales={"torque": 35.15}`, `gears`, `rate`,
@@ -104,10 +108,13 @@ class Log:
         if not listed:
             raise BadParameter("no log is given, name at least one file.")
         reading = Reading(**how)
-        done, logs = after or (lambda: None), []
+        done = after or (lambda: None)
+        tables = []
         for path in listed:
-            table = read_table(path)
+            tables.append(read_table(path))
             done()
+        logs = []
+        for table in joined_if_needed(tables, reading):
             logs.append(cls._from_table(table, reading))
             done()
         return cls.merge(logs)

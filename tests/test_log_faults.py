@@ -286,7 +286,7 @@ def test_a_load_faster_than_its_motor(clean):
     assert len(log.warnings) == 2
 
 
-@pytest.mark.parametrize(("factor", "option"), [(180 / np.pi, "goal=deg"), (1 / (2 * np.pi), "goal=turn")])
+@pytest.mark.parametrize(("factor", "option"), [(180 / np.pi, "setpoint=deg"), (1 / (2 * np.pi), "setpoint=turn")])
 def test_a_goal_of_another_unit_is_refused(clean, factor, option):
     sound = clean("closed loop")
     goal = wandering_reference(1, duration=SECONDS)

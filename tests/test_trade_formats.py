@@ -160,7 +160,7 @@ def test_channels_of_one_name_are_told_apart_by_their_group(tmp_path):
         tdms(tmp_path / "log.tdms", SOUND, other),
     ):
         same(Log.read(path, mapping={"angle": "group 0/angle"}))
-        with pytest.raises(MalformedLog, match="'group 1/angle'"):
+        with pytest.raises(MalformedLog, match=r"group 1/angle .*angle\?"):
             Log.read(path)
 
 
@@ -169,7 +169,7 @@ def test_lists_in_mcap_are_columns_and_what_is_not_json_is_said(tmp_path):
     log = Log.read(path, mapping=TOPIC | {"angle": "/servo.pair:1"})
     same(log)
     assert "not those of '/camera' (cdr)" in log.warnings[0]
-    with pytest.raises(MalformedLog, match=r"^cdr\.mcap: only messages encoded as json .*'/servo' \(cdr\)") as caught:
+    with pytest.raises(MalformedLog, match=r"^cdr\.mcap: .* are read, but not those of '/servo' \(cdr\)") as caught:
         Log.read(mcap(tmp_path / "cdr.mcap", {"/servo": SOUND}, encoding="cdr"))
     check_sentence(str(caught.value))
 
@@ -275,9 +275,6 @@ BAD = {
     "mcap cut at once": (lambda p: cut(mcap(p / "log.mcap", {"/servo": SOUND}), 10), "not a readable .mcap"),
     "mcap cut in its data": (lambda p: cut(mcap(p / "log.mcap", {"/servo": SOUND}), 9000), "not a readable .mcap"),
     "mcap of nothing": (lambda p: mcap(p / "log.mcap", {}), "no numeric columns"),
-    "mf4 of text": (lambda p: text(p / "log.mf4"), "not a readable .mf4"),
-    "tdms of text": (lambda p: text(p / "log.tdms"), "not a readable .tdms"),
-    "mcap of text": (lambda p: text(p / "log.mcap"), "not a readable .mcap"),
     "mcap of broken json": (lambda p: garbled(p / "log.mcap"), "not a readable .mcap"),
     "mf4 without an angle": (lambda p: mf4(p / "log.mf4", SLOW), "'angle'"),
     "mf4 beyond its record": (lambda p: beyond(mf4(p / "log.mf4", SOUND)), "not a readable .mf4"),
@@ -287,11 +284,6 @@ BAD = {
         "the time of channel 'torque' does not increase",
     ),
 }
-
-
-def text(path):
-    path.write_text("time,torque,angle\n0,0,0\n")
-    return path
 
 
 def garbled(path):

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass
-from difflib import get_close_matches
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.reading.cia402 import find_objects
 from identification.reading.clocks import on_one_clock
 from identification.reading.command import command_of
-from identification.reading.request import ALIASES, COLUMNS, Reading
+from identification.reading.inventory import refuse_missing
+from identification.reading.joints import select_joint
+from identification.reading.recognition import Recognition, recognise
+from identification.reading.request import Reading
 from identification.reading.runs import labels_of, split_runs
 from identification.reading.stated_units import stated_units
 from identification.reading.table import Table
+from identification.reading.time_stamps import seconds_of, with_whole_stamps
 from identification.reading.units import si_factor
 from identification.reading.values import numbers_of
-from identification.recording import Recording
+from identification.recording import Array, Recording
 from plant.errors import BadParameter
 
 
@@ -41,42 +43,27 @@ class Recorded:
 def read_recordings(table: Table, reading: Reading) -> Recorded:
     """One `Recording` for each run of the table.
 
-    Raises `MalformedLog` for missing or non-numeric columns, `BadParameter` for options that do not fit.
+    Raises `MissingColumns` where the time, the command or the response is not recognised, `MalformedLog` for columns
+    that do not go together or hold no numbers, `BadParameter` for options that do not fit.
     """
-    found = _find_columns(table, reading.mapping)
-    linear = any(
-        column in given for column in ("force", "position") for given in (found, reading.units, reading.scales)
-    )
-    guessed = find_objects(table.name, table.columns, found, linear=linear)
-    table, found = on_one_clock(table, found | guessed)
+    table = select_joint(table, reading.joint, mapped=list(reading.mapping.values()))
+    table = with_whole_stamps(table)
+    known = recognise(table, reading)
+    refuse_missing(table, known, reading)
+    table, found = on_one_clock(table, known.found)
+    if "time" not in found:
+        table, found = _counted(table, found, float(reading.rate or 1.0))
     axis = _axis(table, found)
     for option in (reading.units, reading.scales):
         for column in option:
             if column not in found:
                 raise BadParameter(f"'{column}' is given a unit or scale, but {table.name} has no such column; map it.")
-    stated = stated_units(table, found, guessed, units=reading.units, scales=reading.scales, axis=axis)
+    stated = stated_units(table, found, known.objects, units=reading.units, scales=reading.scales, axis=axis)
     found = {column: name for column, name in found.items() if column not in stated.left_out}
-    channels = {}
-    labels = labels_of(table, found["run"]) if "run" in found else None
-    for column, name in found.items():
-        if column == "run":
-            continue
-        values = numbers_of(table, name, column)
-        if column in reading.scales:
-            values = values * float(reading.scales[column])
-        if column in stated.units:
-            values = values * si_factor(column, stated.units[column], axis)
-        channels[column] = values
-    _same_length(table, found, channels if labels is None else {**channels, "run": labels})
-    kept = ~np.all([np.isnan(values) for values in channels.values()], axis=0)
-    rows = np.flatnonzero(kept) + 1
+    channels, of_time = _channels(table, found, reading, stated.units, axis)
+    kept, rows = _rows_with_numbers(table, channels)
     channels = {column: values[kept] for column, values in channels.items()}
-    if len(rows) == 0:
-        raise MalformedLog(f"{table.name}: there are no rows with numbers, export the log again.")
     command = command_of(table.name, found, channels, axis, reading)
-    if command is None:
-        direct = "torque" if axis == "rotary" else "force"
-        raise _missing(table, direct, f"the column '{direct}' (or 'torque_1' and 'torque_2', or 'setpoint')")
     output = "angle" if axis == "rotary" else "position"
     whole = Recording(
         label=table.name,
@@ -92,43 +79,71 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         names={**found, "command": command.name, "output": found[output]},
         others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output)},
     )
-    recordings, told = split_runs(whole, None if labels is None else labels[kept])
+    labels = labels_of(table, found["run"])[kept] if "run" in found else None
+    recordings, of_order = split_runs(whole, labels)
     return Recorded(
         recordings=recordings,
         axis=axis,
         command_unit=command.unit,
         notes=command.notes,
-        warnings=table.notes + stated.notes + told,
+        warnings=(*table.notes, *_by_meaning(table, known), *stated.notes, *of_time, *of_order),
     )
 
 
-def _find_columns(table: Table, mapping: Mapping[str, str]) -> dict[str, str]:
-    """Contract column -> the table's column: as mapped, else by its own name, else the same in other case."""
-    found = {}
-    lower = {ALIASES.get(name.lower(), name.lower()): name for name in reversed(list(table.columns))}
-    for column in COLUMNS:
-        if column in mapping:
-            if mapping[column] not in table.columns:
-                raise MalformedLog(
-                    f"{table.name}: there is no column '{mapping[column]}' to use as '{column}', "
-                    f"the file has {_listed(table.columns)}."
-                )
-            found[column] = mapping[column]
-        elif column in table.columns:
-            found[column] = column
-        elif column in lower and lower[column] not in mapping.values():
-            found[column] = lower[column]
-    return found
+def _by_meaning(table: Table, known: Recognition) -> tuple[str, ...]:
+    """A sentence on the columns that were taken by a name which is not quite their own."""
+    listed = [
+        f"'{name}' for {column}"
+        for column, name in known.found.items()
+        if known.why[column].startswith("by its name") or known.why[column].startswith("a torque")
+    ]
+    return (f"{table.name}: taken by the meaning of their names are {', '.join(listed)}",) if listed else ()
+
+
+def _counted(table: Table, found: Mapping[str, str], rate: float) -> tuple[Table, dict[str, str]]:
+    """The table with a time that counts its rows."""
+    length = len(next(iter(table.columns[name] for name in found.values())))
+    name = next(name for name in ("time", "time of the rows") if name not in table.columns)
+    columns = {**table.columns, name: np.arange(length) / rate}
+    return replace(table, columns=columns), {**found, "time": name}
+
+
+def _channels(
+    table: Table, found: Mapping[str, str], reading: Reading, units: Mapping[str, str], axis: str
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """The columns as numbers in SI, and what is to be said of the time. The labels of the runs are no numbers."""
+    channels: dict[str, Array] = {}
+    told: tuple[str, ...] = ()
+    for column, name in found.items():
+        if column == "run":
+            continue
+        factor = float(reading.scales.get(column, 1.0))
+        factor *= si_factor(column, units[column], axis) if column in units else 1.0
+        if column == "time":
+            sized = column in units or column in reading.scales
+            channels[column], told = seconds_of(table, name, factor if sized else None)
+        else:
+            channels[column] = numbers_of(table, name, column) * factor
+    _same_length(table, found, channels)
+    return channels, told
+
+
+def _rows_with_numbers(table: Table, channels: Mapping[str, Array]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """(T,) where any channel has a number, and the rows of the file there, counted from 1."""
+    kept = ~np.all([np.isnan(values) for values in channels.values()], axis=0)
+    if not kept.any():
+        raise MalformedLog(f"{table.name}: there are no rows with numbers, export the log again.")
+    rows = np.arange(1, kept.size + 1) if table.rows is None else table.rows
+    return kept, rows[kept]
 
 
 def _axis(table: Table, found: Mapping[str, str]) -> str:
     rotary, linear = "angle" in found, "position" in found
     if rotary and linear:
-        raise MalformedLog(f"{table.name}: both an angle and a position are given, leave out one of them.")
-    if not rotary and not linear:
-        raise _missing(table, "angle", "the column 'angle' (or 'position' on a linear axis)")
-    if "time" not in found:
-        raise _missing(table, "time", "the column 'time'")
+        raise MalformedLog(
+            f"{table.name}: '{found['angle']}' is an angle and '{found['position']}' a position; say which is the "
+            f"response, --map angle={shlex.quote(found['angle'])} or --map angle={shlex.quote(found['position'])}."
+        )
     wrong = ("force",) if rotary else ("torque", "torque_1", "torque_2")
     for column in wrong:
         if column in found:
@@ -139,25 +154,12 @@ def _axis(table: Table, found: Mapping[str, str]) -> str:
     return "rotary" if rotary else "linear"
 
 
-def _missing(table: Table, column: str, what: str) -> MalformedLog:
-    guess = get_close_matches(column, table.columns, n=1, cutoff=0.4)
-    example = guess[0] if guess else "NAME"
-    return MalformedLog(
-        f"{table.name}: {what} is missing, the file has {_listed(table.columns)}; "
-        f"name it with --map {column}={example}."
-    )
-
-
-def _listed(names: Mapping[str, Any]) -> str:
-    listed = [f"'{name}'" for name in names]
-    return ", ".join(listed[:12]) + (f" and {len(listed) - 12} more" if len(listed) > 12 else "")
-
-
-def _same_length(table: Table, found: Mapping[str, str], channels: Mapping[str, NDArray[Any]]) -> None:
+def _same_length(table: Table, found: Mapping[str, str], channels: Mapping[str, Array]) -> None:
     samples = len(channels["time"])
-    for column, values in channels.items():
-        if len(values) != samples:
+    for column, name in found.items():
+        length = len(channels[column] if column in channels else table.columns[name])
+        if length != samples:
             raise MalformedLog(
-                f"{table.name}: the column '{found[column]}' has {len(values)} samples, but the time has {samples}; "
+                f"{table.name}: the column '{name}' has {length} samples, but the time has {samples}; "
                 "export both at the same rate."
             )

@@ -32,8 +32,8 @@ class Command:
 
 def command_of(
     file: str, found: Mapping[str, str], channels: Mapping[str, Array], axis: str, reading: Reading
-) -> Command | None:
-    """The command in the channels (contract column -> values) of a file, None where it has none.
+) -> Command:
+    """The command in the channels (contract column -> values) of a file.
 
     Raises `MalformedLog` where pinion torques come without their gear train.
     """
@@ -51,14 +51,8 @@ def command_of(
         first, second = np.asarray(reading.gears.torque_map, dtype=np.float64)  # paper, eq. (2)
         follower = first * channels["torque_1"] + second * channels["torque_2"]
         return Command(values=follower, servo_gain=none, name=f"{found['torque_1']}, {found['torque_2']}", unit=unit)
-    if "setpoint" in channels:
-        note = f"torque scale unknown: {file} has a set-point but no {direct}, so torques are per radian of its error"
-        note = note if axis == "rotary" else note.replace("torques are per radian", "forces are per metre")
-        return Command(
-            values=channels["setpoint"],
-            servo_gain=none + 1.0,
-            name=found["setpoint"],
-            unit="unknown",
-            notes=(note,),
-        )
-    return None
+    note = f"torque scale unknown: {file} has a set-point but no {direct}, so torques are per radian of its error"
+    note = note if axis == "rotary" else note.replace("torques are per radian", "forces are per metre")
+    return Command(
+        values=channels["setpoint"], servo_gain=none + 1.0, name=found["setpoint"], unit="unknown", notes=(note,)
+    )
