@@ -232,7 +232,8 @@ class Log:
 
     @classmethod
     def merge(cls, logs: Sequence[Log]) -> Log:
-        """All runs of several logs of one machine; runs are numbered anew when numbers meet twice.
+        """All runs of several logs of one machine, numbered in the order of the logs, which also is what a run is
+        called whose label meets another one's.
 
         Raises `MalformedLog` when the logs differ in axis or in the command's unit.
         """
@@ -247,14 +248,14 @@ class Log:
                     "treat them one by one."
                 )
         notes = dict.fromkeys(note for log in logs for note in log.notes)
-        taken = [{run.number for run in log.runs} for log in logs]
-        runs = [run for log in logs for run in log.runs]
-        if sum(map(len, taken)) > len(set().union(*taken)):
-            numbers: dict[tuple[int, int], int] = {}  # parts of one run keep one number
-            keys = [(k, run.number) for k, log in enumerate(logs) for run in log.runs]
-            runs = [
-                replace(run, number=numbers.setdefault(key, len(numbers))) for run, key in zip(runs, keys, strict=True)
-            ]
+        numbers: dict[tuple[int, int], int] = {}  # parts of one run keep one number
+        runs = [
+            replace(run, number=numbers.setdefault((k, run.number), len(numbers)))
+            for k, log in enumerate(logs)
+            for run in log.runs
+        ]
+        if len({run.run for run in runs}) < len(numbers):
+            runs = [replace(run, run=str(run.number)) for run in runs]
             notes["the runs of several files are numbered anew, in the order of the files"] = None
         return replace(
             first,

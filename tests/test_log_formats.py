@@ -282,11 +282,11 @@ def test_runs_have_states_and_times_of_their_own(tmp_path):
     two = {name: np.tile(values, 2) for name, values in SOUND.items()}
     two["run"] = np.repeat([7.0, 3.0], len(SOUND["time"]))
     log = Log.read(write(tmp_path / "log.csv", two))
-    assert [run.number for run in log.runs] == [7, 3]
+    assert [(run.run, run.number) for run in log.runs] == [("7", 0), ("3", 1)]
     assert [run.label for run in log.runs] == ["log.csv run 7", "log.csv run 3"]
     for run in log.runs:
         np.testing.assert_allclose(run.output, SOUND["angle"], atol=1e-8)
-    assert log.select([1]).runs[0].number == 3
+    assert log.select([1]).runs[0].run == "3"
     assert len(log.head(1).runs) == 1
     with pytest.raises(BadParameter, match="place 2"):
         log.select([2])
