@@ -26,7 +26,14 @@ def with_motor_names(table: Table, path: Path) -> Table:
     try:
         features = json.loads(info.read_bytes())["features"]
         named = {feature: _names(said.get("names")) for feature, said in features.items()}
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):  # then the columns keep their numbers
+    except (
+        OSError,
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+    ):  # then the columns keep their numbers
         return table
     called: dict[str, str] = {}
     joint_of = dict(table.joint_of)

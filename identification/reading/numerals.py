@@ -52,9 +52,9 @@ def plain_numbers(values: NDArray[Any]) -> NDArray[Any]:
 
     cells = pd.Series(values)
     given = cells[cells.notna()].astype(str)
-    if not len(given) or not given.head(50).str.contains(r"[\d]").any():
-        return values
     for writing in (_ENGLISH, _CONTINENTAL):
+        if not given.head(50).str.fullmatch(writing.any_number()).all():  # dates and labels go at once
+            continue
         if given.str.fullmatch(writing.beyond_doubt()).any() and given.str.fullmatch(writing.any_number()).all():
             bare = given.str.replace(writing.thousands, "", regex=False).str.replace(writing.decimal, ".", regex=False)
             numbers = np.full(len(values), np.nan)
