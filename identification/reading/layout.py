@@ -15,6 +15,7 @@ COMMENT = ("#", "%", "//")
 SEARCHED_LINES = 200  # no export has a longer preamble
 _SEPARATORS = ("\t", ";", "|", ",", " ")  # the comma late: it may be the decimal point
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)*|[.,]\d+)([eEdD][+-]?\d+)?$")
+_END_OF_HEADER = re.compile(r"\W*end[ _]?of[ _]?header\W*$", re.I)  # as LabVIEW writes it, twice
 _NO_NUMBER = {"nan", "na", "null", "inf", "-inf", "none"}
 _STAMP = re.compile(r"\d{1,4}([-./])\d{1,2}\1\d{1,4}([T ].*)?$|\d{1,3}:\d\d(:\d\d([.,:]\d+)?)?( ?[ap]m)?$", re.I)
 
@@ -82,9 +83,11 @@ def _is_data(cells: list[str]) -> bool:
 
 def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
     """Separator and index of the first data line: two columns or more, and another such line below it."""
+    ends = [index for index, line in enumerate(lines[:SEARCHED_LINES]) if _END_OF_HEADER.match(line)]
+    begin = ends[-1] + 1 if ends else 0
     searched = [
         (index, line)
-        for index, line in enumerate(lines[:SEARCHED_LINES])
+        for index, line in enumerate(lines[begin : begin + SEARCHED_LINES], begin)
         if line.strip() and not line.lstrip().startswith(COMMENT)
     ]
     for separator in _SEPARATORS:
@@ -136,10 +139,12 @@ def _as_names(line: str, separator: str, filled: int, width: int, *, numbered: b
     NumPy writes names with commas above columns with blanks; R has no name above the numbers of its rows.
     """
     bare = line.lstrip("#%/ " if separator == "\t" else "#%/ \t")
-    order = _SEPARATORS if separator == " " else dict.fromkeys((separator, *_SEPARATORS[:-1]))
-    for other in order:
-        cells = split(bare, other)
-        while len(cells) > width and not cells[-1]:
+    order = [separator] if separator != " " else []
+    tried = [split(bare, other) for other in dict.fromkeys((*order, *_SEPARATORS[:-1]))]
+    if separator == " ":  # names may have blanks in them where more than one stand between
+        tried += [re.split(r"\s{2,}", bare.strip()), split(bare, " ")]
+    for cells in tried:
+        while len(cells) > width and cells[-1] in ("", "Comment"):  # LabVIEW has a name for what its rows lack
             cells.pop()
         if len(cells) > 1 and any(cells):
             if filled <= len(cells) <= width:

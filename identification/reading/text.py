@@ -40,7 +40,7 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
     starts = group_starts(layout.names)
     grouped = len(starts) > 1 or scope is not None
     body = _body(lines, layout.start, name)
-    notes = [*_unread(layout, width, name), *body.notes]
+    notes = [*_unread(layout, name), *body.notes]
     ends = {width, *starts} if grouped else {width}  # where the slower groups have ended, rows are shorter
     last = len(split(body.lines[-1], layout.separator))
     if len(body.lines) > 1 and last < width and last not in ends:
@@ -60,6 +60,8 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
             units=groups.units,
         )
     names = _called(layout.names or ("",) * width, columns)
+    if not layout.names:
+        notes.append(f"{name}: no column names stand above the numbers; the columns are called 1 to {len(names)}")
     return Table(
         name=name,
         columns=dict(zip(names, columns, strict=False)),
@@ -130,9 +132,7 @@ def _body(lines: list[str], start: int, name: str) -> _Body:
     return _Body(lines=[lines[k] for k in kept], first_line=start + 1, rows=rows, notes=notes)
 
 
-def _unread(layout: Layout, width: int, name: str) -> list[str]:
-    if not layout.names:
-        return [f"{name}: no column names stand above the numbers; the columns are called 1 to {width}"]
+def _unread(layout: Layout, name: str) -> list[str]:
     if not layout.unread:
         return []
     first, last = layout.unread[0], layout.unread[-1]
