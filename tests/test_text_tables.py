@@ -184,7 +184,8 @@ def test_names_with_blanks_above_columns_with_blanks(tmp_path):
 def test_a_header_that_says_where_it_ends(tmp_path):
     """LabVIEW: what is above looks like data, and the rows lack the cell of the comments."""
     end = "***End_of_Header***\t\t\t\n"
-    head = f"Writer_Version\t2\nX_Columns\tOne\n{end}\nDate\t2019/03/01\t2019/03/01\t1\t1\nX0\t0.0\t0.0\t0\t0\n{end}"
+    units = "X_Dimension\tTime\tTime\tTime\nDate\t2019/03/01\t2019/03/01\t1\t1\nX0\t0.0\t0.0\t0\t0\n"
+    head = f"Writer_Version\t2\nX_Columns\tOne\n{end}\n{units}{end}"
     read = table(tmp_path, head + "\t".join(SOUND) + "\tComment\n" + rows("\t"), name="log.lvm")
     same(read)
     assert read.notes == ()

@@ -16,6 +16,7 @@ SEARCHED_LINES = 200  # no export has a longer preamble
 _SEPARATORS = ("\t", ";", "|", ",", " ")  # the comma late: it may be the decimal point
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)*|[.,]\d+)([eEdD][+-]?\d+)?$")
 _END_OF_HEADER = re.compile(r"\W*end[ _]?of[ _]?header\W*$", re.I)  # as LabVIEW writes it, twice
+_LIST = re.compile(r"[\[(][-+.,;\d\seE]+[\])]$")
 _NO_NUMBER = {"nan", "na", "null", "inf", "-inf", "none"}
 _STAMP = re.compile(r"\d{1,4}([-./])\d{1,2}\1\d{1,4}([T ].*)?$|\d{1,3}:\d\d(:\d\d([.,:]\d+)?)?( ?[ap]m)?$", re.I)
 
@@ -73,7 +74,7 @@ def _quoted(line: str, separator: str) -> list[str]:
 
 
 def _is_value(cell: str) -> bool:
-    return bool(_NUMBER.match(cell) or _STAMP.match(cell)) or cell.lower() in _NO_NUMBER
+    return bool(_NUMBER.match(cell) or _STAMP.match(cell) or _LIST.match(cell)) or cell.lower() in _NO_NUMBER
 
 
 def _is_data(cells: list[str]) -> bool:
@@ -83,8 +84,7 @@ def _is_data(cells: list[str]) -> bool:
 
 def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
     """Separator and index of the first data line: two columns or more, and another such line below it."""
-    ends = [index for index, line in enumerate(lines[:SEARCHED_LINES]) if _END_OF_HEADER.match(line)]
-    begin = ends[-1] + 1 if ends else 0
+    begin = _after_header(lines)
     searched = [
         (index, line)
         for index, line in enumerate(lines[begin : begin + SEARCHED_LINES], begin)
@@ -107,6 +107,11 @@ def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
     )
 
 
+def _after_header(lines: Sequence[str]) -> int:
+    """Index of the first line below a header that says where it ends."""
+    return max((k + 1 for k, line in enumerate(lines[:SEARCHED_LINES]) if _END_OF_HEADER.match(line)), default=0)
+
+
 def _counts_columns(cells: list[str]) -> bool:
     """Whether a row numbers the columns, as pandas writes a matrix: 0,1,2 with or without an index before them."""
     named = cells[1:] if not cells[0] else cells
@@ -122,7 +127,7 @@ def _lines_above(lines: Sequence[str], separator: str, start: int, name: str) ->
     second = next((line for line in lines[start + 1 :] if line.strip()), "")
     numbered = first[0] == "1" and split(second, separator)[:1] == ["2"]
     above: list[tuple[int, list[str]]] = []
-    for index in range(start - 1, max(start - SEARCHED_LINES, 0) - 1, -1):
+    for index in range(start - 1, max(start - SEARCHED_LINES, _after_header(lines)) - 1, -1):
         cells = _as_names(lines[index], separator, len(first), width, numbered=numbered)
         if cells:
             above.append((index, cells))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from identification.errors import MalformedLog
 from identification.reading.codesys import is_trace, read_trace
 from identification.reading.layout import COMMENT, SEARCHED_LINES, Layout, find_layout, split
+from identification.reading.list_cells import with_lists
 from identification.reading.numerals import has_decimal_comma, plain_numbers
 from identification.reading.scope import find_scope_header, group_starts, read_groups
 from identification.reading.table import Table
@@ -62,14 +63,16 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
     names = _called(layout.names or ("",) * width, columns)
     if not layout.names:
         notes.append(f"{name}: no column names stand above the numbers; the columns are called 1 to {len(names)}")
+    spread = with_lists(dict(zip(names, columns, strict=False)))
     return Table(
         name=name,
-        columns=dict(zip(names, columns, strict=False)),
+        columns=spread.columns,
         sha256=sha256,
         first_line=body.first_line,
         rows=body.kept_rows,
         notes=tuple(notes),
         units={column: unit for column, unit in zip(names, layout.units, strict=False) if unit},
+        joint_of=spread.joint_of,
     )
 
 
