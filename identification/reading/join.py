@@ -90,11 +90,14 @@ def _seconds(table: Table, name: str) -> Array:
         return np.asarray(values, dtype=np.float64) * _SECONDS.get(unit, 1.0)
     import pandas as pd
 
+    text = pd.Series(values).astype(str).str.replace(",", ".")
     try:
-        stamps = pd.to_datetime(pd.Series(values), utc=True)
-    except (ValueError, TypeError, OverflowError) as error:
-        raise MalformedLog(f"{table.name}: the times in '{name}' are neither numbers nor dates.") from error
-    return np.asarray((stamps - pd.Timestamp(0, tz="UTC")).dt.total_seconds(), dtype=np.float64)
+        since = pd.to_datetime(text, format="ISO8601", utc=True) - pd.Timestamp(0, tz="UTC")
+    except (ValueError, TypeError, OverflowError):
+        since = pd.to_timedelta(text, errors="coerce")  # the time of day
+    if since.isna().all() or (values.dtype.kind in "OUT" and not text.str.contains(":").any()):
+        raise MalformedLog(f"{table.name}: the times in '{name}' are neither numbers nor dates, export them again.")
+    return np.asarray(since.dt.total_seconds(), dtype=np.float64)
 
 
 def _span(table: Table, clocks: dict[str, Array]) -> tuple[float, float]:
