@@ -17,6 +17,8 @@ from plant.effects import DeadZone
 from plant.effects.effect import parameters_of
 from plant.servo import ServoModel
 
+_ROUNDING = 1e-12  # of an angle, that is no motion
+
 
 @without_blas_threads
 def fit(
@@ -42,15 +44,27 @@ def fit(
         BadParameter: a name in `fixed` is not a parameter of the model, or the model's axis is not the log's.
     """
     model = base_model(log) if model is None else model
-    found = Problem.of(log, model, fixed=fixed).solve(progress=progress)
-    traded = _traded(found)
-    if traded:
-        found = Problem.of(log, model, fixed=(*fixed, *traded)).solve(progress=progress)
-    found = with_its_colour(with_its_clock(found))
+    found, traded = _beside_traded(log, model, tuple(fixed), progress)
     if found.converged:
         found = Problem.of(found.log, found.model, fixed=found.fixed).polished(found)
     begun = [replace(line, start=float(start)) for line, start in zip(found.parameters, model.values, strict=True)]
     return replace(found, parameters=tuple(replace(p, value=None) if p.name in traded else p for p in begun))
+
+
+def _beside_traded(
+    log: Log, model: ServoModel, fixed: tuple[str, ...], progress: Callable[[str], None] | None
+) -> tuple[Fit, tuple[str, ...]]:
+    """The fit with its clock and colour, and the parameters that it kept because they traded places with others."""
+    kept: tuple[str, ...] = ()
+    while True:
+        found = Problem.of(log, model, fixed=(*fixed, *kept)).solve(progress=progress)
+        traded = _traded(found)
+        if not traded:
+            found = with_its_colour(with_its_clock(found))
+            traded = _traded(found)
+        if not traded:
+            return found, kept
+        kept += traded
 
 
 def _traded(found: Fit) -> tuple[str, ...]:
@@ -77,9 +91,10 @@ def base_model(log: Log) -> ServoModel:
             [np.gradient(run.output, run.time) for run in log.runs],
         )
     )
-    viscous = 0.5 * torque / speed if torque * speed > 0.0 else 1.0
+    moves = torque > 0.0 and angle > _ROUNDING * max(float(np.max(np.abs(run.output))) for run in log.runs)
+    viscous = 0.5 * torque / speed if moves else 1.0
     return ServoModel(
-        inertia=viscous * angle / speed if speed > 0.0 else 1.0,
+        inertia=viscous * angle / speed if moves else 1.0,
         gravity=0.0,
         viscous_friction=viscous,
         effects=(DeadZone(half_width=0.0),),
