@@ -38,6 +38,7 @@ __all__ = [
     "effects",
     "export",
     "identify",
+    "inspect",
     "predict",
     "simulate",
 ]
@@ -52,6 +53,7 @@ def identify(options: LogOptions, *, base: Path | None, known: FitOptions, out: 
     from identification.fit_result import fit_report, fit_to_dict
     from identification.simulation import free_simulation
 
+    known = options.fit.merged(known)
     start = _base(base, known.own_effects())
     with whole_folder(out) as draft:
         measured = _read(options, voice)
@@ -80,6 +82,7 @@ def diagnose(options: LogOptions, *, base: Path | None, known: FitOptions, out: 
     """Name what the model misses and write diagnosis.json, model.json and report.html."""
     from diagnosis.diagnose import diagnose as find_causes
 
+    known = options.fit.merged(known)
     own = known.own_effects()
     start = _base(base, own)
     with whole_folder(out) as draft:
@@ -138,7 +141,7 @@ def predict(
     """Simulate a log freely and write run, time, angle (or position) as CSV."""
     from antidrive.prediction import write_prediction
 
-    servo = _model(model, _own(effects))
+    servo = _model(model, _own(effects or options.fit.effects))
     if window is not None and not (np.isfinite(window) and window > 0.0):
         raise BadParameter(f"--window must be a positive number of seconds, not {window:g}.")
     with whole_file(out) as draft:
@@ -153,6 +156,19 @@ def predict(
     ]
     lines = [f"{entry['label']}: rms error {entry['rms']:.4g} {unit}" for entry in errors]
     voice.result("\n".join([*lines, f"Written: {out}"]), {"file": str(out), "unit": unit, "runs": errors})
+
+
+def inspect(options: LogOptions, *, out: Path, voice: Voice) -> None:
+    """Show what is understood of a log, and write log.toml and report.html."""
+    from antidrive.inspection import inspected
+
+    with voice.progress("reading") as progress:
+        found = inspected(options, progress)
+    with whole_folder(out) as draft:
+        (draft / "log.toml").write_text(found.log_file(out), encoding="utf-8")
+        page = report.inspection_page(found, Provenance.now(voice.words, found.log.sources))
+        (draft / "report.html").write_text(page, encoding="utf-8")
+    voice.result("\n".join([*found.sentences(), _written(out, "log.toml, report.html")]), found.summary())
 
 
 def simulate(scenario: str, *, model: Path | None, effects: Path | None, out: Path, seed: int, voice: Voice) -> None:

@@ -119,14 +119,22 @@ class Log:
         Raises `MalformedLog` for what cannot be used and `BadParameter` for options that do not fit.
         """
         listed = [paths] if isinstance(paths, str | Path) else list(paths)
-        if not listed:
+        return cls.of_files(listed, Reading(**how), after or (lambda: None))
+
+    @classmethod
+    def of_files(cls, paths: Sequence[str | Path], reading: Reading, done: Callable[[], None] = lambda: None) -> Log:
+        """The same for a `Reading`; `done` is called twice a file."""
+        if not paths:
             raise BadParameter("no log is given, name at least one file.")
-        reading = Reading(**how)
-        done = after or (lambda: None)
         tables = []
-        for path in listed:
+        for path in paths:
             tables.append(read_table(path))
             done()
+        return cls.of_tables(tables, reading, done)
+
+    @classmethod
+    def of_tables(cls, tables: Sequence[Table], reading: Reading, done: Callable[[], None] = lambda: None) -> Log:
+        """A log of tables that have been read; `done` is called once a table."""
         logs = []
         for table in joined_if_needed(tables, reading):
             logs.append(cls._from_table(table, reading))
