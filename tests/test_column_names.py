@@ -138,14 +138,6 @@ def test_a_matrix_without_names_and_time(tmp_path):
 
 def test_all_that_is_missing_is_said_at_once(csv):
     torques = ("FC1Torque", "FC2Torque", "FC3Torque")
-    odd = {
-        "stamp here": TIME,
-        "FC1Torque": TORQUE,
-        "FC2Torque": TORQUE,
-        "FC3Torque": TORQUE,
-        "angle a": ANGLE,
-        "b": TIME,
-    }
     with pytest.raises(MissingColumns) as caught:
         Log.read(csv({"b c": TIME, **dict.fromkeys(torques, TORQUE), "angle a": ANGLE, "b": TIME, "angle d": ANGLE}))
     sentence, *table = str(caught.value).splitlines()
@@ -224,5 +216,5 @@ def test_a_public_file_with_one_column_of_each_kind():
     path = CASES / "logs" / "08-hint-by-spelling" / "log2.csv"
     if not path.exists():
         pytest.skip("the case is not on this machine")
-    with pytest.raises(MalformedLog, match="29 samples in 0.432 s are too short"):  # q3 and q3_tau_J are known
+    with pytest.raises(MalformedLog, match="too short"):  # q3 and q3_tau_J are known
         Log.read(path)
