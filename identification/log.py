@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.checks.check import check, excited
+from identification.checks.idle import leave_idle
 from identification.errors import MalformedLog
 from identification.reading.columns import read_recordings
 from identification.reading.files import read_table
@@ -191,6 +192,8 @@ class Log:
                 f"{first.label}: neither '{first.name('command')}' nor '{first.name('output')}' ever changes, "
                 "record a log in which the drive moves the load."
             )
+        usable, found = leave_idle(usable)
+        findings += found
         return cls(
             runs=tuple(Run.from_recording(recording, _zero(usable)) for recording in usable),
             axis=axis,
