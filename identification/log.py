@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from identification.checks.check import check, excited
 from identification.checks.idle import leave_idle
-from identification.errors import MalformedLog
+from identification.errors import MalformedLog, UnusableLog
 from identification.reading.columns import read_recordings
 from identification.reading.files import read_table
 from identification.reading.frames import columns_of
@@ -48,6 +48,7 @@ class Log:
 
     runs: at least one.
     warnings: what was found, `repairs`: what was masked, continued or left out; one sentence each.
+    faults: why no model can be fitted to it as it is, and the option that helps; one sentence each.
     command_unit: "N m", "N", or "V", "A" where the torque's scale is unknown, as `notes` then say.
     colour: autoregression of the reading's noise, as `identification.colour` finds it; empty for white noise.
     evenly_timed: whether `identification.stamps` put even times in the place of the written ones.
@@ -59,6 +60,7 @@ class Log:
     axis: Axis
     warnings: tuple[str, ...] = ()
     repairs: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
     sources: tuple[Source, ...] = ()
     command_unit: str = "N m"
     notes: tuple[str, ...] = ()
@@ -79,6 +81,18 @@ class Log:
         runs = f"{len(self.runs)} run{'s' * (len(self.runs) != 1)}"
         duration = sum(run.duration for run in self.runs)
         return f"Log({runs}, {samples} samples, {rate:.4g} Hz, {duration:.2f} s, {self.axis})"
+
+    def usable(self, *, force: bool = False) -> Log:
+        """The log if no fault makes it unusable; with `force` in any case, its faults being warnings then.
+
+        Raises `UnusableLog` with the first fault and, in brackets, how many follow.
+        """
+        if not self.faults:
+            return self
+        if not force:
+            more = len(self.faults) - 1
+            raise UnusableLog(f"{self.faults[0]}{f' (and {more} more, see `Log.faults`)' if more else ''}.")
+        return replace(self, faults=(), warnings=(*self.faults, *self.warnings))
 
     @property
     def sample_time(self) -> float:
@@ -192,12 +206,15 @@ class Log:
                 f"{first.label}: neither '{first.name('command')}' nor '{first.name('output')}' ever changes, "
                 "record a log in which the drive moves the load."
             )
+        if not any(np.ptp(recording.output[recording.valid]) > 0 for recording in usable):
+            findings = [replace(found, unusable=found.unusable or found.kind == "never turns") for found in findings]
         usable, found = leave_idle(usable)
         findings += found
         return cls(
             runs=tuple(Run.from_recording(recording, _zero(usable)) for recording in usable),
             axis=axis,
-            warnings=_told(finding for finding in findings if not finding.repaired),
+            warnings=_told(finding for finding in findings if not finding.repaired and not finding.unusable),
+            faults=_told(finding for finding in findings if finding.unusable),
             repairs=_told(finding for finding in findings if finding.repaired),
             sources=tuple(sources),
             command_unit=command_unit,
@@ -248,6 +265,7 @@ class Log:
             runs=tuple(runs),
             warnings=tuple(text for log in logs for text in log.warnings),
             repairs=tuple(text for log in logs for text in log.repairs),
+            faults=tuple(text for log in logs for text in log.faults),
             sources=tuple(dict.fromkeys(source for log in logs for source in log.sources)),
             notes=tuple(notes),
         )

@@ -17,12 +17,14 @@ class Finding:
     """What a check found in one recording.
 
     `kind` names the check, so that the same finding in a hundred runs can be told once; `repaired` is True
-    when samples were changed, masked or left out; `text` is one sentence that says where.
+    when samples were changed, masked or left out; `text` is one sentence that says where. `unusable` is True when no
+    model can be fitted to the recording as it is.
     """
 
     kind: str
     repaired: bool
     text: str
+    unusable: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

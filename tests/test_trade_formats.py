@@ -275,7 +275,7 @@ BAD = {
     "mcap cut at once": (lambda p: cut(mcap(p / "log.mcap", {"/servo": SOUND}), 10), "not a readable .mcap"),
     "mcap cut in its data": (lambda p: cut(mcap(p / "log.mcap", {"/servo": SOUND}), 9000), "not a readable .mcap"),
     "mcap of nothing": (lambda p: mcap(p / "log.mcap", {}), "no numeric columns"),
-    "mcap of broken json": (lambda p: garbled(p / "log.mcap"), "not a readable .mcap"),
+    "mcap of broken json": (lambda p: garbled(p / "log.mcap"), "'/servo' (json, which cannot be decoded)"),
     "mf4 without an angle": (lambda p: mf4(p / "log.mf4", SLOW), "'angle'"),
     "mf4 beyond its record": (lambda p: beyond(mf4(p / "log.mf4", SOUND)), "not a readable .mf4"),
     "mf4 with a name that is nowhere": (lambda p: nameless(mf4(p / "log.mf4", SOUND)), "not a readable .mf4"),

@@ -16,7 +16,7 @@ from identification.reading.table import Table
 from plant.errors import BadParameter
 
 _PATH = re.compile(r"(?P<topic>/.*)/(?P<joint>[^/]+)/(?P<quantity>position|velocity|effort)")  # PlotJuggler
-_ECHO = re.compile(r"(?P<field>.*\.)?(?P<quantity>position|velocity|effort)(?P<place>\d+)")  # rostopic echo -p
+_LISTED = re.compile(r"(?P<field>.*[./])?(?P<quantity>position|velocity|effort)(?P<place>_?\d+|\[\d+\])")
 
 
 def with_joints(table: Table) -> Table:
@@ -27,7 +27,7 @@ def with_joints(table: Table) -> Table:
     for name in table.columns:
         if found := _PATH.fullmatch(name):
             joint_of[name] = (found["joint"], f"{found['topic']}.{found['quantity']}")
-        elif found := _ECHO.fullmatch(name):
+        elif found := _LISTED.fullmatch(name):  # rostopic echo -p
             joint = _constant(table.columns.get(f"{found['field'] or ''}name{found['place']}"))
             if joint:
                 joint_of[name] = (joint, f"{found['field'] or ''}{found['quantity']}")
