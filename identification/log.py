@@ -208,8 +208,7 @@ class Log:
             )
         if not any(np.ptp(recording.output[recording.valid]) > 0 for recording in usable):
             findings = [replace(found, unusable=found.unusable or found.kind == "never turns") for found in findings]
-        usable, found = leave_idle(usable)
-        findings += found
+        usable, findings = leave_idle(usable, findings)
         return cls(
             runs=tuple(Run.from_recording(recording, _zero(usable)) for recording in usable),
             axis=axis,

@@ -66,6 +66,27 @@ def test_channels_in_rows_of_their_own_are_joined(fast):
     np.testing.assert_allclose(run.command, fast["torque"].reshape(-1, SLOW).mean(axis=1), atol=1e-12)
 
 
+def test_a_faster_command_of_another_group_keeps_its_impulse(fast, tmp_path):
+    path = tmp_path / "log.csv"
+    slow = {name: fast[name][::SLOW] for name in ("time", "angle")}
+    rows = [
+        (repr(t), repr(u), *((repr(slow["time"][k]), repr(slow["angle"][k])) if k < len(slow["time"]) else ("", "")))
+        for k, (t, u) in enumerate(zip(fast["time"].tolist(), fast["torque"].tolist(), strict=True))
+    ]
+    cells = [[cell.removeprefix("np.float64(").removesuffix(")") for cell in row] for row in rows]
+    path.write_text("\n".join(["time,torque,time,angle", *map(",".join, cells)]) + "\n")
+    (run,) = Log.read(path).runs
+    np.testing.assert_array_equal(run.output, fast["angle"][::SLOW])
+    np.testing.assert_allclose(run.command, fast["torque"].reshape(-1, SLOW).mean(axis=1), atol=1e-9)
+
+
+def test_a_slower_speed_is_interpolated(fast):
+    speed = np.gradient(fast["angle"], fast["time"])
+    (run,) = (log := Log.from_arrays(**fast, velocity=between(speed))).runs
+    assert "'velocity' has a sample in every 10th row only, interpolated" in log.repairs[0]
+    np.testing.assert_array_equal(run.velocity[::SLOW], speed[: len(run)][::SLOW])
+
+
 def test_rates_in_no_whole_proportion_are_seen_too(fast):
     taken = np.floor(np.floor(np.arange(len(fast["time"])) / 3.4) * 3.4).astype(int)
     (run,) = (log := Log.from_arrays(**fast | {"angle": fast["angle"][taken]})).runs

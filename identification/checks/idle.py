@@ -21,28 +21,32 @@ _SMALL = 0.05  # of what a channel spans in the log: a larger change is no noise
 _NOISE = 12.0  # standard deviations, known to a tenth, that a noise spans at most
 
 
-def leave_idle(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Finding]]:
-    """The recordings without idle ends, and without those that are idle throughout, and what was left out.
+def leave_idle(recordings: Sequence[Recording], findings: Sequence[Finding]) -> tuple[list[Recording], list[Finding]]:
+    """The recordings without idle ends, and without those that are idle throughout; what was left out joins `findings`.
 
     Where all are idle they are returned as they are.
     """
     spans = {name: _span([getattr(one, name) for one in recordings]) for name in ("command", "output")}
     rests = [_rest(one, spans) for one in recordings]
     if all(rest == (len(one), len(one)) for one, rest in zip(recordings, rests, strict=True)):
-        return list(recordings), []
-    kept, findings = [], []
+        return list(recordings), list(findings)
+    kept: list[Recording] = []
+    told = list(findings)
     for recording, (before, after) in zip(recordings, rests, strict=True):
         if before == len(recording):
             if _held(recording, slice(None), spans["command"]):
                 kept.append(recording)
             else:
                 text = f"{recording.label}: left out, as neither '{recording.name('command')}' nor the load moves in it"
-                findings.append(Finding(kind="idle", repaired=True, text=text))
+                told = [
+                    one for one in told if one.kind != "never turns" or not one.text.startswith(f"{recording.label}:")
+                ]
+                told.append(Finding(kind="idle", repaired=True, text=text))
             continue
         cut, text = _cut(recording, before, after, spans["command"])
         kept.append(cut)
-        findings += [Finding(kind="idle ends", repaired=True, text=text)] if text else []
-    return kept, findings
+        told += [Finding(kind="idle ends", repaired=True, text=text)] if text else []
+    return kept, told
 
 
 def _span(channels: Sequence[Array]) -> float:

@@ -38,8 +38,14 @@ def on_output_samples(recording: Recording) -> Checked:
             text = f"{recording.label}: '{recording.name('output')}' repeats each sample until every {rows} row"
             findings.append(_slow("output", text))
             output = held
+    for name, values in recording.others.items():
+        if slower(np.isfinite(values)):
+            text = f"'{recording.name(name)}' has a sample in every {_rows(np.isfinite(values))} row only, interpolated"
+            findings.insert(0, _slow(name, f"{recording.label}: {text}"))
     if not findings:
         return recording, []
+    if not any(finding.kind in ("slower command", "slower output") for finding in findings):
+        output = np.ones(len(recording), dtype=bool)  # its few missing samples are masked as ever
     places = np.flatnonzero(output)
     if len(places) < len(recording):
         text = findings[-1].text + "; its own samples are used, and the mean of the command between them"
