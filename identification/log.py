@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.checks.check import check, excited
+from identification.checks.idle import leave_idle
 from identification.errors import MalformedLog, UnusableLog
 from identification.reading.columns import read_recordings
 from identification.reading.files import read_table
@@ -215,6 +216,7 @@ class Log:
             )
         if not any(np.ptp(recording.output[recording.valid]) > 0 for recording in usable):
             findings = [replace(found, unusable=found.unusable or found.kind == "never turns") for found in findings]
+        usable, findings = leave_idle(usable, findings)
         return cls(
             runs=tuple(Run.from_recording(recording, _zero(usable)) for recording in usable),
             axis=axis,
