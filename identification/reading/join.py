@@ -94,8 +94,8 @@ def _seconds(table: Table, name: str) -> Array:
     try:
         since = pd.to_datetime(text, format="ISO8601", utc=True) - pd.Timestamp(0, tz="UTC")
     except (ValueError, TypeError, OverflowError):
-        since = pd.to_timedelta(text, errors="coerce")  # the time of day
-    if since.isna().all() or (values.dtype.kind in "OUT" and not text.str.contains(":").any()):
+        since = pd.to_timedelta(text.where(text.str.contains(":")), errors="coerce")  # the time of day
+    if since.isna().all():
         raise MalformedLog(f"{table.name}: the times in '{name}' are neither numbers nor dates, export them again.")
     return np.asarray(since.dt.total_seconds(), dtype=np.float64)
 
