@@ -30,7 +30,7 @@ class Voice:
     def result(self, text: str, content: Any) -> None:
         """Print a result, in words or as JSON."""
         if self.json:
-            print(to_json(content))
+            print(to_json(content, ascii=not (sys.stdout.encoding or "utf-8").lower().startswith("utf")))
         elif not self.quiet and sys.stdout.isatty():
             _shown(text)
         elif not self.quiet:
