@@ -230,7 +230,7 @@ def test_reading_and_predicting_tell_how_far_they_are(tmp_path):
     assert told == [f"reading, {share} of 100 parts are done" for share in (25, 50, 75, 100)]
     del told[:]
     write_prediction(tmp_path / "p.csv", log, PLAIN, window=1.0, tell=told.append)
-    assert told == [f"predicting, {share} of 100 parts are done" for share in (10, 20, 30, 40, 50, 100)]
+    assert told == [f"predicting, {share} of 100 parts are done" for share in (16, 32, 48, 64, 80, 100)]
 
 
 def test_an_export_tells_how_far_it_is(tmp_path, monkeypatch):
