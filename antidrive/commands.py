@@ -148,7 +148,7 @@ def predict(
             simulated = write_prediction(draft, log, servo, window=window, tell=progress)
     unit = "rad" if log.axis == "rotary" else "m"
     errors = [
-        {"run": run.number, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.output)[run.valid] ** 2)))}
+        {"run": run.run, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.output)[run.valid] ** 2)))}
         for run, y in zip(log.runs, simulated, strict=True)
     ]
     lines = [f"{entry['label']}: rms error {entry['rms']:.4g} {unit}" for entry in errors]

@@ -96,4 +96,4 @@ def _column(log: Log) -> str:
 def _table(log: Log, run: Run, output: Array, rows: slice) -> pd.DataFrame:
     import pandas as pd
 
-    return pd.DataFrame({"run": run.number, "time": run.zero + run.time[rows], _column(log): output[rows]})
+    return pd.DataFrame({"run": run.run, "time": run.zero + run.time[rows], _column(log): output[rows]})

@@ -63,15 +63,17 @@ def fit_page(
         "samples": fit.samples,
         "runs": len(runs),
         "bandwidth": measured(fit.bandwidth, bandwidth_std(fit), "rad/s") if fit.bandwidth else "",
-        "converged": fit.converged,
+        "failed": fit.failed,
         "figures": drawn,
         "parameters": [_parameter(p) for p in fit.parameters],
         "correlations": correlations(fit, 0.5),
         "data": _data(fit, warnings, notes),
     }
     lost = fit.unidentifiable
-    title = f"{len(fit.free) - len(lost)} parameters fitted"
-    if lost:
+    title = f"{sum(not p.fixed and p.value is not None for p in fit.parameters)} parameters fitted"
+    if fit.failed is not None:
+        title = "the fit failed"
+    elif lost:
         title += f"; this log cannot tell {', '.join(lost)}"
     return page("fit", provenance, title, fit=content)
 

@@ -52,6 +52,7 @@ def diagnose(
     prior: Pairs | None = None,
     candidates: Sequence[Choice] | None = None,
     exclude: Collection[str] = (),
+    force: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Find out what a model misses in a log.
@@ -66,16 +67,18 @@ def diagnose(
         candidates: effects that may be named, by their name in the catalogue or as classes; also effects that the
             catalogue does not have. By default the whole catalogue.
         exclude: names of effects that may not.
+        force: diagnose also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each step.
 
     Returns:
         Verdict, causes, gain and the data of the pictures.
 
     Raises:
+        UnusableLog: the log, or the one to measure the gain on, has faults that no model fits.
         BadParameter: base and log do not fit together, or an effect is not known.
-        Unidentifiable: the load does not move.
+        Unidentifiable: the load does not move, or the fit of the base model failed.
     """
-    log, effects = log_of(log), chosen(candidates, exclude)
+    log, effects = log_of(log).usable(force=force), chosen(candidates, exclude)
     start = base_model(log) if base is None else base
     known = known_of(fixed, bounds, prior, start, effects.values(), stated=base is not None)
     tell = progress or (lambda line: None)
@@ -83,11 +86,13 @@ def diagnose(
     if holdout is None:
         log, held_out, *said = split(log)
     else:
-        held_out = log_of(holdout)
+        held_out = log_of(holdout).usable(force=force)
     tell("fitting the base model")
     null = fit_knowing(log, start, known, progress)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
+    if null.failed is not None:
+        raise Unidentifiable(f"The fit of the base model failed: {null.failed}")
     log, held_out = null.log, evenly_timed(held_out) if null.log.evenly_timed else held_out
     warnings = [*log.warnings, *log.repairs, *log.notes, *said]
     if null.unidentifiable:

@@ -187,7 +187,7 @@ def _slopes(structure: Structure, substeps: int, positioned: bool) -> Recursion:
     step = step_with_slopes(probe, (torque,), 1 + n, substeps=substeps, positioned=positioned)
     kind: Any = ca.SX if step.is_a("SXFunction") else ca.MX
     row, parameters = kind.sym("row", n + len(INPUTS)), kind.sym("parameters", len(probe.names))
-    followed = forgetful(probe, kind(np.hstack((np.zeros((n, 1)), np.eye(n)))), row[n + INPUTS.index("dt")])
+    followed = forgetful(probe, kind(np.hstack((np.zeros((n, 1)), np.eye(n)))))
     _, slopes = step(row[:n], followed, row[n:], parameters)
     state, own = ca.SX.sym("state", n), ca.SX.sym("parameters", len(probe.names))
     shown = ca.densify(ca.jacobian(sample_reading(probe)(state, own), state))

@@ -125,9 +125,10 @@ def _around(
     peak says nothing of the others. An observer that is faster than the chaos smooths it, unless impacts in quick
     succession make its slopes grow without bound; then that peak is all there is.
     """
-    if not objective.model.chaotic or bandwidth >= FADING:
+    fading = FADING / objective.log.sample_time
+    if not objective.model.chaotic or bandwidth >= fading:
         return here
-    smooth = objective.predictor.predict(values, initial, bandwidth=FADING, width=0.0)
+    smooth = objective.predictor.predict(values, initial, bandwidth=fading, width=0.0)
     with np.errstate(over="ignore", invalid="ignore"):
         bounded = all(np.isfinite(p.jacobian.T @ p.jacobian).all() for p in smooth)
     return smooth if bounded else here
@@ -137,7 +138,7 @@ def _nothing_moves(objective: Objective, minimum: Minimum) -> bool:
     """Whether an output that never changes explains the log as well as the fitted motion: nothing can be told."""
     runs = objective.log.runs
     still = sum(float(np.sum((run.output - run.output[run.valid].mean())[run.valid] ** 2)) for run in runs)
-    return still < 1.1 * minimum.equations.cost
+    return still <= 1.1 * minimum.equations.cost
 
 
 def _without_weight(objective: Objective, values: Array, std: Array) -> NDArray[np.bool_]:

@@ -13,6 +13,13 @@ class Unidentifiable(AntidriveError, ValueError):
     """The data cannot tell a parameter that was asked for."""
 
 
+class UnusableLog(AntidriveError, ValueError):
+    """A log that was read, but contradicts every machine: a reversed sign, degrees for radians, nothing that moves.
+
+    The message is `Log.faults`; `force=True` goes on all the same.
+    """
+
+
 class MissingColumns(MalformedLog):
     """A log in which time, command or response were not recognised.
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from itertools import chain
+
+import numpy as np
 
 from identification.colour import with_its_colour
 from identification.fit_result import Fit
@@ -14,8 +17,11 @@ from identification.problem import Problem
 from identification.side_by_side import without_blas_threads
 from identification.stamps import with_its_clock
 from plant.effects import DeadZone, Effect
+from plant.effects.effect import parameters_of
 from plant.errors import BadParameter
 from plant.servo import ServoModel
+
+_ROUNDING = 1e-12  # of an angle, that is no motion
 
 
 @without_blas_threads
@@ -26,6 +32,7 @@ def fit(
     fixed: Fixed = (),
     bounds: Pairs | None = None,
     prior: Pairs | None = None,
+    force: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
     """Estimate the parameters of a model from a log.
@@ -36,16 +43,19 @@ def fit(
         fixed: names of parameters that keep the model's value, or values by name: `{"inertia": 0.2}`.
         bounds: least and greatest value by name: `{"inertia": (0.1, 0.3)}`.
         prior: mean and standard deviation by name, of a Gaussian: `{"inertia": (0.2, 0.05)}`.
+        force: fit also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each stage.
 
     Returns:
-        The fit; parameters that the data cannot tell are marked, not guessed.
+        The fit; parameters that the data cannot tell are marked, not guessed. One that did not come to an end, or that
+        moved nothing, says so in `failed`.
 
     Raises:
+        UnusableLog: the log has faults that no model fits.
         BadParameter: a name is not a parameter of the model, a number is not one that it can have, or the model's axis
             is not the log's.
     """
-    log = log_of(log)
+    log = log_of(log).usable(force=force)
     start = base_model(log) if model is None else model
     known = known_of(fixed, bounds, prior, start, stated=model is not None)
     return fit_knowing(log, start, known, progress)
@@ -53,8 +63,39 @@ def fit(
 
 def fit_knowing(log: Log, model: ServoModel, known: Known, progress: Callable[[str], None] | None = None) -> Fit:
     """The same, with what is known of parameters in one piece, also of such as the model does not have."""
-    problem = Problem.of(log, known.begun(model), known=known)
-    return with_its_colour(with_its_clock(problem.solve(progress=progress)))
+    start = known.begun(model)
+    found, traded = _beside_traded(log, start, known, progress)
+    if found.converged:
+        found = Problem.of(found.log, found.model, fixed=found.fixed, known=found.known).polished(found)
+    begun = [replace(line, start=float(value)) for line, value in zip(found.parameters, start.values, strict=True)]
+    return replace(found, parameters=tuple(replace(p, value=None) if p.name in traded else p for p in begun))
+
+
+def _beside_traded(
+    log: Log, model: ServoModel, known: Known, progress: Callable[[str], None] | None
+) -> tuple[Fit, tuple[str, ...]]:
+    """The fit with its clock and colour, and the parameters that it kept because they traded places with others."""
+    kept: tuple[str, ...] = ()
+    while True:
+        found = Problem.of(log, model, fixed=kept, known=known).solve(progress=progress)
+        traded = _traded(found)
+        if not traded:
+            found = with_its_colour(with_its_clock(found))
+            traded = _traded(found)
+        if not traded:
+            return found, kept
+        kept += traded
+
+
+def _traded(found: Fit) -> tuple[str, ...]:
+    """Parameters of effects that a log cannot tell from the rigid body: they are kept, so that it can be told.
+
+    Where the torque has one level only, a dead zone is worth the same as more of everything else.
+    """
+    rigid = {spec.name for spec in parameters_of(type(found.model))}
+    lost = set(found.unidentifiable) - set(found.fixed)
+    effects = tuple(name for name in found.unidentifiable if name in lost - rigid)
+    return effects if lost & rigid else ()
 
 
 def known_of(
@@ -89,8 +130,24 @@ def known_of(
 
 
 def base_model(log: Log) -> ServoModel:
-    """Where a fit starts that was told nothing: eqs. (4) and (6), without gravity on a linear axis."""
-    effects = (DeadZone(half_width=0.0),)
-    if log.axis == "linear":
-        return ServoModel(inertia=1.0, gravity=0.0, viscous_friction=1.0, effects=effects, axis="linear")
-    return ServoModel(inertia=1.0, gravity=0.0, viscous_friction=0.1, effects=effects)
+    """Where a fit starts that was told nothing: eqs. (4) and (6), without gravity on a linear axis.
+
+    Inertia and friction are of the size that half the torque of the log would move as it moved.
+    """
+    torque, angle, speed = (
+        float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
+        for values in (
+            [run.command - run.servo_gain * run.output for run in log.runs],
+            [run.output - run.output.mean() for run in log.runs],
+            [np.gradient(run.output, run.time) for run in log.runs],
+        )
+    )
+    moves = torque > 0.0 and angle > _ROUNDING * max(float(np.max(np.abs(run.output))) for run in log.runs)
+    viscous = 0.5 * torque / speed if moves else 1.0
+    return ServoModel(
+        inertia=viscous * angle / speed if moves else 1.0,
+        gravity=0.0,
+        viscous_friction=viscous,
+        effects=(DeadZone(half_width=0.0),),
+        axis=log.axis,
+    )

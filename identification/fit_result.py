@@ -20,7 +20,10 @@ _ECHO = 1000  # samples for which an innovation may live on in coloured noise
 
 @dataclass(frozen=True, kw_only=True)
 class FittedParameter:
-    """One line of a fit: `value` and `std` in `unit`; both are None where the data cannot tell."""
+    """One line of a fit: `value` and `std` in `unit`; both are None where the data cannot tell.
+
+    A parameter that is `fixed` and has no value was kept at its start, because the data cannot tell it from the others.
+    """
 
     name: str
     value: float | None
@@ -113,6 +116,22 @@ class Fit:
         return self.log_likelihood == -np.inf
 
     @property
+    def failed(self) -> str | None:
+        """Why the fit is worth nothing and what to do; None of a fit to be used, also where the load never moves."""
+        if self.runs_off:
+            return "the motion of the model grows without bound. Leave out the part of the log where it does."
+        if not self.converged:
+            return "the iteration ended before it converged. Start it near the machine, with --base MODEL.json."
+        told = [line.value is not None for line in self.parameters if not line.fixed]
+        moves = [(run.output - run.output[run.valid].mean())[run.valid] for run in self.log.runs]
+        if any(told) or not told or np.std(np.concatenate(moves)) <= 2.0 * self.noise_std:
+            return None
+        return (
+            "no value of its parameters explains the motion better than another. "
+            "See whether this torque drives this angle: their sign, units and times."
+        )
+
+    @property
     def correlation(self) -> NDArray[np.float64]:
         """(F, F) correlation of the fitted parameters."""
         std = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
@@ -142,23 +161,22 @@ def fit_report(fit: Fit, *, correlated: float = 0.5) -> str:
     unit = "m" if fit.log.axis == "linear" else "rad"
     lines += [f"  noise {fit.noise_std:.4g} {unit}, log-likelihood {fit.log_likelihood:.1f}", ""]
     width = max(len(p.name) for p in fit.parameters)
-    lines += [f"  {p.name:<{width}}  {_value(p)}" for p in fit.parameters]
+    if fit.failed is not None:
+        lines += [f"  The fit failed: {fit.failed}", ""]
+    lines += [f"  {p.name:<{width}}  {_value(p, fit.failed is not None)}" for p in fit.parameters]
     lines += [f"  {line}" for line in _said_before(fit)]
     pairs = correlations(fit, correlated)
     if pairs:
         lines += ["", f"  correlations above {correlated:g}"]
         lines += [f"    {a}, {b}: {r:+.3f}" for a, b, r in pairs]
-    if not fit.converged:
-        lines += ["", "  The iteration ended before it converged:"]
-        lines += ["  look at the residual before you trust the numbers."]
     return "\n".join(lines)
 
 
-def _value(p: FittedParameter) -> str:
-    if p.fixed:
+def _value(p: FittedParameter, failed: bool) -> str:
+    if p.fixed and p.value is not None:
         return f"{p.value:.6g} {p.unit} (fixed)"
     if p.value is None or p.std is None:
-        return f"cannot be told from this log (start {p.start:.4g} {p.unit})"
+        return "not found" if failed else f"cannot be told from this log (start {p.start:.4g} {p.unit})"
     share = f" ({100.0 * p.std / abs(p.value):.2g} %)" if p.value else ""
     bound = "  AT BOUND" if p.at_bound else ""
     return f"{p.value:.6g} +- {p.std:.2g} {p.unit}{share}  from {p.start:.4g}{bound}"
@@ -209,6 +227,7 @@ def fit_to_dict(fit: Fit) -> dict[str, Any]:
         "log_likelihood": fit.log_likelihood,
         "samples": fit.samples,
         "converged": fit.converged,
+        "failed": fit.failed,
         "data": {"warnings": list(fit.log.warnings), "repairs": list(fit.log.repairs)},
         "source": [{"file": s.file, "sha256": s.sha256} for s in fit.log.sources],
     }

@@ -1,8 +1,8 @@
 """The inverse model: the torque that the measured motion needs, beside the torque that was commanded.
 
 Derivatives of the measured angle come from a zero-phase Butterworth filter and central differences, and every signal
-passes the same filter (Gautier 1997; the practice of robot identification). It gives a start for the fit, because
-J, alpha and K are linear in it, and the relative torque error in which inverse models are published.
+passes the same filter (Gautier 1997; the practice of robot identification). It gives the relative torque error in which
+inverse models are published.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, signal
+from scipy import signal
 
 from identification.log import Log, Run
-from identification.side_by_side import side_by_side
 from plant.discrete import Structure
-from plant.effects import DeadZone, Moment, State
+from plant.effects import Moment, State
 from plant.effects.effect import Array
 from plant.recursion import Recursion
 from plant.servo import ServoModel
@@ -51,14 +50,14 @@ def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) ->
     time = np.linspace(run.time[0], run.time[-1], len(run))
     dt = float(time[1] - time[0])
     output = np.interp(time, run.time[run.valid], run.output[run.valid])
-    angle = _smooth(output if model is None else _true_angle(model, output), cutoff, dt)
+    angle = smooth(output if model is None else _true_angle(model, output), cutoff, dt)
     velocity = np.gradient(angle, dt)
     return FilteredMotion(
         time=time,
         angle=angle,
         velocity=velocity,
         acceleration=np.gradient(velocity, dt),
-        torque=_smooth(_mean_torque(run, model, velocity), cutoff, dt),
+        torque=smooth(mean_torque(run, model, velocity), cutoff, dt),
         still=np.abs(velocity) < _count(run) * cutoff,
     )
 
@@ -69,12 +68,13 @@ def _count(run: Run) -> float:
     return float(np.min(steps, where=steps > 0.0, initial=np.max(steps, initial=0.0)))
 
 
-def _smooth(values: Array, cutoff: float, dt: float) -> Array:
+def smooth(values: Array, cutoff: float, dt: float) -> Array:
+    """(T,) values behind the zero-phase low pass [Hz, s]."""
     low_pass = signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
     return np.asarray(signal.sosfiltfilt(low_pass, values), dtype=float)
 
 
-def _mean_torque(run: Run, model: ServoModel | None, velocity: Array) -> Array:
+def mean_torque(run: Run, model: ServoModel | None, velocity: Array) -> Array:
     """(T,) mean torque over the sample about each of T even instants.
 
     A command is held for the sample that follows; at a sampling instant half of the old and half of the new one act.
@@ -95,48 +95,6 @@ def _mean_torque(run: Run, model: ServoModel | None, velocity: Array) -> Array:
     impulse = np.concatenate(([0.0], np.cumsum(drive[:-1] * steps)))
     edges = np.clip(np.stack((time - dt / 2, time + dt / 2)), run.time[0], run.time[-1])
     return np.asarray(np.diff(np.interp(edges, run.time, impulse), axis=0)[0] / np.diff(edges, axis=0)[0])
-
-
-def starting_values(log: Log, model: ServoModel, cutoff: float) -> Array | None:
-    """(P,) values with J, alpha and K from linear regression on the filtered torque balance, effects as they are.
-
-    A dead zone is not linear and a fit that starts from none can stay there; so the regression is done for several half
-    widths and the best is kept (variable projection). None if there is nothing to stand on (no motion).
-    """
-    motions = [filtered_motion(run, cutoff, model) for run in log.runs]
-    found = side_by_side(lambda variant: _regression(log, variant, motions, cutoff), _with_dead_zones(log, model))
-    usable = [pair for pair in found if pair is not None]
-    return min(usable, key=lambda pair: pair[0])[1] if usable else None
-
-
-def _with_dead_zones(log: Log, model: ServoModel) -> list[ServoModel]:
-    if model.effect("dead_zone") is None:
-        return [model]
-    largest = max(float(np.max(np.abs(run.command))) for run in log.runs)
-    return [model.with_effect(DeadZone(half_width=share * largest)) for share in (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)]
-
-
-def _regression(
-    log: Log, model: ServoModel, motions: list[FilteredMotion], cutoff: float
-) -> tuple[float, Array] | None:
-    """Sum of squares that the regression leaves, and the values (P,); the motion is the same for every dead zone."""
-    rows = []
-    for run, m in zip(log.runs, motions, strict=True):
-        torque = _smooth(_mean_torque(run, model, m.velocity), cutoff, float(m.time[1] - m.time[0]))
-        gravity = np.cos(m.angle) if model.axis == "rotary" else np.zeros_like(m.angle)
-        edge = min(m.time.size // 10, 100)
-        rows.append(np.column_stack((m.acceleration, gravity, m.velocity, torque))[edge : m.time.size - edge])
-    table = np.vstack(rows)
-    scale = np.sqrt(np.mean(table[:, :3] ** 2, axis=0))
-    if scale[0] <= 0.0 or scale[2] <= 0.0:
-        return None
-    scale[1] = scale[1] or 1.0
-    # The triangle says all that the table does of the squares that are left.
-    triangle = np.asarray(np.linalg.qr(table / np.append(scale, 1.0), mode="r"))
-    solution = optimize.lsq_linear(triangle[:, :3], triangle[:, 3], bounds=([1e-9, -np.inf, 0.0], np.inf))
-    values = model.values
-    values[:3] = np.maximum(solution.x / scale, [spec.lower for spec in model.parameters[:3]])
-    return float(solution.cost), values
 
 
 def torque_error(log: Log, model: ServoModel, *, cutoff: float) -> float:

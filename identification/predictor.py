@@ -33,7 +33,7 @@ from plant.simulation import beginning, whole_samples
 from plant.symbolic import one_at_a_time
 
 PIECE = 4096  # samples after which the same memory is used again
-_DIGITS = 12  # of a time step in seconds: what is below is the clock's rounding
+_DIGITS = 9  # of a time step: what is below is the clock's rounding
 
 
 def observer_gain(bandwidth: float, dt: Array, *, wandering: bool = False) -> Array:
@@ -45,7 +45,8 @@ def observer_gain(bandwidth: float, dt: Array, *, wandering: bool = False) -> Ar
         wandering: the acceleration wanders instead, which is the alpha-beta-gamma filter; then (3, T), with the gain on
             the acceleration [1/s^2].
     """
-    dt = np.round(dt, _DIGITS)  # each by itself: a run in pieces has the gains of the run in one
+    # each by itself: a run in pieces has the gains of the run in one
+    dt = np.round(dt, _DIGITS - int(np.floor(np.log10(np.median(dt)))))
     steps = dt[:1] if (dt == dt[0]).all() else dt
     gains = _third_order_gain(bandwidth, steps) if wandering else _second_order_gain(bandwidth, steps)
     return np.repeat(gains, dt.size, axis=1) if steps.size < dt.size else gains
@@ -56,7 +57,7 @@ def _second_order_gain(bandwidth: float, dt: Array) -> Array:
     r = (4.0 + index - np.sqrt(8.0 * index + index**2)) / 4.0
     alpha = 1.0 - r**2
     beta = 2.0 * (2.0 - alpha) - 4.0 * np.sqrt(1.0 - alpha)
-    return np.stack((alpha, beta / np.maximum(dt, 1e-12)))
+    return np.stack((alpha, beta / np.maximum(dt, 1e-15)))
 
 
 def _third_order_gain(bandwidth: float, dt: Array) -> Array:
@@ -70,15 +71,15 @@ def _third_order_gain(bandwidth: float, dt: Array) -> Array:
     s = high  # one where the bandwidth is zero
     alpha, beta = 1.0 - s**2, 2.0 * (1.0 - s) ** 2
     gamma = beta**2 / np.maximum(2.0 * alpha, 1e-300)
-    least = np.maximum(steps, 1e-12)
+    least = np.maximum(steps, 1e-15)
     return np.asarray(np.stack((alpha, beta / least, gamma / least**2))[:, place])
 
 
-FADING = 30.0
-"""Rate at which slopes fade where they grow without bound [1/s]."""
+FADING = 0.15
+"""Rate at which slopes fade where they grow without bound [1/sample]."""
 
 HELD = 0.5 * FADING
-"""Bandwidth of an observer behind which a chaotic model stays with the log [rad/s]."""
+"""Bandwidth of an observer behind which a chaotic model stays with the log [rad/sample]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -272,7 +273,7 @@ def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: in
         error_slopes -= ca.horzcat(ca.jacobian(shown, parameters[list(free)]), ca.SX(1, 2))
     correction = ca.mtimes(ca.DM(moved_by), row[len(INPUTS) + 1 :])
     followed = slopes + ca.mtimes(correction, error_slopes)
-    corrected = [state + correction * error, forgetful(model, followed, row[INPUTS.index("dt")])]
+    corrected = [state + correction * error, forgetful(model, followed)]
     outputs = [ca.densify(value) for value in (*corrected, error, error_slopes, state)]
     correct = ca.Function("correct", [state, slopes, row, parameters], outputs, {"cse": True})
 
@@ -284,7 +285,7 @@ def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: in
     return Recursion(ca.Function("predict", entering, outputs, {"cse": kind is ca.SX}), carried=2)
 
 
-def forgetful(model: ServoModel, slopes: Any, dt: Any) -> Any:
+def forgetful(model: ServoModel, slopes: Any) -> Any:
     """Slopes (n, columns) in which those of a chaotic drivetrain fade.
 
     Behind a few impacts in quick succession the exact slopes are astronomical and point nowhere. What a parameter does
@@ -295,7 +296,7 @@ def forgetful(model: ServoModel, slopes: Any, dt: Any) -> Any:
         return slopes
     first = 2 + sum(len(effect.states) for effect in model.effects[: model.effects.index(motor)])
     rows = ca.vertsplit(slopes)
-    kept = ca.exp(-FADING * dt)
+    kept = np.exp(-FADING)
     for place in (0, 1):
         rows[first + place] = rows[place] + kept * (rows[first + place] - rows[place])
     return ca.vertcat(*rows)

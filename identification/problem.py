@@ -16,17 +16,19 @@ import numpy as np
 from identification.bandwidth import between, neighbours, parabola_top
 from identification.certainty import fit_of, run_off
 from identification.fit_result import Fit
-from identification.inverse import starting_values
 from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
 from identification.noise import log_likelihood, short_autoregression
 from identification.objective import Objective
 from identification.predictor import HELD
+from identification.regression import starting_values
 from plant.effects.effect import Array
 
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
 _COLOURINGS = 3  # passes from the errors' colour to the fit and back
 _PARTS, _PART = 10, 5000  # of a log, and samples of each, from which a fit of the whole can begin
+_PATIENT = 200  # iterations of what is to be the end
+_POLISH = 1e-8  # rise of the log-likelihood that is nothing
 _HOPELESS = 4.0  # loss of log-likelihood per sample at a lower bandwidth that no refit makes good
 
 
@@ -49,8 +51,9 @@ class Problem(Objective):
         width: float,
         iterations: int = 30,
         at_start: NormalEquations | None = None,
+        tolerance: float = 0.01,
     ) -> Minimum:
-        """The best point at a bandwidth and a width."""
+        """The best point at a bandwidth and a width; arguments as in `least_squares.minimise`."""
         return minimise(
             lambda point: self.linearise(point, bandwidth, width),
             start,
@@ -59,6 +62,7 @@ class Problem(Objective):
             samples=self.samples,
             iterations=iterations,
             at_start=at_start,
+            tolerance=tolerance,
         )
 
     def solve(
@@ -76,19 +80,18 @@ class Problem(Objective):
             progress: called with a line of text at each stage.
         """
         widest = 0.1 / self.log.runs[0].sample_time
-        width = self.widths()[0]
         at_first = first_states(self.log)
-        candidates = [self.model.values, *(starts or ()), *self._starts_from_data()]
+        candidates = [self.model.values, *(starts or ()), *starting_values(_parts(self.log), self.model)]
         points = [np.clip(self.pack(values, at_first), self.lower, self.upper) for values in candidates]
-        point = min(points, key=lambda p: self.cost(p, widest, width))
         visited: list[tuple[float, Minimum]] = []
         bandwidths = [widest, widest / 15.0, widest / 200.0, 0.0]
         for bandwidth, width in zip(bandwidths, self.widths(), strict=True):
-            best = self.minimise(point, bandwidth, width, iterations=4 if bandwidth else 30)
+            point = self._nearest(points, bandwidth, width)
+            best = self.minimise(point, bandwidth, width, iterations=30)
             if bandwidth and not self._plausible(best):
                 break
             visited.append((bandwidth, best))
-            point = best.point
+            points.append(best.point)
             if progress is not None:
                 progress(f"observer at {bandwidth:.3g} rad/s: noise {np.sqrt(best.equations.cost / self.samples):.3g}")
         if free and not bandwidth:
@@ -109,11 +112,9 @@ class Problem(Objective):
         typical = float(np.quantile(np.concatenate(speeds), 0.9)) or 1.0
         return [0.1 * typical, 0.02 * typical, 0.004 * typical, 0.0]
 
-    def _starts_from_data(self) -> list[Array]:
-        rate = 1.0 / self.log.runs[0].sample_time
-        log = _parts(self.log)
-        found = (starting_values(log, self.model, share * rate) for share in (0.005, 0.02, 0.06))
-        return [values for values in found if values is not None]
+    def _nearest(self, points: Sequence[Array], bandwidth: float, width: float) -> Array:
+        """That of some points (F + 2R,) at which the innovations are smallest."""
+        return min(points, key=lambda point: self.cost(point, bandwidth, width))
 
     def begun(self, start: Fit) -> Minimum:
         """Where a descent from another fit of a simpler model comes by at first: at its bandwidth.
@@ -129,7 +130,7 @@ class Problem(Objective):
 
     def _highest(self, start: Fit) -> float:
         """Bandwidth at which a descent begins: where no observer holds a chaotic model, its likelihood is rugged."""
-        return max(start.bandwidth, HELD) if self.model.chaotic else start.bandwidth
+        return max(start.bandwidth, HELD / self.log.sample_time) if self.model.chaotic else start.bandwidth
 
     def descend(self, start: Fit, begun: Minimum | None = None) -> Fit:
         """Fit from another fit of a simpler model that lies near: at its bandwidth first, then down as far as it pays.
@@ -182,7 +183,14 @@ class Problem(Objective):
                 break
         if log_likelihood(best.equations.cost, self.samples) < least:
             return None
-        return fit_of(problem, fit.bandwidth, best, evaluations - best.evaluations)
+        ended = problem._ended(best, fit.bandwidth)
+        return fit_of(problem, fit.bandwidth, ended, evaluations - best.evaluations)
+
+    def polished(self, fit: Fit) -> Fit:
+        """The fit brought to the very top of its likelihood, where it does not matter how it came there."""
+        point = self.pack(fit.model.values, fit.initial)
+        best = replace(self.minimise(point, fit.bandwidth, 0.0, tolerance=_POLISH), converged=fit.converged)
+        return replace(fit_of(self, fit.bandwidth, best, fit.evaluations), held_log_likelihood=fit.held_log_likelihood)
 
     def _held(self, fit: Fit) -> Fit:
         """The fit with its likelihood behind an observer that holds it, where it is chaotic without one."""
@@ -190,7 +198,7 @@ class Problem(Objective):
             return fit
         problem = replace(self, log=fit.log, predictor=replace(self.predictor, colour=fit.log.colour))
         point = problem.pack(fit.model.values, fit.initial)
-        cost = problem.minimise(point, HELD, 0.0, iterations=6).equations.cost
+        cost = problem.minimise(point, HELD / self.log.sample_time, 0.0, iterations=6).equations.cost
         return replace(fit, held_log_likelihood=log_likelihood(cost, self.samples))
 
     def _risen(self, trials: dict[float, _Trial], bandwidth: float) -> None:
@@ -270,7 +278,13 @@ class Problem(Objective):
                 attempt(min(vertex, fastest))
         top = best()
         found = trials[top].minimum
-        return top, found if found.converged else self.minimise(found.point, top, 0.0, at_start=found.equations)
+        return top, self._ended(found, top)
+
+    def _ended(self, minimum: Minimum, bandwidth: float) -> Minimum:
+        """A minimum in the exact form that was cut short, brought to its end."""
+        if minimum.converged:
+            return minimum
+        return self.minimise(minimum.point, bandwidth, 0.0, iterations=_PATIENT, at_start=minimum.equations)
 
 
 def _parts(log: Log) -> Log:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,6 +13,7 @@ import numpy as np
 
 from plant.effects import DeadZone, Effect
 from plant.effects.effect import (
+    POSITIVE,
     Array,
     Axis,
     Expression,
@@ -22,6 +24,9 @@ from plant.effects.effect import (
     parameters_of,
 )
 from plant.errors import BadParameter
+
+_TURN = 0.25  # of the rigid body's own motion that an integration step may follow [rad]
+_MOST_STEPS = 20  # in a sample for the rigid body's sake
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +46,7 @@ class ServoModel:
         BadParameter: a parameter is not finite or out of its bounds, or an effect appears twice.
     """
 
-    inertia: float = parameter("{torque} s^2/{angle}", "inertia J", lower=1e-12, default=2.0)
+    inertia: float = parameter("{torque} s^2/{angle}", "inertia J", lower=POSITIVE, default=2.0)
     gravity: float = parameter("{torque}", "gravity torque alpha", default=0.5)
     viscous_friction: float = parameter("{torque} s/{angle}", "viscous friction K", lower=0.0, default=0.8)
     effects: tuple[Effect, ...] = ()
@@ -250,8 +255,11 @@ class ServoModel:
         return shown
 
     def longest_step(self, sample_time: float) -> float:
-        """Longest integration step that follows every effect in a log of that sample time [s]."""
-        return min((effect.step_within(sample_time) for effect in self.effects), default=Effect.longest_step)
+        """Longest integration step that follows the rigid body and every effect in a log of that sample time [s]."""
+        rate = self.viscous_friction / self.inertia + math.sqrt(abs(self.gravity) / self.inertia)
+        shortest = sample_time / _MOST_STEPS
+        rigid = max(_TURN / rate, shortest) if rate > 0.0 else sample_time
+        return min(rigid, sample_time, *(effect.step_within(sample_time) for effect in self.effects))
 
     def delay(self) -> Expression:
         """Dead time of the command [s]."""

@@ -1,4 +1,4 @@
-"""The inverse model: filtered motion, starting values and the relative torque error, against motions known exactly."""
+"""The inverse model: filtered motion and the relative torque error, against motions known exactly."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from identification.inverse import filtered_motion, starting_values, torque_error
+from identification.inverse import filtered_motion, torque_error
 from identification.log import Log
 from plant import ServoModel, simulate
-from plant.effects import AsymmetricFriction, DeadZone
+from plant.effects import AsymmetricFriction
 
 Array = NDArray[np.float64]
 
@@ -36,34 +36,6 @@ def test_the_filtered_torque_is_what_the_drive_gives_within_its_limit() -> None:
     assert motion.torque[inner] == pytest.approx(drive[inner], abs=0.03)
     assert np.max(np.abs(drive)) == 1.5
     assert motion.acceleration[inner] == pytest.approx(np.gradient(np.gradient(run.output, DT), DT)[inner], abs=0.05)
-
-
-def test_the_regression_finds_the_rigid_servo() -> None:
-    start = replace(RIGID, inertia=9.0, gravity=-3.0, viscous_friction=0.1)
-    found = starting_values(recorded(RIGID), start, 10.0)
-    assert found == pytest.approx([2.0, 0.5, 0.8], rel=0.02)
-
-
-def test_the_regression_sees_a_dead_zone_that_the_start_does_not_have() -> None:
-    truth = RIGID.with_effect(DeadZone(half_width=0.6))
-    blind = RIGID.with_effect(DeadZone(half_width=0.0))
-    found = starting_values(recorded(truth), replace(blind, inertia=9.0), 10.0)
-    assert found is not None
-    assert found[:3] == pytest.approx([2.0, 0.5, 0.8], rel=0.1)
-    assert found[3] == pytest.approx(0.6, rel=0.2)
-
-
-def test_a_linear_axis_has_no_gravity_to_start_from() -> None:
-    truth = ServoModel(inertia=5.0, gravity=0.0, viscous_friction=9.0, axis="linear")
-    found = starting_values(recorded(truth, 4.0 * SWING), replace(truth, inertia=1.0), 10.0)
-    assert found is not None
-    assert found[1] == 0.0
-    assert found[[0, 2]] == pytest.approx([5.0, 9.0], rel=0.02)
-
-
-def test_a_load_at_rest_gives_no_start() -> None:
-    log = Log.from_arrays(time=TIME, torque=0.01 * SWING, angle=np.zeros(3000))
-    assert starting_values(log, RIGID, 10.0) is None
 
 
 def test_the_torque_error_knows_the_direction_of_friction() -> None:

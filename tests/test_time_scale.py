@@ -16,8 +16,8 @@ from identification.log import Log
 from identification.problem import Problem
 from plant import BadModelFile, ModelFile, ServoModel, read_model
 from plant.discrete import integration_steps
-from plant.effects import Backlash, Compliance, PayloadChange, PreslidingHysteresis
-from plant.effects.effect import parameters_of
+from plant.effects import ActuatorLag, Backlash, Compliance, PayloadChange, PreslidingHysteresis
+from plant.effects.effect import POSITIVE, parameters_of
 
 TORQUE, TIME = 1e-4, 0.05  # of the small servo over the large one's: 2 s of samples 0.25 ms apart
 RIVALS = ["backlash", "compliance", "input_delay", "actuator_lag"]
@@ -50,9 +50,10 @@ def test_the_drivetrain_of_a_small_servo_is_named(case: Hidden) -> None:
 @pytest.mark.parametrize(
     ("kind", "name", "expected"),
     [
-        (Compliance, "frequency", {0.02: (0.1, 100.0), 0.005: (0.1, 400.0), 0.00025: (0.1, 8000.0)}),
+        (Compliance, "frequency", {0.02: (0.5, 100.0), 0.005: (0.5, 400.0), 0.00025: (0.5, 8000.0)}),
         (Backlash, "motor_share", {0.005: (0.02, 0.98)}),
         (PayloadChange, "time", {0.005: (3.0, 7.0)}),
+        (ActuatorLag, "time_constant", {0.005: (POSITIVE, pytest.approx(0.4))}),
     ],
 )
 def test_what_a_log_can_tell_has_bounds(kind: type, name: str, expected: dict[float, tuple[float, float]]) -> None:
@@ -91,7 +92,7 @@ def test_the_steps_of_integration_follow_the_fastest_swing(
 
 
 @pytest.mark.parametrize(("factor", "vanishes"), [(0.5e-4, True), (2e-4, False), (0.5, False), (2.0, True)])
-@pytest.mark.parametrize(("sample_time", "second"), [(0.02, 1.0), (0.005, 1.0), (0.00025, 0.05)])
+@pytest.mark.parametrize(("sample_time", "second"), [(0.02, 4.0), (0.005, 1.0), (0.00025, 0.05)])
 def test_a_travel_to_slide_is_told_from_none_at_any_speed(
     factor: float, vanishes: bool, sample_time: float, second: float
 ) -> None:

@@ -7,12 +7,13 @@ only where nothing was measured.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from identification.errors import MalformedLog
 from identification.reading.cia402 import find_objects
 from identification.reading.headings import heading
+from identification.reading.join import join_tables
 from identification.reading.meaning import AMONG_OTHERS, OWN, SYNONYM, Meaning, meaning
 from identification.reading.request import ALIASES, COLUMNS, Reading
 from identification.reading.table import Table
@@ -65,10 +66,10 @@ def recognise(table: Table, reading: Reading) -> Recognition:
         known.take(column, _named(table, column, wanted), AS_YOU_SAY)
     left = {name: table.units.get(name, "").strip() for name in table.columns if name not in known.found.values()}
     for name in list(left):
-        column = _own_name(name)
-        if column is None or column in known.found or (column == "position" and _is_angle(known, name, left)):
+        own = _own_name(name)
+        if own is None or own in known.found or (own == "position" and _is_angle(known, name, left)):
             continue
-        known.take(column, name, "its own name")
+        known.take(own, name, "its own name")
         del left[name]
     linear = any(column in given for column in ("force", "position") for given in (known.found, reading.units))
     objects = find_objects(table.name, list(left), known.found, linear=linear)
@@ -190,3 +191,21 @@ def missing(known: Recognition, table: Table, reading: Reading) -> Iterator[str]
     unclear = known.why.get("velocity") != AS_YOU_SAY and {"angle", "position"} & set(known.guesses.values())
     if not known.has_response or (unclear and not {"angle", "position"} & set(known.found)):
         yield "the response ('angle', 'position' or 'velocity')"
+
+
+def joined_if_needed(tables: Sequence[Table], reading: Reading) -> list[Table]:
+    """The tables, or the two of them as one where one has the command and the other the response.
+
+    Raises `MalformedLog` where the clocks of such two do not overlap.
+    """
+    if len(tables) != 2 or any(table.joints for table in tables):
+        return list(tables)
+    parts = []
+    for table in tables:
+        own = {column: name for column, name in reading.mapping.items() if name in table.columns}
+        parts.append(recognise(table, replace(reading, mapping=own)))
+    one, other = parts
+    apart = one.has_command != other.has_command and one.has_response != other.has_response
+    if apart and one.has_command != one.has_response:
+        return [join_tables(tables, reading.mapping.get("time"))]
+    return list(tables)

@@ -53,6 +53,17 @@ def _registry() -> Any:
     return pint.UnitRegistry()
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of any kind, known or not to a log: "N m", "1/min", "V"."""
+    if not text or len(text) > _LONGEST or re.search(r"\d{3}|[<>=!]|\*\*|\^.*\^", text):
+        return False
+    try:
+        found = _registry().parse_expression(_PER_MINUTE.sub("rpm", text))
+    except Exception:  # pint raises a dozen different types on odd text
+        return False
+    return not getattr(found, "unitless", True)
+
+
 def si_unit(column: str, axis: str) -> str:
     """The SI unit of a contract column on a "rotary" or "linear" axis."""
     if column in AXIS_UNITS:

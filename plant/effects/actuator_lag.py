@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Array, Effect, Expression, Motion, Stage, State, Trace, parameter, within
+from plant.effects.effect import POSITIVE, Array, Effect, Expression, Motion, Stage, State, Trace, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class ActuatorLag(Effect):
     confused_with = ("input_delay", "compliance", "sensor_lag")
     states = (State.TORQUE,)
 
-    time_constant: float = parameter("s", "time constant", lower=1e-8, upper=2.0)
+    time_constant: float = parameter("s", "time constant", lower=POSITIVE, lag=True)
 
     def advance(self, state: Expression, torque: Expression, h: Expression) -> Expression:
         """Exact solution over `h` for a constant command, so that short lags need no short steps."""
@@ -35,7 +35,7 @@ class ActuatorLag(Effect):
 
     def mean(self, state: Expression, torque: Expression, h: Expression) -> Expression:
         """Exact mean of the lagged torque over `h`."""
-        settled = self.time_constant / ca.fmax(h, 1e-12) * (1 - ca.exp(-h / self.time_constant))
+        settled = self.time_constant / ca.fmax(h, 1e-15) * (1 - ca.exp(-h / self.time_constant))
         return torque + (state - torque) * settled
 
     def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:

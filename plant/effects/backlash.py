@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from plant.effects.compliance import Compliance
 from plant.effects.effect import (
+    POSITIVE,
     Array,
     Effect,
     Expression,
@@ -69,7 +70,7 @@ class Backlash(Effect):
     gap: float = parameter("{angle}", "free play from flank to flank", lower=0.0)
     motor_share: float = parameter("-", "share of the inertia on the motor's side", lower=0.02, upper=0.98)
     flank_frequency: float = parameter(
-        "rad/s", "swing of both masses on a flank", lower=0.1, upper=1e6, swing=True, fitted=False, default=_STIFF
+        "rad/s", "swing of both masses on a flank", lower=POSITIVE, swing=True, fitted=False, default=_STIFF
     )
     flank_damping: float = parameter(
         "-", "damping ratio of that swing", lower=0.0, upper=10.0, fitted=False, default=_DAMPING

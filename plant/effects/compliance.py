@@ -9,6 +9,7 @@ import numpy as np
 from scipy import signal
 
 from plant.effects.effect import (
+    POSITIVE,
     Array,
     Effect,
     Expression,
@@ -39,7 +40,7 @@ class Compliance(Effect):
     states = (State.ANGLE, State.VELOCITY)
     flexible = True
 
-    frequency: float = parameter("rad/s", "resonance", lower=0.1, upper=1e6, swing=True)
+    frequency: float = parameter("rad/s", "resonance", lower=POSITIVE, swing=True)
     damping: float = parameter("-", "damping ratio of the resonance", lower=1e-4, upper=2.0)
     motor_share: float = parameter("-", "share of the inertia on the motor's side", lower=0.02, upper=0.98)
 

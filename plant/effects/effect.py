@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias
 from plant.effects.motion import Array as Array
 from plant.effects.motion import Motion as Motion
 from plant.effects.motion import Place as Place
+from plant.effects.parameter import POSITIVE as POSITIVE
 from plant.effects.parameter import Axis as Axis
 from plant.effects.parameter import Parameter as Parameter
 from plant.effects.parameter import fastest_swing as fastest_swing
@@ -35,6 +36,7 @@ from plant.effects.parameter import within as within
 if TYPE_CHECKING:
     from plant.servo import ServoModel
 
+SAMPLE_TIME = 0.005  # of a log for which effects state their longest step [s]
 Expression: TypeAlias = Any  # a float, an array, or a CasADi SX while equations are built
 
 
@@ -127,7 +129,7 @@ class Effect:
     clocked: ClassVar[bool] = False
     """Whether it depends on the time of the log's clock, which nobody keeps once the log has ended."""
     longest_step: ClassVar[float] = 0.005
-    """Longest integration step that follows it [s]."""
+    """Longest integration step that follows it in a log with samples of `SAMPLE_TIME` [s]; shorter ones shorten it."""
     axes: ClassVar[tuple[Axis, ...]] = ("rotary", "linear")
 
     def __post_init__(self) -> None:
@@ -159,7 +161,7 @@ class Effect:
 
     def step_within(self, sample_time: float) -> float:
         """Longest integration step that follows it, also while a log of that sample time is fitted [s]."""
-        return self.longest_step
+        return self.longest_step * sample_time / SAMPLE_TIME
 
     # What an effect can do to the command and in the actuator. A state of type COMMAND is the command that is played,
     # before the drive's law, and one of type GOAL a position servo's goal; one of type TORQUE belongs behind the law.

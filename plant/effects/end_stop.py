@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import POSITIVE, Effect, Expression, Moment, Motion, Stage, Trace, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,12 +40,15 @@ class EndStop(Effect):
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """How deep the load is in a stop, for stops near both ends of the travel; a hard one lets nothing far in."""
         low, high = float(motion.angle.min()), float(motion.angle.max())
+        softest = 1e-6 * float(np.sqrt(np.mean(motion.torque**2))) / max(high - low, POSITIVE)
         shares = (0.0001, 0.0003, 0.001, 0.004, 0.02, 0.05, 0.1, 0.2, 0.35)
         for share in shares:
             for side, place in ((1.0, high - share * (high - low)), (-1.0, low + share * (high - low))):
                 yield Trace(
                     columns=-side * np.maximum(side * (motion.angle - place), 0.0)[:, None],
                     positive=(True,),
-                    start=lambda c, side=side, place=place: cls(angle=place, stiffness=side * max(float(c[0]), 1e-9)),  # type: ignore[misc]
+                    start=lambda c, side=side, place=place: cls(  # type: ignore[misc]
+                        angle=place, stiffness=side * max(float(c[0]), softest)
+                    ),
                     searched=2 * len(shares),
                 )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.effects.effect import Array, Motion, Stage, State, Trace, parameter
+from plant.effects.effect import POSITIVE, Array, Motion, Stage, State, Trace, parameter
 from plant.effects.ramp import Ramp
 
 
@@ -27,7 +27,7 @@ class GoalRateLimit(Ramp):
     confused_with = ("input_delay", "actuator_lag", "rate_limit", "torque_saturation")
     states = (State.GOAL,)
 
-    rate: float = parameter("{angle}/s", "largest speed r of the internal goal", lower=1e-9)
+    rate: float = parameter("{angle}/s", "largest speed r of the internal goal", lower=POSITIVE)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

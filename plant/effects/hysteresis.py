@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from plant.effects.curve import HEIGHTS, KNOTS, Curve
-from plant.effects.effect import Expression, Moment, Motion, State, Trace, parameter
+from plant.effects.effect import POSITIVE, Expression, Moment, Motion, State, Trace, parameter
 from plant.effects.presliding_hysteresis import remembered, slid
 
 
@@ -25,7 +25,7 @@ class Hysteresis(Curve):
     states = (State.RELAXED,)
     longest_step = 1e-3
 
-    way: float = parameter("{angle}", "way l after which it is forgotten where the load came from", lower=1e-9)
+    way: float = parameter("{angle}", "way l after which it is forgotten where the load came from", lower=POSITIVE)
 
     def slide(self, state: Expression, travel: Expression) -> Expression:
         """The memory after a travel in one direction."""

@@ -25,7 +25,7 @@ class InputDelay(Effect):
     trace = "phase falls with frequency, amplitude does not"
     confused_with = ("actuator_lag", "compliance", "sensor_lag")
 
-    time: float = parameter("s", "dead time", lower=0.0, upper=1.0)
+    time: float = parameter("s", "dead time", lower=0.0, lag=True)
 
     def delay(self) -> Expression:
         """The dead time."""

@@ -11,7 +11,12 @@ from plant.number import finite
 
 Axis: TypeAlias = Literal["rotary", "linear"]
 
+POSITIVE = 1e-30
+"""Lower bound of what is more than zero: in no unit does a machine come near it."""
+
 _UNITS = {"rotary": {"torque": "N m", "angle": "rad"}, "linear": {"torque": "N", "angle": "m"}}
+
+_LONGEST_LAG = 0.1  # of a log
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,7 +25,8 @@ class Parameter:
 
     `unit` is written in terms of {torque} and {angle}, so that it reads N and m on a linear axis. An `instant` is on
     the log's clock: a log says nothing of one outside it. Nor does it say anything of a `swing` that is faster than its
-    samples can follow, or of what is not `fitted` but stated.
+    samples can follow or slower than itself, of a `lag` that is not much shorter than itself, or of what is not
+    `fitted` but stated.
     """
 
     name: str
@@ -30,6 +36,7 @@ class Parameter:
     upper: float = math.inf
     instant: bool = False
     swing: bool = False
+    lag: bool = False
     fitted: bool = True
 
     def unit_on(self, axis: Axis) -> str:
@@ -41,7 +48,9 @@ class Parameter:
         """Least and greatest value that a log can tell, from its first and last instant and its sample time [s]."""
         if self.instant:
             return first, last
-        return self.lower, min(self.upper, fastest_swing(sample_time)) if self.swing else self.upper
+        if self.swing:
+            return max(self.lower, 2.0 / (last - first)), min(self.upper, fastest_swing(sample_time))
+        return self.lower, min(self.upper, _LONGEST_LAG * (last - first)) if self.lag else self.upper
 
     def check(self, owner: str, value: Any) -> float:
         """The value as a float; raise `BadParameter` unless it is finite and within the bounds."""
@@ -61,6 +70,7 @@ def parameter(
     upper: float = math.inf,
     instant: bool = False,
     swing: bool = False,
+    lag: bool = False,
     fitted: bool = True,
     default: Any = MISSING,
 ) -> Any:
@@ -72,6 +82,7 @@ def parameter(
         "upper": upper,
         "instant": instant,
         "swing": swing,
+        "lag": lag,
         "fitted": fitted,
     }
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)

@@ -41,7 +41,7 @@ class PayloadChange(Effect):
     gravity: float = parameter("{torque}", "change of the gravity torque")
 
     def _after(self, at: Moment) -> Expression:
-        return ca.fmax(ca.fmin((at.time - self.time) / ca.fmax(at.step, 1e-9) + 0.5, 1), 0)
+        return ca.fmax(ca.fmin((at.time - self.time) / ca.fmax(at.step, 1e-15) + 0.5, 1), 0)
 
     def added_inertia(self, at: Moment) -> Expression:
         """From the instant on."""

@@ -10,7 +10,19 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.coulomb_friction import CoulombFriction
-from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Stage, State, Trace, parameter, within
+from plant.effects.effect import (
+    POSITIVE,
+    Array,
+    Effect,
+    Expression,
+    Moment,
+    Motion,
+    Stage,
+    State,
+    Trace,
+    parameter,
+    within,
+)
 from plant.recursion import Recursion
 from plant.symbolic import one_at_a_time
 
@@ -34,8 +46,8 @@ class PreslidingHysteresis(Effect):
     states = (State.RELAXED,)
     longest_step = 1e-3
 
-    torque: float = parameter("{torque}", "friction torque F_c", lower=1e-9)
-    stiffness: float = parameter("{torque}/{angle}", "stiffness at a reversal", lower=1e-6)
+    torque: float = parameter("{torque}", "friction torque F_c", lower=POSITIVE)
+    stiffness: float = parameter("{torque}/{angle}", "stiffness at a reversal", lower=POSITIVE)
 
     def slide(self, state: Expression, travel: Expression) -> Expression:
         """The friction torque after a travel in one direction."""
@@ -53,22 +65,23 @@ class PreslidingHysteresis(Effect):
     def vanishes(self, speed: float, sample_time: float) -> bool:
         """Passed in a tenth of a millisecond the travel to slide is no spring; of more than a second, nothing else.
 
-        In a log of more than 200 samples a second both times are so much shorter.
+        That is in a log of 200 samples a second; of another both times are as many samples.
         """
-        shorter = min(1.0, 200.0 * sample_time)
-        return not 1e-4 * shorter * speed <= self.torque / self.stiffness <= shorter * speed
+        second = 200.0 * sample_time
+        return not 1e-4 * second * speed <= self.torque / self.stiffness <= second * speed
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """The loop for travels to slide from a hundredth of a sample's travel to a quarter of the range."""
         loops = list(remembered(motion))
+        least = 1e-6 * float(np.sqrt(np.mean(motion.torque**2)))
         for travel, loop in loops:
             yield Trace(
                 columns=-loop[:, None],
                 positive=(True,),
                 start=lambda c, travel=travel: cls(  # type: ignore[misc]
-                    torque=within(c[0], cls, "torque", floor=1e-6),
-                    stiffness=within(c[0] / travel, cls, "stiffness", floor=1e-5),
+                    torque=within(c[0], cls, "torque", floor=least),
+                    stiffness=within(c[0] / travel, cls, "stiffness", floor=least / travel),
                 ),
                 searched=len(loops),
             )

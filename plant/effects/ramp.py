@@ -34,7 +34,7 @@ class Ramp(Effect):
     def mean(self, state: Expression, torque: Expression, h: Expression) -> Expression:
         """Exact mean of the ramp and of what comes behind it."""
         reach = self.rate * h
-        share = ca.fmin(ca.fabs(torque - state) / ca.fmax(reach, 1e-12), 1)  # of the time that is spent on the ramp
+        share = ca.fmin(ca.fabs(torque - state) / ca.fmax(reach, 1e-30), 1)  # of the time that is spent on the ramp
         return state + (self.advance(state, torque, h) - state) * (1 - share / 2)
 
     @classmethod

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.effects.effect import Motion, Stage, State, Trace, parameter
+from plant.effects.effect import POSITIVE, Motion, Stage, State, Trace, parameter
 from plant.effects.ramp import Ramp
 
 
@@ -27,7 +27,7 @@ class RateLimit(Ramp):
     confused_with = ("actuator_lag", "torque_saturation", "input_delay")
     states = (State.COMMAND,)
 
-    rate: float = parameter("{torque}/s", "largest slope r", lower=1e-9)
+    rate: float = parameter("{torque}/s", "largest slope r", lower=POSITIVE)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

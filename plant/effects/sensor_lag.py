@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, State, Trace, parameter, within
+from plant.effects.effect import POSITIVE, Effect, Expression, Motion, Stage, State, Trace, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,11 +22,11 @@ class SensorLag(Effect):
     confused_with = ("input_delay", "actuator_lag")
     states = (State.ANGLE,)
 
-    time_constant: float = parameter("s", "time constant", lower=1e-8, upper=2.0)
+    time_constant: float = parameter("s", "time constant", lower=POSITIVE, lag=True)
 
     def sense(self, state: Expression, before: Expression, after: Expression, h: Expression) -> Expression:
         """Exact for an angle that changes evenly over `h`."""
-        trail = self.time_constant * (after - before) / ca.fmax(h, 1e-12)
+        trail = self.time_constant * (after - before) / ca.fmax(h, 1e-15)
         return after - trail + (state - before + trail) * ca.exp(-h / self.time_constant)
 
     def reading(self, angle: Expression, state: Expression) -> Expression:

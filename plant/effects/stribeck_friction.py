@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.coulomb_friction import CoulombFriction
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import POSITIVE, Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,7 @@ class StribeckFriction(Effect):
 
     coulomb: float = parameter("{torque}", "sliding friction F_c", lower=0.0)
     excess: float = parameter("{torque}", "breakaway level above sliding, F_s - F_c", lower=0.0)
-    velocity: float = parameter("{angle}/s", "Stribeck velocity v_s", lower=1e-6, upper=1e3)
+    velocity: float = parameter("{angle}/s", "Stribeck velocity v_s", lower=POSITIVE)
 
     def dry_friction(self, at: Moment) -> tuple[Expression, Expression]:
         """The Stribeck curve, the same in both directions."""
@@ -49,7 +49,7 @@ class StribeckFriction(Effect):
         """The direction, and the direction weighted by the Stribeck curve, for velocities over the range of the log."""
         fastest = float(np.quantile(np.abs(motion.velocity), 0.99))
         shares = (0.01, 0.03, 0.1, 0.2, 0.4)
-        for scale in (share * fastest for share in shares if share * fastest > 1e-6):
+        for scale in (share * fastest for share in shares if share * fastest > POSITIVE):
             hump = motion.sign * np.exp(-((motion.velocity / scale) ** 2))
             yield Trace(
                 columns=-np.column_stack((motion.sign, hump)),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
+from plant.effects.effect import POSITIVE, Effect, Expression, Motion, Stage, Trace, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class TorqueSaturation(Effect):
     trace = "missing torque against torque, only above a level"
     confused_with = ("rate_limit", "back_emf", "load_dependent_friction")
 
-    limit: float = parameter("{torque}", "largest torque", lower=1e-9)
+    limit: float = parameter("{torque}", "largest torque", lower=POSITIVE)
 
     def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
         """The clipped torque."""

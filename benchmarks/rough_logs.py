@@ -1,0 +1,73 @@
+"""Does every log end in a result or in one sentence? Machines, commands and mishaps drawn from a seed.
+
+    python benchmarks/rough_logs.py [logs] [processes] [fits]
+
+With `fits` the diagnosis is left out. Prints a line for each log at fault, and the table, which it writes to
+benchmarks/results/rough_logs.txt.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent / "tests"))
+
+from rough_logs import RoughLog, rough_log  # noqa: E402
+from rough_trial import Tried, diagnosed, identified  # noqa: E402
+
+
+def tried(seed: int) -> tuple[RoughLog, Tried, Tried]:
+    rough = rough_log(seed)
+    return rough, identified(rough), diagnosed(rough)
+
+
+def tried_fit(seed: int) -> tuple[RoughLog, Tried]:
+    rough = rough_log(seed)
+    return rough, identified(rough)
+
+
+def table(what: str, results: list[tuple[RoughLog, Tried]]) -> str:
+    """Counts of outcomes and of faults, and the slowest."""
+    outcomes = Counter(":".join(t.outcome.split(":")[:2])[:110] for _, t in results)
+    faults = Counter(fault.split(":")[0] for _, t in results for fault in t.faults)
+    slowest = max(results, key=lambda pair: pair[1].seconds / pair[1].allowed)
+    total = sum(t.seconds for _, t in results)
+    return "\n".join(
+        (
+            f"{what}: {len(results)} logs, {sum(bool(t.faults) for _, t in results)} at fault, "
+            f"{total:.0f} s of processor time",
+            *(f"  {count:5} {outcome}" for outcome, count in outcomes.most_common()),
+            *(f"  {count:5} FAULT {fault}" for fault, count in faults.most_common()),
+            f"  nearest to its limit: {slowest[1].seconds:.1f} s of {slowest[1].allowed:.1f} s ({slowest[0]})",
+        )
+    )
+
+
+def main() -> None:
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
+    processes = int(sys.argv[2]) if len(sys.argv) > 2 else 2
+    both = "fits" not in sys.argv[3:]
+    results = []
+    with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=50) as pool:
+        for done, found in enumerate(pool.imap_unordered(tried if both else tried_fit, range(count)), start=1):
+            results.append(found)
+            for what, one in zip(("identify", "diagnose"), found[1:], strict=False):
+                if one.faults:
+                    print(f"{done}/{count} {what} {found[0]}: {'; '.join(one.faults)}", flush=True)
+    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=HERE, capture_output=True, text=True)
+    parts = [table("identify", [(f[0], f[1]) for f in results])]
+    if both:
+        parts.append(table("diagnose with two candidates", [(f[0], f[2]) for f in results]))
+    text = "\n".join((f"{count} rough logs on commit {commit.stdout.strip()}", *parts))
+    print(text)
+    (HERE / "results").mkdir(exist_ok=True)
+    (HERE / "results" / "rough_logs.txt").write_text(text + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,132 @@
+"""Where a fit starts: J, alpha and K by linear regression of the measured motion on the torque, or the other way round.
+
+All signals pass the same low pass, and there the model is linear: J a + alpha cos x + K v = h(tau). Noise of the
+reading weakens what is regressed on; so the acceleration is regressed on the torque, which is known, and the torque on
+the motion, which is right where the torque itself was measured in a tight loop. Friction, an offset and a delay bend
+both, so each is done without and with columns that take them up. No cutoff suits every log: several are tried, from the
+sample time to the length of the log. Which start is best the fit decides, by its own likelihood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from identification.inverse import filtered_motion, mean_torque, smooth
+from identification.least_squares import bounded_least_squares
+from identification.log import Log
+from identification.run import Run
+from identification.side_by_side import side_by_side
+from plant.effects import DeadZone
+from plant.effects.effect import Array
+from plant.servo import ServoModel
+
+_WIDEST, _APART = 0.2, 3.0  # highest cutoff, of the sampling rate, and from one to the next
+_PERIODS = 5.0  # of the lowest cutoff in the longest run
+_FEWEST = 30  # samples that the low pass needs
+_ZONES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)  # half widths of a dead zone, of the largest torque
+_ALIKE = 0.02  # share of the torque in which two starts may differ that are one
+_BETTER = 1e-6  # share of the squares from which a wider dead zone is one
+
+
+def starting_values(log: Log, model: ServoModel) -> list[Array]:
+    """Parameter vectors (P,) to begin from, effects as the model has them; none where nothing moves.
+
+    A dead zone is not linear and a fit that starts from none can stay there; so the regression is done for several half
+    widths and the best is kept (variable projection).
+    """
+    runs = tuple(run for run in log.runs if len(run) >= _FEWEST)
+    if not runs:
+        return []
+    log = replace(log, runs=runs)
+    found: list[Array] = []
+    for values in [v for starts in side_by_side(lambda c: _at_cutoff(log, model, c), _cutoffs(log)) for v in starts]:
+        if not any(_alike(log, values, other) for other in found):
+            found.append(values)
+    return found
+
+
+def _cutoffs(log: Log) -> list[float]:
+    """From high to low [Hz]."""
+    cutoff, longest = _WIDEST / log.sample_time, max(run.duration for run in log.runs)
+    found = [cutoff]
+    while found[-1] / _APART * longest > _PERIODS:
+        found.append(found[-1] / _APART)
+    return found
+
+
+def _alike(log: Log, one: Array, other: Array) -> bool:
+    """Whether two starts differ by a small share of the torque over a log's motion."""
+    speed = np.concatenate([np.gradient(run.output, run.time) for run in log.runs])
+    torque = np.concatenate([run.command - run.servo_gain * run.output for run in log.runs])
+    level = float(np.sqrt(np.mean(torque**2)))
+    worth = np.ones(one.size)
+    worth[0], worth[2] = level / one[0], np.sqrt(np.mean(speed**2))
+    return bool(np.all(worth * np.abs(one - other) <= _ALIKE * level))
+
+
+def _solved(products: Array) -> Iterator[tuple[str, float, Array]]:
+    """Each way of doing it, the share of squares that it leaves, and J, alpha, K (3,), from the products of columns."""
+    for way, others in (("alone", ()), ("beside", (4, 5, 6))):
+        left, (torque, gravity, viscous, *_) = _regressed(products, 0, (3, 1, 2, *others), signs=(1, -1, -1))
+        if torque > 0.0:
+            yield f"motion {way}", left, np.array([1.0, gravity, viscous]) / torque
+        left, rigid = _regressed(products, 3, (0, 1, 2, *others[:2]), signs=(1, 1, 1))
+        if rigid[0] > 0.0:
+            yield f"torque {way}", left, rigid[:3]
+
+
+def _regressed(
+    products: Array, target: int, columns: tuple[int, ...], signs: tuple[int, int, int]
+) -> tuple[float, Array]:
+    """Share of the squares of a column that others leave, and their coefficients, the first and third not negative."""
+    sign = np.ones(len(columns))
+    sign[:3] = signs
+    information = products[np.ix_(columns, columns)] * np.outer(sign, sign)
+    pull = products[list(columns), target] * sign
+    found = bounded_least_squares(information, pull, (True, False, True, *(False for _ in columns[3:])))
+    explained = float(2.0 * found @ pull - found @ information @ found)
+    return 1.0 - explained / float(products[target, target]), found
+
+
+def _at_cutoff(log: Log, model: ServoModel, cutoff: float) -> list[Array]:
+    """The starts (P,) at one cutoff, for each way the best dead zone."""
+    best: dict[str, tuple[float, Array]] = {}
+    for half_width in _half_widths(log, model):
+        variant = model.with_effect(DeadZone(half_width=half_width)) if model.effect("dead_zone") else model
+        table = np.vstack([_columns(run, variant, cutoff) for run in log.runs])
+        products = table.T @ table
+        if not (np.isfinite(products).all() and (np.diag(products)[[0, 2, 3]] > 0.0).all()):
+            continue
+        for way, left, rigid in _solved(products):
+            if way not in best or left < best[way][0] - _BETTER:
+                values = variant.values
+                values[:3] = np.maximum(rigid, [spec.lower for spec in model.parameters[:3]])
+                best[way] = left, values
+    return [values for _, values in best.values()]
+
+
+def _half_widths(log: Log, model: ServoModel) -> list[float]:
+    if model.effect("dead_zone") is None:
+        return [0.0]
+    largest = max(float(np.max(np.abs(run.command))) for run in log.runs)
+    return [share * largest for share in _ZONES]
+
+
+def _columns(run: Run, model: ServoModel, cutoff: float) -> Array:
+    """(T, 7) acceleration, cos x, velocity, torque, sign, one and slope of the torque behind the low pass.
+
+    Without the ends of the run, which the low pass does not know.
+    """
+    motion = filtered_motion(run, cutoff, model)
+    dt = float(motion.time[1] - motion.time[0])
+    acceleration = np.zeros_like(motion.angle)
+    acceleration[1:-1] = np.diff(motion.angle, 2) / dt**2  # the mean over the same two samples as that of the torque
+    torque = smooth(mean_torque(run, model, motion.velocity), cutoff, dt)
+    sign = np.where(motion.still, 0.0, np.sign(motion.velocity))
+    gravity = np.cos(motion.angle) if model.axis == "rotary" else np.zeros_like(motion.angle)
+    columns = (acceleration, gravity, motion.velocity, torque, smooth(sign, cutoff, dt), np.ones_like(sign))
+    edge = max(1, min(motion.time.size // 10, int(1.0 / (cutoff * dt))))
+    return np.column_stack((*columns, np.gradient(torque, dt)))[edge:-edge]
