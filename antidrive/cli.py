@@ -5,9 +5,7 @@ Heavy packages are imported inside the commands, so that `--help` answers at onc
 
 from __future__ import annotations
 
-import shlex
 import sys
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,9 +16,9 @@ from antidrive import __version__, completion
 from antidrive.examples import told
 from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, Prior, fit_options
 from antidrive.log_words import with_log
+from antidrive.program import run
 
 app = typer.Typer()
-UsageError: Any = typer.BadParameter.__bases__[0]  # every mistake in the words of a command line
 
 Out = Annotated[Path, typer.Option(help="Folder for the results.")]
 Holdout = Annotated[
@@ -272,30 +270,10 @@ def export(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code: 0 done, 2 bad input (one sentence on stderr), 1 anything else."""
+    """Run one command and return the exit code.
+
+    0 is done, 2 bad input (one sentence on stderr), 130 and 143 stopped by Ctrl-C and SIGTERM, 1 anything else. As the
+    program, without `arguments`, a command that is stopped ends the process.
+    """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        code = app(words or ["--help"], prog_name="antidrive", standalone_mode=False, obj=("antidrive", *words))
-    except KeyboardInterrupt:
-        print("antidrive: stopped; nothing was written.", file=sys.stderr)
-        return 1
-    except Exception as error:
-        return _failed(error, words)
-    return int(code or 0)
-
-
-def _failed(error: Exception, words: Sequence[str]) -> int:
-    """Say what went wrong on stderr, and return the exit code."""
-    from antidrive.voice import complain
-    from identification.errors import MissingColumns
-    from plant.errors import AntidriveError
-
-    if isinstance(error, MissingColumns):
-        complain(error.with_command(shlex.join(("antidrive", *words))))
-        return 2
-    if isinstance(error, AntidriveError | UsageError):
-        complain(error.format_message() if isinstance(error, UsageError) else str(error))
-        return 2
-    traceback.print_exception(error)
-    complain("this is a fault of the program, not of the input; nothing was written.")
-    return 1
+    return run(app, words or ["--help"], whole=arguments is None)

@@ -301,18 +301,22 @@ def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:
 
 def demo(*, out: Path, seed: int, voice: Voice) -> None:
     """Run the whole chain on a synthetic log of the rig."""
-    from antidrive.demo import run_demo
+    from antidrive.demo import run_demo, write_log
 
     with whole_folder(out) as draft:
         with voice.progress("recording a synthetic log on the rig") as progress:
             told = run_demo(seed=seed, progress=progress)
+        write_log(told.log, draft / "log.csv")
+        write_log(told.validation, draft / "validation.csv")
         told.base_model.write(draft / "base-model.json")
         told.model.write(draft / "model.json")
         write_json(draft / "diagnosis.json", told.diagnosis.to_dict())
         write_json(draft / "summary.json", told.summary())
         page = report.demo_page(told, Provenance.now(voice.words, told.diagnosis.base.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [*told.sentences(), _written(out, "diagnosis.json, model.json, base-model.json, summary.json, report.html")]
+    files = "log.csv, validation.csv, diagnosis.json, model.json, base-model.json, summary.json, report.html"
+    again = f"Try it yourself: antidrive diagnose {out / 'log.csv'} --holdout {out / 'validation.csv'}"
+    lines = [*told.sentences(), _written(out, files), again]
     voice.result("\n".join(lines), told.summary())
 
 
