@@ -15,6 +15,7 @@ import typer
 
 from antidrive import __version__, completion
 from antidrive.examples import told
+from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, Prior, fit_options
 
 app = typer.Typer()
 UsageError: Any = typer.BadParameter.__bases__[0]  # every mistake in the words of a command line
@@ -39,6 +40,7 @@ Base = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model to 
 Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else.")]
+Force = Annotated[bool, typer.Option("--force", help="Go on with a log that contradicts every machine.")]
 MinTorque = Annotated[float, typer.Option(help="Least torque of each pinion [N m].")]
 MaxTorque = Annotated[float, typer.Option(help="Greatest torque of each pinion [N m].")]
 OUT = Path("antidrive-out")
@@ -78,6 +80,11 @@ def identify(
     data: Data = None,
     joint: Joint = None,
     base: Base = None,
+    fixed: Fixed = None,
+    bounds: Bounds = None,
+    prior: Prior = None,
+    effects: Effects = None,
+    force: Force = False,
     out: Out = OUT,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -88,7 +95,8 @@ def identify(
 
     options = _log_options(logs, mapping, unit, scale, dataset, data, joint)
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.identify(options, base=base, out=out, seed=seed, voice=voice)
+    known = fit_options(fixed=fixed, bounds=bounds, prior=prior, effects=effects)
+    commands.identify(options, base=base, known=known, force=force, out=out, seed=seed, voice=voice)
 
 
 @app.command(epilog=told("diagnose"))
@@ -105,6 +113,13 @@ def diagnose(
         list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Log to judge by; may be repeated.")
     ] = None,
     base: Base = None,
+    fixed: Fixed = None,
+    bounds: Bounds = None,
+    prior: Prior = None,
+    candidates: Candidates = None,
+    exclude: Exclude = None,
+    effects: Effects = None,
+    force: Force = False,
     out: Out = OUT,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -115,7 +130,10 @@ def diagnose(
 
     options = _log_options(logs, mapping, unit, scale, dataset, data, joint, holdout)
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.diagnose(options, base=base, out=out, seed=seed, voice=voice)
+    known = fit_options(
+        fixed=fixed, bounds=bounds, prior=prior, candidates=candidates, exclude=exclude, effects=effects
+    )
+    commands.diagnose(options, base=base, known=known, force=force, out=out, seed=seed, voice=voice)
 
 
 @app.command(epilog=told("predict"))
@@ -128,6 +146,7 @@ def predict(
     dataset: Dataset = None,
     data: Data = None,
     joint: Joint = None,
+    effects: Effects = None,
     window: Annotated[float | None, typer.Option(metavar="S", help="Restart every S seconds.")] = None,
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="File for run, time, angle or position.")] = Path(
         "antidrive-out/prediction.csv"
@@ -140,7 +159,8 @@ def predict(
     from antidrive import commands
 
     options = _log_options(logs, mapping, unit, scale, dataset, data, joint)
-    commands.predict(model, options, window=window, out=out, voice=commands.Voice(quiet=quiet, json=json))
+    voice = commands.Voice(quiet=quiet, json=json)
+    commands.predict(model, options, effects=effects, window=window, out=out, voice=voice)
 
 
 @app.command(epilog=told("simulate"))
@@ -156,6 +176,7 @@ def simulate(
         ),
     ],
     model: Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Design model of the controller.")] = None,
+    effects: Effects = None,
     out: Out = OUT,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -165,7 +186,7 @@ def simulate(
     from antidrive import commands
 
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.simulate(scenario, model=model, out=out, seed=seed, voice=voice)
+    commands.simulate(scenario, model=model, effects=effects, out=out, seed=seed, voice=voice)
 
 
 @app.command(epilog=told("effects"))
@@ -243,6 +264,7 @@ def export(
     max_torque: MaxTorque = 0.3,
     single: Annotated[bool, typer.Option("--single", help="Calculate in single precision.")] = False,
     fmu: Annotated[bool, typer.Option("--fmu", help="Write controller and plant as FMUs instead.")] = False,
+    effects: Effects = None,
     out: Out = OUT,
     quiet: Quiet = False,
     json: Json = False,
@@ -260,6 +282,7 @@ def export(
         max_torque=max_torque,
         single=single,
         fmu=fmu,
+        effects=effects,
         out=out,
         voice=commands.Voice(quiet=quiet, json=json),
     )
