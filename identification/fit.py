@@ -130,7 +130,7 @@ def base_model(log: Log) -> ServoModel:
     )
     viscous = 0.5 * torque / speed if torque * speed > 0.0 else 1.0
     return ServoModel(
-        inertia=viscous * angle / speed if speed > 0.0 else 1.0,
+        inertia=viscous * angle / speed if angle * speed > 0.0 else 1.0,
         gravity=0.0,
         viscous_friction=viscous,
         effects=(DeadZone(half_width=0.0),),
