@@ -94,12 +94,20 @@ class MeasuredMotion:
         return None if self.change > 2 * _FEW else "the load hardly speeds up"
 
 
+def reading_noise(run: Run) -> float:
+    """Standard deviation of what the readings of a run hold beside any smooth motion, its steps at least [rad or m]."""
+    output = run.output[run.valid]
+    steps = np.abs(np.diff(output))
+    count = float(steps[steps > 0.0].min()) if steps.any() else 0.0
+    sixth = float(np.std(np.diff(output, 6))) / np.sqrt(924.0) if output.size > 12 else 0.0
+    return max(sixth, count / np.sqrt(12.0))
+
+
 def speed_of(run: Run) -> Array:
     """(N,) measured speed of a run at even times [rad/s or m/s], without its ends."""
     clock = run.time[0] + run.sample_time * np.arange(round(run.duration / run.sample_time) + 1)
     output = np.interp(clock, run.time[run.valid], run.output[run.valid])
-    noise = float(np.std(np.diff(output, 6))) / np.sqrt(924.0) if output.size > 12 else 0.0
-    speed = np.gradient(output, run.sample_time)
+    noise, speed = reading_noise(run), np.gradient(output, run.sample_time)
     for sigma in _WIDTHS:
         edge = int(np.ceil(4.0 * sigma))
         if output.size < 4 * edge:
