@@ -28,6 +28,7 @@ Base = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model to 
 Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else.")]
+Force = Annotated[bool, typer.Option("--force", help="Go on with a log that contradicts every machine.")]
 MinTorque = Annotated[float, typer.Option(help="Least torque of each pinion [N m].")]
 MaxTorque = Annotated[float, typer.Option(help="Greatest torque of each pinion [N m].")]
 OUT = Path("antidrive-out")
@@ -66,6 +67,7 @@ def identify(
     bounds: Bounds = None,
     prior: Prior = None,
     effects: Effects = None,
+    force: Force = False,
     out: Out = OUT,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -76,7 +78,7 @@ def identify(
 
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
     known = fit_options(fixed=fixed, bounds=bounds, prior=prior, effects=effects)
-    commands.identify(log, base=base, known=known, out=out, seed=seed, voice=voice)
+    commands.identify(log, base=base, known=known, force=force, out=out, seed=seed, voice=voice)
 
 
 @app.command(epilog=told("diagnose"))
@@ -92,6 +94,7 @@ def diagnose(
     candidates: Candidates = None,
     exclude: Exclude = None,
     effects: Effects = None,
+    force: Force = False,
     out: Out = OUT,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -104,7 +107,7 @@ def diagnose(
     known = fit_options(
         fixed=fixed, bounds=bounds, prior=prior, candidates=candidates, exclude=exclude, effects=effects
     )
-    commands.diagnose(log, base=base, known=known, out=out, seed=seed, voice=voice)
+    commands.diagnose(log, base=base, known=known, force=force, out=out, seed=seed, voice=voice)
 
 
 @app.command("inspect", epilog=told("inspect"))

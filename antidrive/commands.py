@@ -18,6 +18,7 @@ from antidrive.provenance import Provenance
 from antidrive.time_left import Tell
 from antidrive.voice import Voice
 from diagnosis.explanation.summary import headline, sentences
+from identification.errors import Unidentifiable
 from identification.log import Log
 from plant.errors import BadParameter
 from plant.model_file import read_model
@@ -46,9 +47,11 @@ __all__ = [
 _EXPERIMENT = "separating_experiment.csv"
 
 
-def identify(options: LogOptions, *, base: Path | None, known: FitOptions, out: Path, seed: int, voice: Voice) -> None:
-    """Fit a model and write model.json, fit.json and report.html."""
-    from diagnosis import blind_spots
+def identify(
+    options: LogOptions, *, base: Path | None, known: FitOptions, force: bool, out: Path, seed: int, voice: Voice
+) -> None:
+    """Fit a model and write model.json, fit.json and report.html; nothing of a fit that told nothing, unless forced."""
+    from diagnosis import blind_spots, standstill
     from identification.fit import fit
     from identification.fit_result import fit_report, fit_to_dict
     from identification.simulation import free_simulation
@@ -64,8 +67,12 @@ def identify(options: LogOptions, *, base: Path | None, known: FitOptions, out: 
                 fixed={**dict.fromkeys(measured.absent(start)), **known.fixed},
                 bounds=known.bounds,
                 prior=known.prior,
+                force=force,
                 progress=progress,
             )
+            why = standstill(found) or (None if found.failed is None else f"The fit failed: {found.failed}")
+            if why is not None and not force:
+                raise Unidentifiable(why)
             simulated = free_simulation(measured.log, found.model)
         content, unseen = fit_to_dict(found), blind_spots(found)
         content["data"]["warnings"] += unseen
@@ -74,11 +81,13 @@ def identify(options: LogOptions, *, base: Path | None, known: FitOptions, out: 
         write_json(draft / "fit.json", content)
         page = report.fit_page(found, simulated, provenance, notes=measured.notes, warnings=unseen)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [fit_report(found), *_data_lines(measured.log, unseen), _written(out, "model.json, fit.json, report.html")]
+    lines = [fit_report(found), *_data_lines(found.log, unseen), _written(out, "model.json, fit.json, report.html")]
     voice.result("\n".join(lines), content)
 
 
-def diagnose(options: LogOptions, *, base: Path | None, known: FitOptions, out: Path, seed: int, voice: Voice) -> None:
+def diagnose(
+    options: LogOptions, *, base: Path | None, known: FitOptions, force: bool, out: Path, seed: int, voice: Voice
+) -> None:
     """Name what the model misses and write diagnosis.json, model.json and report.html."""
     from diagnosis.diagnose import diagnose as find_causes
 
@@ -97,6 +106,7 @@ def diagnose(options: LogOptions, *, base: Path | None, known: FitOptions, out: 
                 prior=known.prior,
                 candidates=known.choice(own),
                 exclude=known.exclude,
+                force=force,
                 progress=progress,
             )
         held_out = measured.holdout.sources if measured.holdout is not None else ()
@@ -273,7 +283,13 @@ def export(
 
     if fmu and single:
         raise BadParameter("An FMU calculates in double precision; leave --single or --fmu out.")
-    servo = _model(model, _own(effects))
+    read = read_model(model, _own(effects))
+    if not read.identified:
+        raise Unidentifiable(
+            f"{model}: no parameter of this model was identified, its values are those that the fit began with; "
+            "identify it from a log that shows them, or write a model by hand."
+        )
+    servo = read.model
     with whole_folder(out) as draft, voice.progress("compiling the controller") as progress:
         controller = Controller(servo, gears, **numbers)
         told, content = (

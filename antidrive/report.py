@@ -187,7 +187,7 @@ def _errors(diagnosis: Diagnosis, gain: Gain, extended: bool) -> list[tuple[str,
     told = [(gain.held_out_rms_before, error.before, "held-out rms error, base model")]
     if extended:
         told.append((gain.held_out_rms_after, error.after, "held-out rms error, extended model"))
-    told.append((gain.noise_floor, error.noise_floor, "noise floor"))
+    told.append((gain.noise_floor, error.noise_floor, gain.floor_name))
     return [(measured(value, std, gain.unit), what) for value, std, what in told]
 
 
