@@ -86,8 +86,11 @@ def standard_errors(gained: Array) -> float:
 
     The test of Diebold and Mariano (1995) for which of two predictors is better.
     """
-    blocks = np.array([block.mean() for block in np.array_split(gained, BLOCKS)])
-    scatter = float(blocks.std(ddof=1)) / np.sqrt(BLOCKS)
+    count = min(BLOCKS, gained.size)
+    if count < 2:
+        return 0.0
+    blocks = np.array([block.mean() for block in np.array_split(gained, count)])
+    scatter = float(blocks.std(ddof=1)) / np.sqrt(count)
     return float(blocks.mean() / scatter) if scatter > 0.0 else 0.0
 
 
