@@ -1,4 +1,4 @@
-"""Logs at any scale with anything wrong end in a result or in one sentence; a thousand in `benchmarks/rough_logs.py`."""
+"""Logs of any scale, with anything wrong, end in a result or in one sentence; see `benchmarks/rough_logs.py`."""
 
 from __future__ import annotations
 
