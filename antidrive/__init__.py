@@ -1,1 +1,86 @@
-"""The front door: command line, report, scenarios and the demo."""
+"""The front door: the names that people use, under one name, beside command line, report, scenarios and the demo.
+
+    import antidrive as ad
+
+    found = ad.diagnose("log.csv")              # what does the model of this servo miss?
+    print(found)
+    model = found.extended.model                # with what was found
+    gears = ad.GearTrain(pinion_teeth=(20, 20), follower_teeth=161)
+    controller = ad.Controller(model, gears)    # keeps the teeth together
+    print(ad.closed_loop(controller, ad.Rig.paper_like(), 0.2, duration=1.0))
+
+A log is a path, a DataFrame, arrays by name, or an `ad.Log`, which also takes other names and units. Everything here
+comes from a package of its own, `plant`, `allocation`, `identification`, `diagnosis` or `mpc`, which have more; each is
+imported when its first name is asked for.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from antidrive.neighbours import refuse_strangers
+
+if TYPE_CHECKING:
+    from allocation import Allocator
+    from antidrive.prediction import predict
+    from antidrive.version import VERSION as __version__
+    from diagnosis import Diagnosis, diagnose
+    from identification import Fit, Log
+    from identification import fit as identify
+    from mpc import Controller, closed_loop
+    from plant import GearTrain, Rig, ServoModel, catalogue, read_model, simulate
+
+__all__ = [
+    "Allocator",
+    "Controller",
+    "Diagnosis",
+    "Fit",
+    "GearTrain",
+    "Log",
+    "Rig",
+    "ServoModel",
+    "__version__",
+    "catalogue",
+    "closed_loop",
+    "diagnose",
+    "identify",
+    "predict",
+    "read_model",
+    "simulate",
+]
+
+HOMES = {
+    "Allocator": "allocation",
+    "Controller": "mpc",
+    "Diagnosis": "diagnosis",
+    "Fit": "identification",
+    "GearTrain": "plant",
+    "Log": "identification",
+    "Rig": "plant",
+    "ServoModel": "plant",
+    "catalogue": "plant",
+    "closed_loop": "mpc",
+    "diagnose": "diagnosis",
+    "identify": "identification",
+    "predict": "antidrive.prediction",
+    "read_model": "plant",
+    "simulate": "plant",
+}
+"""The package that each name comes from."""
+
+refuse_strangers()
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return importlib.import_module("antidrive.version").VERSION
+    if name not in HOMES:
+        raise AttributeError(f"antidrive has no {name!r}; it has {', '.join(HOMES)}.")
+    value = getattr(importlib.import_module(HOMES[name]), "fit" if name == "identify" else name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -13,10 +13,11 @@ from typing import Annotated, Any
 
 import typer
 
-from antidrive import completion
+from antidrive import __version__, completion
 from antidrive.examples import told
+from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, Prior, fit_options
 
-app = typer.Typer(help="From the log of a geared servo to what its model gets wrong, by name, and to the controller.")
+app = typer.Typer()
 UsageError: Any = typer.BadParameter.__bases__[0]  # every mistake in the words of a command line
 
 Logs = Annotated[
@@ -44,6 +45,21 @@ MaxTorque = Annotated[float, typer.Option(help="Greatest torque of each pinion [
 OUT = Path("antidrive-out")
 
 
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"antidrive {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def everything(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version, and end.")
+    ] = False,
+) -> None:
+    """From the log of a geared servo to what its model gets wrong, by name, and to the controller."""
+
+
 @app.command(epilog=told("demo"))
 def demo(context: typer.Context, out: Out = OUT, seed: Seed = 0, quiet: Quiet = False, json: Json = False) -> None:
     """The whole chain on a synthetic log: identify, diagnose, extend, design, close the loop, report."""
@@ -63,6 +79,10 @@ def identify(
     data: Data = None,
     joint: Joint = None,
     base: Base = None,
+    fixed: Fixed = None,
+    bounds: Bounds = None,
+    prior: Prior = None,
+    effects: Effects = None,
     out: Out = OUT,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -73,7 +93,8 @@ def identify(
 
     options = _log_options(logs, mapping, unit, scale, dataset, data, joint)
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.identify(options, base=base, out=out, seed=seed, voice=voice)
+    known = fit_options(fixed=fixed, bounds=bounds, prior=prior, effects=effects)
+    commands.identify(options, base=base, known=known, out=out, seed=seed, voice=voice)
 
 
 @app.command(epilog=told("diagnose"))
@@ -90,6 +111,12 @@ def diagnose(
         list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Log to judge by; may be repeated.")
     ] = None,
     base: Base = None,
+    fixed: Fixed = None,
+    bounds: Bounds = None,
+    prior: Prior = None,
+    candidates: Candidates = None,
+    exclude: Exclude = None,
+    effects: Effects = None,
     out: Out = OUT,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -100,7 +127,10 @@ def diagnose(
 
     options = _log_options(logs, mapping, unit, scale, dataset, data, joint, holdout)
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.diagnose(options, base=base, out=out, seed=seed, voice=voice)
+    known = fit_options(
+        fixed=fixed, bounds=bounds, prior=prior, candidates=candidates, exclude=exclude, effects=effects
+    )
+    commands.diagnose(options, base=base, known=known, out=out, seed=seed, voice=voice)
 
 
 @app.command(epilog=told("predict"))
@@ -113,6 +143,7 @@ def predict(
     dataset: Dataset = None,
     data: Data = None,
     joint: Joint = None,
+    effects: Effects = None,
     window: Annotated[float | None, typer.Option(metavar="S", help="Restart every S seconds.")] = None,
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="File for run, time, angle or position.")] = Path(
         "antidrive-out/prediction.csv"
@@ -125,7 +156,8 @@ def predict(
     from antidrive import commands
 
     options = _log_options(logs, mapping, unit, scale, dataset, data, joint)
-    commands.predict(model, options, window=window, out=out, voice=commands.Voice(quiet=quiet, json=json))
+    voice = commands.Voice(quiet=quiet, json=json)
+    commands.predict(model, options, effects=effects, window=window, out=out, voice=voice)
 
 
 @app.command(epilog=told("simulate"))
@@ -141,6 +173,7 @@ def simulate(
         ),
     ],
     model: Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Design model of the controller.")] = None,
+    effects: Effects = None,
     out: Out = OUT,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -150,7 +183,7 @@ def simulate(
     from antidrive import commands
 
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.simulate(scenario, model=model, out=out, seed=seed, voice=voice)
+    commands.simulate(scenario, model=model, effects=effects, out=out, seed=seed, voice=voice)
 
 
 @app.command(epilog=told("effects"))
@@ -228,6 +261,7 @@ def export(
     max_torque: MaxTorque = 0.3,
     single: Annotated[bool, typer.Option("--single", help="Calculate in single precision.")] = False,
     fmu: Annotated[bool, typer.Option("--fmu", help="Write controller and plant as FMUs instead.")] = False,
+    effects: Effects = None,
     out: Out = OUT,
     quiet: Quiet = False,
     json: Json = False,
@@ -245,6 +279,7 @@ def export(
         max_torque=max_torque,
         single=single,
         fmu=fmu,
+        effects=effects,
         out=out,
         voice=commands.Voice(quiet=quiet, json=json),
     )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from antidrive import report
+from antidrive.fit_options import FitOptions
 from antidrive.fitted_model import model_file
 from antidrive.log_options import LogOptions, Measured
 from antidrive.output import whole_file, whole_folder, write_json
@@ -25,6 +26,7 @@ from plant.servo import ServoModel
 if TYPE_CHECKING:
     from diagnosis.diagnosis import Diagnosis
     from diagnosis.experiment import Experiment
+    from plant.effects import Effect
     from plant.gears import GearTrain
 
 __all__ = [
@@ -43,18 +45,25 @@ __all__ = [
 _EXPERIMENT = "separating_experiment.csv"
 
 
-def identify(options: LogOptions, *, base: Path | None, out: Path, seed: int, voice: Voice) -> None:
+def identify(options: LogOptions, *, base: Path | None, known: FitOptions, out: Path, seed: int, voice: Voice) -> None:
     """Fit a model and write model.json, fit.json and report.html."""
     from diagnosis import blind_spots
     from identification.fit import fit
     from identification.fit_result import fit_report, fit_to_dict
     from identification.simulation import free_simulation
 
-    start = _base(base)
+    start = _base(base, known.own_effects())
     with whole_folder(out) as draft:
         measured = _read(options, voice)
         with voice.progress("fitting") as progress:
-            found = fit(measured.log, start or measured.base, fixed=measured.absent(start), progress=progress)
+            found = fit(
+                measured.log,
+                start or measured.base,
+                fixed={**dict.fromkeys(measured.absent(start)), **known.fixed},
+                bounds=known.bounds,
+                prior=known.prior,
+                progress=progress,
+            )
             simulated = free_simulation(measured.log, found.model)
         content, unseen = fit_to_dict(found), blind_spots(found)
         content["data"]["warnings"] += unseen
@@ -67,11 +76,12 @@ def identify(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
     voice.result("\n".join(lines), content)
 
 
-def diagnose(options: LogOptions, *, base: Path | None, out: Path, seed: int, voice: Voice) -> None:
+def diagnose(options: LogOptions, *, base: Path | None, known: FitOptions, out: Path, seed: int, voice: Voice) -> None:
     """Name what the model misses and write diagnosis.json, model.json and report.html."""
     from diagnosis.diagnose import diagnose as find_causes
 
-    start = _base(base)
+    own = known.own_effects()
+    start = _base(base, own)
     with whole_folder(out) as draft:
         measured = _read(options, voice)
         with voice.progress("diagnosing") as progress:
@@ -79,7 +89,11 @@ def diagnose(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
                 measured.log,
                 start or measured.base,
                 measured.holdout,
-                fixed=measured.absent(start),
+                fixed={**dict.fromkeys(measured.absent(start)), **known.fixed},
+                bounds=known.bounds,
+                prior=known.prior,
+                candidates=known.choice(own),
+                exclude=known.exclude,
                 progress=progress,
             )
         held_out = measured.holdout.sources if measured.holdout is not None else ()
@@ -118,11 +132,13 @@ def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Exp
     return experiment, str(experiment)
 
 
-def predict(model: Path, options: LogOptions, *, window: float | None, out: Path, voice: Voice) -> None:
+def predict(
+    model: Path, options: LogOptions, *, effects: Path | None, window: float | None, out: Path, voice: Voice
+) -> None:
     """Simulate a log freely and write run, time, angle (or position) as CSV."""
     from antidrive.prediction import write_prediction
 
-    servo = read_model(model).model
+    servo = _model(model, _own(effects))
     if window is not None and not (np.isfinite(window) and window > 0.0):
         raise BadParameter(f"--window must be a positive number of seconds, not {window:g}.")
     with whole_file(out) as draft:
@@ -132,19 +148,19 @@ def predict(model: Path, options: LogOptions, *, window: float | None, out: Path
             simulated = write_prediction(draft, log, servo, window=window, tell=progress)
     unit = "rad" if log.axis == "rotary" else "m"
     errors = [
-        {"run": run.number, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.output)[run.valid] ** 2)))}
+        {"run": run.run, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.output)[run.valid] ** 2)))}
         for run, y in zip(log.runs, simulated, strict=True)
     ]
     lines = [f"{entry['label']}: rms error {entry['rms']:.4g} {unit}" for entry in errors]
     voice.result("\n".join([*lines, f"Written: {out}"]), {"file": str(out), "unit": unit, "runs": errors})
 
 
-def simulate(scenario: str, *, model: Path | None, out: Path, seed: int, voice: Voice) -> None:
+def simulate(scenario: str, *, model: Path | None, effects: Path | None, out: Path, seed: int, voice: Voice) -> None:
     """Run a scenario on the rig and write trajectory.csv, summary.json and report.html."""
     from antidrive.experiments.outcome import Outcome
     from antidrive.plans import read_plan
 
-    plan, design = read_plan(scenario), _base(model)
+    plan, design = read_plan(scenario), _base(model, _own(effects))
     with whole_folder(out) as draft:
         with voice.progress(f"simulating {plan.name}") as progress:
             result = plan.run(design, seed, progress)
@@ -224,14 +240,24 @@ def capability(
     voice.result("\n".join(lines), told.summary(found))
 
 
-def export(model: Path, gears: GearTrain, *, single: bool, fmu: bool, out: Path, voice: Voice, **numbers: Any) -> None:
+def export(
+    model: Path,
+    gears: GearTrain,
+    *,
+    single: bool,
+    fmu: bool,
+    effects: Path | None,
+    out: Path,
+    voice: Voice,
+    **numbers: Any,
+) -> None:
     """Write the controller of a model, with these numbers of `mpc.Controller`, as C99 for a target, or as FMUs."""
     from antidrive import exports
     from mpc import Controller
 
     if fmu and single:
         raise BadParameter("An FMU calculates in double precision; leave --single or --fmu out.")
-    servo = read_model(model).model
+    servo = _model(model, _own(effects))
     with whole_folder(out) as draft, voice.progress("compiling the controller") as progress:
         controller = Controller(servo, gears, **numbers)
         told, content = (
@@ -279,8 +305,16 @@ def _read(options: LogOptions, voice: Voice) -> Measured:
         return options.read(progress)
 
 
-def _base(path: Path | None) -> ServoModel | None:
-    return None if path is None else read_model(path).model
+def _own(effects: Path | None) -> tuple[type[Effect], ...]:
+    return FitOptions(effects=effects).own_effects()
+
+
+def _model(path: Path, own: Sequence[type[Effect]]) -> ServoModel:
+    return read_model(path, own).model
+
+
+def _base(path: Path | None, own: Sequence[type[Effect]]) -> ServoModel | None:
+    return None if path is None else _model(path, own)
 
 
 def _data_lines(log: Log, unseen: Sequence[str]) -> list[str]:

@@ -7,11 +7,13 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "identify": (
         "antidrive identify log.csv",
         "antidrive identify log.csv --map angle=qm --unit angle=deg --scale torque=35.15",
+        "antidrive identify log.csv --fixed gravity --prior inertia=0.2:0.05",
         "antidrive identify scope.mf4 --json > fit.json",
     ),
     "diagnose": (
         "antidrive diagnose monday.csv tuesday.csv --holdout friday.csv",
         "antidrive diagnose log.parquet --base model.json --out friction",
+        "antidrive diagnose log.csv --bounds inertia=0.1:0.3 --exclude backlash",
         "antidrive diagnose --dataset emps --data FOLDER",
     ),
     "predict": (

@@ -2,18 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from antidrive.time_left import Parts, Tell
 from identification.log import Log
+from identification.log_like import LogLike, log_of
+from identification.run import Run
 from identification.simulation import free_simulation
 from plant.effects.effect import Array
 from plant.errors import BadParameter
+from plant.model_file import read_model
 from plant.servo import ServoModel
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 _ROWS = 10_000  # that are written before somebody is told
+
+
+def predict(model: ServoModel | str | Path, log: LogLike, *, window: float | None = None) -> pd.DataFrame:
+    """What a model says will follow from a log's command: a free simulation.
+
+    Args:
+        model: the servo, or the path of its model file.
+        log: whose command is played, also as a path, a DataFrame or arrays by name. Of its measured output only the
+            first 0.2 s of each run, or window, are looked at, for its initial state.
+        window: restart every so many seconds; None simulates each run in one piece.
+
+    Returns:
+        Columns run, time [s], and angle [rad] (or position [m]), a row a sample.
+
+    Raises:
+        BadParameter: the model runs away to infinity, or does not fit the log.
+        BadModelFile, MalformedLog: a file that cannot be used.
+    """
+    import pandas as pd
+
+    servo = model if isinstance(model, ServoModel) else read_model(model).model
+    read = log_of(log)
+    simulated = _simulated(read, servo, window, None)
+    tables = [_table(read, run, output, slice(None)) for run, output in zip(read.runs, simulated, strict=True)]
+    return pd.concat(tables, ignore_index=True)
 
 
 def write_prediction(
@@ -23,32 +56,41 @@ def write_prediction(
 
     Args:
         path: file to write.
-        log: whose command is played.
-        model: what it is played to.
-        window: restart every so many seconds; None simulates each run in one piece.
+        log, model, window: as in `predict`.
         tell: called with a line of text at each hundredth.
 
     Returns:
         One (T,) simulated output a run [rad or m].
 
     Raises:
-        BadParameter: the model runs away to infinity, or does not fit the log.
+        BadParameter: as `predict` does.
     """
-    import pandas as pd
-
     done = Parts(2 * sum(map(len, log.runs)), tell, doing="predicting").done
-    simulated = free_simulation(log, model, window=window, after=done)
-    if not all(np.isfinite(output).all() for output in simulated):
-        raise BadParameter("Simulated over this log, the model runs away to infinity; use another model.")
-    column = "angle" if log.axis == "rotary" else "position"
+    simulated = _simulated(log, model, window, done)
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"run,time,{column}\n")
+        file.write(f"run,time,{_column(log)}\n")
         for run, output in zip(log.runs, simulated, strict=True):
             for first in range(0, len(run), _ROWS):
-                rows = slice(first, first + _ROWS)
-                table = pd.DataFrame({"run": run.number, "time": run.zero + run.time[rows], column: output[rows]})
+                table = _table(log, run, output, slice(first, first + _ROWS))
                 # a clock may need more digits than a prediction is worth
-                table[column] = table[column].map("{:.10g}".format)
+                table[_column(log)] = table[_column(log)].map("{:.10g}".format)
                 table.to_csv(file, header=False, index=False, float_format="%.15g")
                 done(len(table))
     return simulated
+
+
+def _simulated(log: Log, model: ServoModel, window: float | None, done: Callable[[int], None] | None) -> list[Array]:
+    simulated = free_simulation(log, model, window=window, after=done)
+    if not all(np.isfinite(output).all() for output in simulated):
+        raise BadParameter("Simulated over this log, the model runs away to infinity; use another model.")
+    return simulated
+
+
+def _column(log: Log) -> str:
+    return "angle" if log.axis == "rotary" else "position"
+
+
+def _table(log: Log, run: Run, output: Array, rows: slice) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame({"run": run.run, "time": run.zero + run.time[rows], _column(log): output[rows]})

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 
+from antidrive.version import VERSION
 from identification.log import Source
 
-_TOLD = ("antidrive", "casadi", "numpy", "scipy")
+_TOLD = ("casadi", "numpy", "scipy")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +31,7 @@ class Provenance:
     @classmethod
     def now(cls, command: Sequence[str], sources: Sequence[Source] = ()) -> Provenance:
         """Of this run."""
-        versions = [("Python", platform.python_version())]
+        versions = [("Python", platform.python_version()), ("antidrive", VERSION)]
         for name in _TOLD:
             try:
                 versions.append((name, version(name)))

@@ -52,12 +52,16 @@ class Voice:
 
 
 def complain(sentence: str) -> None:
-    """Print what went wrong on stderr: in one line, or on a terminal without breaking words."""
+    """Print what went wrong on stderr: a sentence in one line, or on a terminal without breaking words.
+
+    Lines below it, such as a table, stay as they are.
+    """
+    sentence, *lines = sentence.splitlines()
     sentence = f"antidrive: {' '.join(sentence.split())}"
     if sys.stderr.isatty():
         width = shutil.get_terminal_size().columns
         sentence = textwrap.fill(sentence, width, break_long_words=False, break_on_hyphens=False)
-    print(sentence, file=sys.stderr)
+    print("\n".join([sentence, *lines]), file=sys.stderr)
 
 
 def _shown(text: str) -> None:

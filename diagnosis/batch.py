@@ -10,17 +10,20 @@ from functools import partial
 from diagnosis.candidates import Choice
 from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
-from identification.log import Log
+from identification.known import Fixed, Pairs
+from identification.log_like import LogLike
 from plant.executors import in_order
 from plant.servo import ServoModel
 
 
 def diagnose_all(
-    logs: Iterable[Log],
+    logs: Iterable[LogLike],
     base: ServoModel | None = None,
     *,
     executor: Executor | None = None,
-    fixed: Collection[str] = (),
+    fixed: Fixed = (),
+    bounds: Pairs | None = None,
+    prior: Pairs | None = None,
     candidates: Sequence[Choice] | None = None,
     exclude: Collection[str] = (),
     progress: Callable[[str], None] | None = None,
@@ -28,8 +31,8 @@ def diagnose_all(
     """Diagnose many logs, each by itself.
 
     Args:
-        logs: one log a diagnosis.
-        base, fixed, candidates, exclude: as in `diagnose`, the same for all.
+        logs: one log a diagnosis, as in `diagnose`.
+        base, fixed, bounds, prior, candidates, exclude: as in `diagnose`, the same for all.
         executor: any executor of `concurrent.futures`, also a `dask.distributed.Client().get_executor()`; logs and
             diagnoses are pickled where its workers are processes. None works on one log after the other here. A killed
             worker costs no diagnosis, see `plant.executors.in_order`.
@@ -43,7 +46,15 @@ def diagnose_all(
         AntidriveError: as `diagnose` raises it, in its log's turn.
     """
     listed = list(logs)
-    work = partial(diagnose, base=base, fixed=tuple(fixed), candidates=candidates, exclude=tuple(exclude))
+    work = partial(
+        diagnose,
+        base=base,
+        fixed=fixed,
+        bounds=bounds,
+        prior=prior,
+        candidates=candidates,
+        exclude=tuple(exclude),
+    )
     with closing(in_order(work, listed, executor)) as results:
         for number, found in enumerate(results, start=1):
             yield _told(found, number, len(listed), progress)

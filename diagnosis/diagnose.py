@@ -26,9 +26,10 @@ from diagnosis.second_opinion import second_opinions
 from diagnosis.suggestion import suggestion
 from diagnosis.surface import beside_surface, gave_way
 from identification.errors import Unidentifiable
-from identification.fit import base_model, fit
+from identification.fit import base_model, fit_knowing, known_of
 from identification.fit_result import Fit
-from identification.log import Log
+from identification.known import Fixed, Pairs
+from identification.log_like import LogLike, log_of
 from identification.side_by_side import without_blas_threads
 from identification.stamps import evenly_timed
 from plant.effects.curve import Unnamed
@@ -42,47 +43,57 @@ _MENTION = 1e-4  # probability from which a rival is listed
 
 @without_blas_threads
 def diagnose(
-    log: Log,
+    log: LogLike,
     base: ServoModel | None = None,
-    holdout: Log | None = None,
+    holdout: LogLike | None = None,
     *,
-    fixed: Collection[str] = (),
+    fixed: Fixed = (),
+    bounds: Pairs | None = None,
+    prior: Pairs | None = None,
     candidates: Sequence[Choice] | None = None,
     exclude: Collection[str] = (),
+    force: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Find out what a model misses in a log.
 
     Args:
-        log: measured runs.
+        log: measured runs, also as a path, a DataFrame or arrays by name.
         base: the model to start from; by default eqs. (4) and (6) of the paper, whose dead zone is then part of the
             model and not a cause to be named.
         holdout: runs to measure the gain on; by default some runs of the log, or the last part of its only one.
-        fixed: names of parameters of the base that keep their value.
+        fixed, bounds, prior: what is known of parameters, as in `identification.fit`; also of those of effects that may
+            be named, `{"coulomb_friction.torque": (0.1, 0.3)}`.
         candidates: effects that may be named, by their name in the catalogue or as classes; also effects that the
             catalogue does not have. By default the whole catalogue.
         exclude: names of effects that may not.
+        force: diagnose also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each step.
 
     Returns:
         Verdict, causes, gain and the data of the pictures.
 
     Raises:
+        UnusableLog: the log, or the one to measure the gain on, has faults that no model fits.
         BadParameter: base and log do not fit together, or an effect is not known.
         Unidentifiable: the load does not move, or the fit of the base model failed.
     """
-    effects = chosen(candidates, exclude)
+    log, effects = log_of(log).usable(force=force), chosen(candidates, exclude)
+    start = base_model(log) if base is None else base
+    known = known_of(fixed, bounds, prior, start, effects.values(), stated=base is not None)
     tell = progress or (lambda line: None)
     said: list[str] = []
     if holdout is None:
-        log, holdout, *said = split(log)
+        log, held_out, *said = split(log)
+    else:
+        held_out = log_of(holdout).usable(force=force)
     tell("fitting the base model")
-    null = fit(log, base_model(log) if base is None else base, fixed=fixed, progress=progress)
+    null = fit_knowing(log, start, known, progress)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
     if null.failed is not None:
         raise Unidentifiable(f"The fit of the base model failed: {null.failed}")
-    log, holdout = null.log, evenly_timed(holdout) if null.log.evenly_timed else holdout
+    log, held_out = null.log, evenly_timed(held_out) if null.log.evenly_timed else held_out
     warnings = [*log.warnings, *log.repairs, *log.notes, *said]
     if null.unidentifiable:
         warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
@@ -134,23 +145,23 @@ def diagnose(
     )
     path = [null, *(addition.fit for addition in outcome.additions), *beside.path]
     tell("measuring the gain on held-out data")
-    gain, squares, replays = measure_gain(holdout, path)
+    gain, squares, replays = measure_gain(held_out, path)
     final = path[-1]
     if (refuted := spoken_against(squares[0], squares[-1])) is not None:
-        warnings.append(" ".join(filter(None, (refuted, goes_further(holdout, log)))))
+        warnings.append(" ".join(filter(None, (refuted, goes_further(held_out, log)))))
     left = repeats(final)
     if left is not None:
         warnings.append(str(left))
     if (formula := suggestion(final)) is not None:
         warnings.append(formula)
-    opinions = second_opinions(final, holdout)
+    opinions = second_opinions(final, held_out)
     if opinions:
         warnings.append(f"Fitted to the held-out data alone, the model has {'; '.join(map(str, opinions))}.")
     return Diagnosis(
         verdict=_verdict(outcome, unnamed),
         causes=_causes(outcome, squares),
         gain=gain,
-        torque_error=inverse_errors(log, holdout, null.model, final.model),
+        torque_error=inverse_errors(log, held_out, null.model, final.model),
         unexplained=remaining(gain, depends_on),
         warnings=tuple(warnings),
         base=null,

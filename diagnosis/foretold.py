@@ -84,7 +84,7 @@ def _masks(fit: Fit, problem: Problem) -> NDArray[np.bool_]:
 def _continued(fit: Fit, bandwidth: float, *, slopes: bool) -> tuple[Problem, Minimum, list[Prediction]]:
     """A fit to the first part of the runs, and by it predictions of the whole."""
     seen = replace(fit.log, runs=tuple(run.slice(0, int(len(run) * (1.0 - LAST))) for run in fit.log.runs))
-    problem = Problem.of(seen, fit.model, fixed=fit.fixed)
+    problem = Problem.of(seen, fit.model, known=fit.known)
     best = problem.minimise(problem.pack(fit.model.values, fit.initial), bandwidth, 0.0, iterations=5)
     values, initial = problem.unpack(best.point)
     whole = replace(problem.predictor, runs=fit.log.runs, free=problem.free if slopes else ())

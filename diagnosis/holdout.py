@@ -37,7 +37,7 @@ def split(log: Log) -> tuple[Log, Log, str]:
     run = log.runs[0]
     cut = int(len(run) * (1.0 - _SHARE))
     first, last = run.slice(0, cut), run.slice(cut, len(run))
-    begins = f"from {round(run.zero + run.time[cut], 3):.10g} s"
+    begins = f"from {round(run.time[cut] - run.start, 3):.10g} s"
     last = replace(last, label=f"{run.label} {begins}")
     sentence = f"Held out: the last {100 * _SHARE:.0f} % of the only run, {begins} on."
     return replace(log, runs=(first,)), replace(log, runs=(last,)), sentence

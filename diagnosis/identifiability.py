@@ -77,7 +77,7 @@ def blind_spots(fit: Fit) -> tuple[str, ...]:
     still = standstill(fit)
     if still is not None:
         return (still,)
-    screen = Screen.of(fit, Problem.of(fit.log, fit.model, fixed=fit.fixed), bandwidth=fit.bandwidth)
+    screen = Screen.of(fit, Problem.of(fit.log, fit.model, known=fit.known), bandwidth=fit.bandwidth)
     motion, columns = screen.motion, _columns(screen.motion, fit)
     shown = response(screen.filters, np.column_stack(list(columns.values())), on_reading=False)
     seen = dict(zip(columns, screen.nuisance.beyond_initial_states(shown).T, strict=True))

@@ -49,7 +49,7 @@ def _from_the_best(fit: Fit, starts: Sequence[Effect], fixed: tuple[str, ...]) -
 
 def problem_near(fit: Fit, model: ServoModel, fixed: tuple[str, ...] = ()) -> Problem:
     """The problem of fitting another model to a fit's log; what was fixed stays so, as far as the model has it."""
-    return Problem.of(fit.log, model, fixed=[name for name in (*fit.fixed, *fixed) if name in model.names])
+    return Problem.of(fit.log, model, fixed=[name for name in fixed if name in model.names], known=fit.known)
 
 
 def fitted_near(fit: Fit, model: ServoModel) -> Fit:

@@ -242,7 +242,7 @@ def _reduced_leaders(
     for special in effect.reduced():
         if special.name in asked:
             model = fit.model.with_effect(special)
-            again = Problem.of(fit.log, model, fixed=fit.fixed).descend(refits[leader])
+            again = Problem.of(fit.log, model, known=fit.known).descend(refits[leader])
             if special.name not in refits or again.log_likelihood > refits[special.name].log_likelihood:
                 better.append((special.name, again))
     return better

@@ -79,7 +79,7 @@ def peaks_beside(fit: Fit, name: str) -> float | None:
     effect = fit.model.effect(name)
     if effect is None or fit.runs_off:
         return None
-    screen = Screen.of(fit, Problem.of(fit.log, fit.model, fixed=fit.fixed), bandwidth=fit.bandwidth)
+    screen = Screen.of(fit, Problem.of(fit.log, fit.model, known=fit.known), bandwidth=fit.bandwidth)
     beside = (replace(trace, positive=()) for trace in effect.neighbours(screen.motion))
     peaks = [2.0 * seen / chi2.median(trace.columns.shape[1]) for trace, seen, _ in screen.regress(beside)]
     typical = float(np.median(peaks)) if peaks else np.inf
@@ -124,7 +124,7 @@ class Screen:
         counts from the likelihood of the fit at hand: less the loss that comes with the screen. Where the free one is
         likelier there is none; what the model gains without any effect is no effect's.
         """
-        problem = Problem.of(fit.log, fit.model, fixed=fit.fixed)
+        problem = Problem.of(fit.log, fit.model, known=fit.known)
         views = [(cls.of(fit, problem, bandwidth=fit.bandwidth), 0.0)]
         free = problem.output_error(fit) if fit.bandwidth else None
         if free is not None:

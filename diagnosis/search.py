@@ -115,7 +115,7 @@ def _gone(before: list[Addition], after: list[Addition]) -> tuple[str, ...]:
 
 def _better_null(fit: Fit, found: Addition) -> Fit | None:
     """The model without the addition, fitted from the addition's optimum, if it is clearly likelier than it was."""
-    problem = Problem.of(fit.log, fit.model, fixed=fit.fixed)
+    problem = Problem.of(fit.log, fit.model, known=fit.known)
     here = problem.pack(fit.model.values, fit.initial)
     if problem.begun(replace(found.fit, bandwidth=fit.bandwidth)).is_at(here, fit.samples):
         return None

@@ -45,7 +45,7 @@ class SecondOpinion:
 
 def second_opinions(fit: Fit, holdout: Log) -> tuple[SecondOpinion, ...]:
     """Parameters of a fit that differ by more than four standard errors on held-out data, or are far surer there."""
-    problem = Problem.of(replace(holdout, colour=fit.log.colour), fit.model, fixed=fit.fixed)
+    problem = Problem.of(replace(holdout, colour=fit.log.colour), fit.model, known=fit.known)
     at_first = first_states(holdout)
     tried = [
         problem.minimise(problem.pack(values, at_first), fit.bandwidth, 0.0, iterations=15) for values in _starts(fit)

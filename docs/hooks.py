@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import inspect
 import io
 import json
 import re
@@ -14,6 +15,7 @@ from typing import Any
 from markupsafe import escape
 from mkdocs.structure.files import File, Files
 
+import antidrive
 from antidrive.cli import app, main
 from antidrive.equations import typeset
 from antidrive.gallery import bounds, paragraphs, units
@@ -52,6 +54,7 @@ def pages() -> Iterator[tuple[str, str]]:
         yield f"notebooks/{path.stem}.md", notebook(path)
     for package in PACKAGES:
         yield f"reference/{package}.md", reference(package)
+    yield "reference/antidrive.md", front_door()
     yield "reference/commands.md", commands()
 
 
@@ -161,6 +164,19 @@ def reference(package: str) -> str:
         if home := getattr(getattr(module, name), "__module__", None):  # where it stands: a module may share its name
             parts.append(f"::: {home}.{name}\n    options:\n      heading: {package}.{name}\n      toc_label: {name}")
     return "\n\n".join(parts) + "\n"
+
+
+def front_door() -> str:
+    """The names of `import antidrive as ad`, each with its first sentence and its package."""
+    text = inspect.cleandoc(antidrive.__doc__ or "")
+    rows = ["| name | what it is | from |", "|---|---|---|"]
+    for name, home in antidrive.HOMES.items():
+        told = getattr(antidrive, name)
+        first = (inspect.getdoc(told) or "").split("\n")[0] if callable(told) else "Every effect by its name."
+        package = home.split(".")[0]
+        link = f"[{package}]({package}.md)" if package in PACKAGES else package
+        rows.append(f"| `ad.{name}` | {first.replace('|', ', ')} | {link} |")
+    return "\n\n".join(("# antidrive", text, "\n".join(rows))) + "\n"
 
 
 def commands() -> str:

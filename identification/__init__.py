@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from identification.errors import MalformedLog, Unidentifiable
+from identification.errors import MalformedLog, Unidentifiable, UnusableLog
 from identification.fit import base_model, fit
 from identification.fit_result import Fit, FittedParameter, fit_report, fit_to_dict
 from identification.inverse import torque_error
 from identification.log import Log
+from identification.log_like import LogLike, log_of
 from identification.lost_motion import LostMotion, lost_motion
 from identification.run import Run
 from identification.simulation import free_simulation
@@ -15,15 +16,18 @@ __all__ = [
     "Fit",
     "FittedParameter",
     "Log",
+    "LogLike",
     "LostMotion",
     "MalformedLog",
     "Run",
     "Unidentifiable",
+    "UnusableLog",
     "base_model",
     "fit",
     "fit_report",
     "fit_to_dict",
     "free_simulation",
+    "log_of",
     "lost_motion",
     "torque_error",
 ]

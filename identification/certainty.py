@@ -31,9 +31,9 @@ def fit_of(objective: Objective, bandwidth: float, minimum: Minimum, evaluations
     power = float(sum(p.innovations @ p.innovations for p in around))
     variance = power / degrees
     white, coloured = informations(around)
-    if objective.precision is not None:
-        white[:count, :count] += variance * objective.precision
-        coloured[:count, :count] += variance**2 * objective.precision
+    if objective.prior is not None:
+        white[:count, :count] += variance * objective.prior.precision
+        coloured[:count, :count] += variance**2 * objective.prior.precision
     found = uncertainty(white, coloured, variance)
     spread, lost = found.covariance[:count, :count], found.undetermined[:count]
     if _nothing_moves(objective, minimum):
@@ -50,7 +50,7 @@ def fit_of(objective: Objective, bandwidth: float, minimum: Minimum, evaluations
         white_covariance=found.white[:count, :count],
         initial=initial,
         bandwidth=bandwidth,
-        noise_std=float(np.sqrt(minimum.equations.cost / degrees)),
+        noise_std=float(np.sqrt(minimum.equations.cost / objective.loss(minimum.point) / degrees)),
         log_likelihood=log_likelihood(minimum.equations.cost, objective.samples),
         samples=objective.samples,
         innovations=innovations,
@@ -58,6 +58,7 @@ def fit_of(objective: Objective, bandwidth: float, minimum: Minimum, evaluations
         converged=minimum.converged,
         evaluations=evaluations + minimum.evaluations,
         log=objective.log,
+        known=objective.known,
     )
 
 
@@ -92,6 +93,7 @@ def run_off(objective: Objective, initial: Array, bandwidth: float, evaluations:
         converged=False,
         evaluations=evaluations,
         log=objective.log,
+        known=objective.known,
         held_log_likelihood=-np.inf if objective.model.chaotic else None,
     )
 
@@ -104,7 +106,7 @@ def bandwidth_std(fit: Fit) -> float | None:
     """
     if not fit.bandwidth:
         return None
-    objective = Objective.of(fit.log, fit.model, fixed=fit.fixed)
+    objective = Objective.of(fit.log, fit.model, known=fit.known)
     point = objective.pack(fit.model.values, fit.initial)
     slower, here, faster = (
         log_likelihood(objective.cost(point, fit.bandwidth * np.exp(step), 0.0), fit.samples)

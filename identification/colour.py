@@ -32,7 +32,7 @@ def with_its_colour(fit: Fit) -> Fit:
 
 def _coloured(fit: Fit) -> Iterator[Fit]:
     """The fit with a colour of the reading, behind slower and slower observers and in a free simulation."""
-    problem = Problem.of(fit.log, fit.model, fixed=fit.fixed)
+    problem = Problem.of(fit.log, fit.model, known=fit.known)
     free = problem.solve(free=True) if fit.bandwidth else fit
     if not free.bandwidth and autoregression(free.innovations).size:
         coloured = problem.recoloured(free, fit.log_likelihood)

@@ -11,3 +11,22 @@ class MalformedLog(AntidriveError, ValueError):
 
 class Unidentifiable(AntidriveError, ValueError):
     """The data cannot tell a parameter that was asked for."""
+
+
+class UnusableLog(AntidriveError, ValueError):
+    """A log that was read, but contradicts every machine: a reversed sign, degrees for radians, nothing that moves.
+
+    The message is `Log.faults`; `force=True` goes on all the same.
+    """
+
+
+class MissingColumns(MalformedLog):
+    """A log in which time, command or response were not recognised.
+
+    The message lists the columns of the file, one a line; `options` would name those that are missing.
+    """
+
+    def __init__(self, message: str, *, options: str = "", file: str = "") -> None:
+        """The message, the options that a command line would need, and the file's name."""
+        super().__init__(f"{message}\nName them, for example: {options}" if options else message)
+        self.options, self.file = options, file

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from identification.colour import with_its_colour
 from identification.fit_result import Fit
+from identification.known import Fixed, Known, Pairs
 from identification.log import Log
+from identification.log_like import LogLike, log_of
 from identification.problem import Problem
 from identification.side_by_side import without_blas_threads
 from identification.stamps import with_its_clock
-from plant.effects import DeadZone
+from plant.effects import DeadZone, Effect
 from plant.effects.effect import parameters_of
+from plant.errors import BadParameter
 from plant.servo import ServoModel
 
 _ROUNDING = 1e-12  # of an angle, that is no motion
@@ -22,18 +26,24 @@ _ROUNDING = 1e-12  # of an angle, that is no motion
 
 @without_blas_threads
 def fit(
-    log: Log,
+    log: LogLike,
     model: ServoModel | None = None,
     *,
-    fixed: Collection[str] = (),
+    fixed: Fixed = (),
+    bounds: Pairs | None = None,
+    prior: Pairs | None = None,
+    force: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
     """Estimate the parameters of a model from a log.
 
     Args:
-        log: one or more runs; a run's initial state is estimated.
+        log: one or more runs, also as a path, a DataFrame or arrays by name; a run's initial state is estimated.
         model: structure and start; by default eqs. (4) and (6) of the paper, J, alpha, K and gamma.
-        fixed: names of parameters to keep.
+        fixed: names of parameters that keep the model's value, or values by name: `{"inertia": 0.2}`.
+        bounds: least and greatest value by name: `{"inertia": (0.1, 0.3)}`.
+        prior: mean and standard deviation by name, of a Gaussian: `{"inertia": (0.2, 0.05)}`.
+        force: fit also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each stage.
 
     Returns:
@@ -41,23 +51,33 @@ def fit(
         moved nothing, says so in `failed`.
 
     Raises:
-        BadParameter: a name in `fixed` is not a parameter of the model, or the model's axis is not the log's.
+        UnusableLog: the log has faults that no model fits.
+        BadParameter: a name is not a parameter of the model, a number is not one that it can have, or the model's axis
+            is not the log's.
     """
-    model = base_model(log) if model is None else model
-    found, traded = _beside_traded(log, model, tuple(fixed), progress)
+    log = log_of(log).usable(force=force)
+    start = base_model(log) if model is None else model
+    known = known_of(fixed, bounds, prior, start, stated=model is not None)
+    return fit_knowing(log, start, known, progress)
+
+
+def fit_knowing(log: Log, model: ServoModel, known: Known, progress: Callable[[str], None] | None = None) -> Fit:
+    """The same, with what is known of parameters in one piece, also of such as the model does not have."""
+    start = known.begun(model)
+    found, traded = _beside_traded(log, start, known, progress)
     if found.converged:
-        found = Problem.of(found.log, found.model, fixed=found.fixed).polished(found)
-    begun = [replace(line, start=float(start)) for line, start in zip(found.parameters, model.values, strict=True)]
+        found = Problem.of(found.log, found.model, fixed=found.fixed, known=found.known).polished(found)
+    begun = [replace(line, start=float(value)) for line, value in zip(found.parameters, start.values, strict=True)]
     return replace(found, parameters=tuple(replace(p, value=None) if p.name in traded else p for p in begun))
 
 
 def _beside_traded(
-    log: Log, model: ServoModel, fixed: tuple[str, ...], progress: Callable[[str], None] | None
+    log: Log, model: ServoModel, known: Known, progress: Callable[[str], None] | None
 ) -> tuple[Fit, tuple[str, ...]]:
     """The fit with its clock and colour, and the parameters that it kept because they traded places with others."""
     kept: tuple[str, ...] = ()
     while True:
-        found = Problem.of(log, model, fixed=(*fixed, *kept)).solve(progress=progress)
+        found = Problem.of(log, model, fixed=kept, known=known).solve(progress=progress)
         traded = _traded(found)
         if not traded:
             found = with_its_colour(with_its_clock(found))
@@ -76,6 +96,37 @@ def _traded(found: Fit) -> tuple[str, ...]:
     lost = set(found.unidentifiable) - set(found.fixed)
     effects = tuple(name for name in found.unidentifiable if name in lost - rigid)
     return effects if lost & rigid else ()
+
+
+def known_of(
+    fixed: Fixed,
+    bounds: Pairs | None,
+    prior: Pairs | None,
+    start: ServoModel,
+    effects: Iterable[type[Effect]] = (),
+    *,
+    stated: bool,
+) -> Known:
+    """What is known of the parameters of a model, and of effects that may come to it.
+
+    Args:
+        fixed, bounds, prior: as in `fit`.
+        start: the model.
+        effects: the effects.
+        stated: whether somebody gave the model; what a fit starts from by itself is no value to keep.
+
+    Raises:
+        BadParameter: as `fit` does.
+    """
+    more = [start.parameters_with(kind) for kind in effects if start.effect(kind.name) is None]
+    known = Known.of(fixed, bounds, prior, (*start.parameters, *chain.from_iterable(more)))
+    own = {} if stated else dict(zip(start.names, start.values, strict=True))
+    for name, value in known.fixed.items():
+        if value is None and (name not in start.names or own.get(name, 0.0) != 0.0):
+            raise BadParameter(
+                f"fixed: {name} has no value to keep; give one, as in {name}=0.2, or a model that has it."
+            )
+    return known
 
 
 def base_model(log: Log) -> ServoModel:

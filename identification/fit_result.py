@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.known import Known
 from identification.log import Log
 from identification.noise import colour
 from plant.effects.effect import Array
@@ -54,6 +55,7 @@ class Fit:
         converged: whether the last iteration ended because nothing was left to gain.
         evaluations: passes over the log.
         log: what was fitted.
+        known: what a person said of the parameters before.
         held_log_likelihood: of a chaotic model fitted behind an observer that holds it.
     """
 
@@ -72,6 +74,7 @@ class Fit:
     converged: bool
     evaluations: int
     log: Log
+    known: Known = field(default_factory=Known)
     held_log_likelihood: float | None = None
 
     @property
@@ -161,6 +164,7 @@ def fit_report(fit: Fit, *, correlated: float = 0.5) -> str:
     if fit.failed is not None:
         lines += [f"  The fit failed: {fit.failed}", ""]
     lines += [f"  {p.name:<{width}}  {_value(p, fit.failed is not None)}" for p in fit.parameters]
+    lines += [f"  {line}" for line in _said_before(fit)]
     pairs = correlations(fit, correlated)
     if pairs:
         lines += ["", f"  correlations above {correlated:g}"]
@@ -178,6 +182,14 @@ def _value(p: FittedParameter, failed: bool) -> str:
     return f"{p.value:.6g} +- {p.std:.2g} {p.unit}{share}  from {p.start:.4g}{bound}"
 
 
+def _said_before(fit: Fit) -> list[str]:
+    """One line for each parameter of which a person knew something."""
+    units = {p.name: p.unit for p in fit.parameters}
+    priors = [f"prior of {n}: {m:g} +- {s:g} {units[n]}" for n, (m, s) in fit.known.prior.items() if n in units]
+    bounds = [f"bounds of {n}: {a:g} .. {b:g} {units[n]}" for n, (a, b) in fit.known.bounds.items() if n in units]
+    return ["", *priors, *bounds] if priors or bounds else []
+
+
 def correlations(fit: Fit, above: float) -> list[tuple[str, str, float]]:
     """Pairs of fitted parameters whose correlation is above a threshold in size, the largest first."""
     names = [fit.parameters[place].name for place in fit.free]
@@ -193,6 +205,7 @@ def correlations(fit: Fit, above: float) -> list[tuple[str, str, float]]:
 
 def fit_to_dict(fit: Fit) -> dict[str, Any]:
     """The content of fit.json."""
+    said = {"bounds": fit.known.bounds, "prior": fit.known.prior}
     return {
         "schema": 1,
         "parameters": {
@@ -204,6 +217,7 @@ def fit_to_dict(fit: Fit) -> dict[str, Any]:
                 "fixed": p.fixed,
                 "at_bound": p.at_bound,
                 "identifiable": p.value is not None,
+                **{what: pairs[p.name] for what, pairs in said.items() if p.name in pairs},
             }
             for p in fit.parameters
         },

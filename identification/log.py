@@ -7,15 +7,18 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.checks.check import check, excited
-from identification.errors import MalformedLog
-from identification.reading.columns import COLUMNS, Gears, Reading, read_recordings
-from identification.reading.files import columns_of, read_table
+from identification.errors import MalformedLog, UnusableLog
+from identification.reading.columns import read_recordings
+from identification.reading.files import read_table
+from identification.reading.frames import columns_of
+from identification.reading.recognition import joined_if_needed
+from identification.reading.request import ALIASES, COLUMNS, Gears, How, Reading
 from identification.reading.table import Table
 from identification.recording import Finding, Recording
 from identification.run import Run
@@ -44,6 +47,7 @@ class Log:
 
     runs: at least one.
     warnings: what was found, `repairs`: what was masked, continued or left out; one sentence each.
+    faults: why no model can be fitted to it as it is, and the option that helps; one sentence each.
     command_unit: "N m", "N", or "V", "A" where the torque's scale is unknown, as `notes` then say.
     colour: autoregression of the reading's noise, as `identification.colour` finds it; empty for white noise.
     evenly_timed: whether `identification.stamps` put even times in the place of the written ones.
@@ -55,6 +59,7 @@ class Log:
     axis: Axis
     warnings: tuple[str, ...] = ()
     repairs: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
     sources: tuple[Source, ...] = ()
     command_unit: str = "N m"
     notes: tuple[str, ...] = ()
@@ -76,6 +81,18 @@ class Log:
         duration = sum(run.duration for run in self.runs)
         return f"Log({runs}, {samples} samples, {rate:.4g} Hz, {duration:.2f} s, {self.axis})"
 
+    def usable(self, *, force: bool = False) -> Log:
+        """The log if no fault makes it unusable; with `force` in any case, its faults being warnings then.
+
+        Raises `UnusableLog` with the first fault and, in brackets, how many follow.
+        """
+        if not self.faults:
+            return self
+        if not force:
+            more = len(self.faults) - 1
+            raise UnusableLog(f"{self.faults[0]}{f' (and {more} more, see `Log.faults`)' if more else ''}.")
+        return replace(self, faults=(), warnings=(*self.faults, *self.warnings))
+
     @property
     def sample_time(self) -> float:
         """Sample time of the slowest run [s]."""
@@ -86,19 +103,17 @@ class Log:
         cls,
         paths: str | Path | Sequence[str | Path],
         *,
-        mapping: Mapping[str, str] | None = None,
-        units: Mapping[str, str] | None = None,
-        scales: Mapping[str, float] | None = None,
-        gears: Gears | None = None,
         after: Callable[[], None] | None = None,
+        **how: Unpack[How],
     ) -> Log:
-        """Read one or several files: CSV, Parquet, MAT (v5 to v7.3), NPZ, MF4, TDMS, MCAP.
+        """Read one or several files of any known kind, see `identification.reading.files`; "-" is standard input.
 
-        mapping: column of the log contract -> its name in the file, `{"angle": "qm"}`.
-        units: column -> its unit in the file, `{"angle": "deg"}`; a unit that the file itself gives needs not be said.
-            It may have a factor: `turn/131072` for counts, `2.4Nm/1000` for per mille of a rated torque.
-        scales: column -> factor on the file's values, `{"torque": 35.15}`, applied before the unit.
-        gears: the gear train, when only the pinion torques were logged.
+        Two files of one experiment, of which one has the command and one the response, are joined on their clocks.
+
+        how: names, units and what the file cannot know, as in `identification.reading.request.Reading`:
+            `mapping={"angle": "qm"}`, `units={"angle": "deg"}`, `scales={"torque": 35.15}`, `gears`, `rate`,
+            `torque_constant`, `kp`, `kd`, `joint`. A unit that the file itself gives needs not be said; one may have a
+            factor: `turn/131072` for counts, `2.4Nm/1000` for per mille of a rated torque.
         after: called twice a file: when it is read, and when it is checked.
 
         Raises `MalformedLog` for what cannot be used and `BadParameter` for options that do not fit.
@@ -106,11 +121,14 @@ class Log:
         listed = [paths] if isinstance(paths, str | Path) else list(paths)
         if not listed:
             raise BadParameter("no log is given, name at least one file.")
-        reading = Reading(mapping=mapping or {}, units=units or {}, scales=scales or {}, gears=gears)
-        done, logs = after or (lambda: None), []
+        reading = Reading(**how)
+        done = after or (lambda: None)
+        tables = []
         for path in listed:
-            table = read_table(path)
+            tables.append(read_table(path))
             done()
+        logs = []
+        for table in joined_if_needed(tables, reading):
             logs.append(cls._from_table(table, reading))
             done()
         return cls.merge(logs)
@@ -121,14 +139,11 @@ class Log:
         frame: pd.DataFrame,
         *,
         label: str = "DataFrame",
-        mapping: Mapping[str, str] | None = None,
-        units: Mapping[str, str] | None = None,
-        scales: Mapping[str, float] | None = None,
-        gears: Gears | None = None,
+        **how: Unpack[How],
     ) -> Log:
         """A log from the columns of a DataFrame; arguments and errors as in `read`."""
         columns = columns_of(frame)
-        reading = Reading(mapping=mapping or {}, units=units or {}, scales=scales or {}, gears=gears)
+        reading = Reading(**how)
         return cls._from_table(_table(columns, label), reading)
 
     @classmethod
@@ -139,6 +154,8 @@ class Log:
         units: Mapping[str, str] | None = None,
         scales: Mapping[str, float] | None = None,
         gears: Gears | None = None,
+        torque_constant: float | None = None,
+        rate: float | None = None,
         **channels: ArrayLike,
     ) -> Log:
         """A log from arrays (T,) named as the log contract names them: `time=..., torque=..., angle=...`.
@@ -146,9 +163,11 @@ class Log:
         Arguments and errors as in `read`.
         """
         for name in channels:
-            if name not in COLUMNS:
+            if ALIASES.get(name, name) not in COLUMNS:
                 raise BadParameter(f"there is no channel '{name}', a log has {', '.join(COLUMNS)}.")
-        reading = Reading(mapping={}, units=units or {}, scales=scales or {}, gears=gears)
+        reading = Reading(
+            units=units or {}, scales=scales or {}, gears=gears, torque_constant=torque_constant, rate=rate
+        )
         columns = {}
         for name, values in channels.items():
             try:
@@ -186,10 +205,13 @@ class Log:
                 f"{first.label}: neither '{first.name('command')}' nor '{first.name('output')}' ever changes, "
                 "record a log in which the drive moves the load."
             )
+        if not any(np.ptp(recording.output[recording.valid]) > 0 for recording in usable):
+            findings = [replace(found, unusable=found.unusable or found.kind == "never turns") for found in findings]
         return cls(
             runs=tuple(Run.from_recording(recording, _zero(usable)) for recording in usable),
             axis=axis,
-            warnings=_told(finding for finding in findings if not finding.repaired),
+            warnings=_told(finding for finding in findings if not finding.repaired and not finding.unusable),
+            faults=_told(finding for finding in findings if finding.unusable),
             repairs=_told(finding for finding in findings if finding.repaired),
             sources=tuple(sources),
             command_unit=command_unit,
@@ -210,7 +232,8 @@ class Log:
 
     @classmethod
     def merge(cls, logs: Sequence[Log]) -> Log:
-        """All runs of several logs of one machine; runs are numbered anew when numbers meet twice.
+        """All runs of several logs of one machine, numbered in the order of the logs, which also is what a run is
+        called whose label meets another one's.
 
         Raises `MalformedLog` when the logs differ in axis or in the command's unit.
         """
@@ -225,20 +248,21 @@ class Log:
                     "treat them one by one."
                 )
         notes = dict.fromkeys(note for log in logs for note in log.notes)
-        taken = [{run.number for run in log.runs} for log in logs]
-        runs = [run for log in logs for run in log.runs]
-        if sum(map(len, taken)) > len(set().union(*taken)):
-            numbers: dict[tuple[int, int], int] = {}  # parts of one run keep one number
-            keys = [(k, run.number) for k, log in enumerate(logs) for run in log.runs]
-            runs = [
-                replace(run, number=numbers.setdefault(key, len(numbers))) for run, key in zip(runs, keys, strict=True)
-            ]
+        numbers: dict[tuple[int, int], int] = {}  # parts of one run keep one number
+        runs = [
+            replace(run, number=numbers.setdefault((k, run.number), len(numbers)))
+            for k, log in enumerate(logs)
+            for run in log.runs
+        ]
+        if len({run.run for run in runs}) < len(numbers):
+            runs = [replace(run, run=str(run.number)) for run in runs]
             notes["the runs of several files are numbered anew, in the order of the files"] = None
         return replace(
             first,
             runs=tuple(runs),
             warnings=tuple(text for log in logs for text in log.warnings),
             repairs=tuple(text for log in logs for text in log.repairs),
+            faults=tuple(text for log in logs for text in log.faults),
             sources=tuple(dict.fromkeys(source for log in logs for source in log.sources)),
             notes=tuple(notes),
         )

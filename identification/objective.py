@@ -8,11 +8,12 @@ from typing import Self
 
 import numpy as np
 
+from identification.known import Known
 from identification.least_squares import NormalEquations
 from identification.log import Log
 from identification.over_runs import normal_equations
 from identification.predictor import Predictor
-from identification.prior import precision
+from identification.prior import Prior, prior
 from plant.discrete import integration_steps
 from plant.effects.effect import Array
 from plant.errors import BadParameter
@@ -30,7 +31,8 @@ class Objective:
         model: the structure; its numbers are those of what is fixed, and one start.
         predictor: of the log's runs by the structure.
         lower, upper: (F + 2R,) bounds of a point.
-        precision: (F, F) inverse covariance of what moves before the log is seen, None where nothing is known of it.
+        prior: of what moves before the log is seen, None where nothing is known of it.
+        known: what a person said of it.
     """
 
     log: Log
@@ -38,22 +40,37 @@ class Objective:
     predictor: Predictor
     lower: Array
     upper: Array
-    precision: Array | None
+    prior: Prior | None
+    known: Known
 
     @classmethod
-    def of(cls, log: Log, model: ServoModel, *, fixed: Collection[str] = ()) -> Self:
-        """Of a model's parameters all move but the fixed ones; gravity is fixed on a linear axis."""
+    def of(cls, log: Log, model: ServoModel, *, fixed: Collection[str] = (), known: Known | None = None) -> Self:
+        """Of a model's parameters all move but the fixed ones; gravity is fixed on a linear axis.
+
+        Args:
+            log: to be explained.
+            model: its structure.
+            fixed: parameters that keep their value.
+            known: what a person knows of any parameters, also of such as the model does not have.
+        """
+        known = Known() if known is None else known
+        model = known.held(model)
         unknown = set(fixed) - set(model.names)
         if unknown:
             raise BadParameter(f"fixed: {min(unknown)!r} is not a parameter; they are {', '.join(model.names)}.")
         if log.axis != model.axis:
             raise BadParameter(f"The log is of a {log.axis} axis, the model of a {model.axis} one.")
-        kept = {*fixed, "gravity"} if model.axis == "linear" else set(fixed)
+        kept = {*fixed, *known.fixed, *(("gravity",) if model.axis == "linear" else ())}
         free = tuple(place for place, spec in enumerate(model.parameters) if spec.fitted and spec.name not in kept)
         specs = [model.parameters[place] for place in free]
+        moving = {spec.name for spec in specs}
         substeps = integration_steps(model, log.sample_time)
         first, last = min(run.time[0] for run in log.runs), max(run.time[-1] for run in log.runs)
-        lower, upper = np.array([spec.bounds(first, last, log.sample_time) for spec in specs]).reshape(-1, 2).T
+        limits = [
+            _within(spec.bounds(first, last, log.sample_time), known.bounds.get(spec.name, (-np.inf, np.inf)))
+            for spec in specs
+        ]
+        lower, upper = np.array(limits).reshape(-1, 2).T
         unbounded = np.full(2 * len(log.runs), np.inf)
         return cls(
             log=log,
@@ -61,7 +78,8 @@ class Objective:
             predictor=Predictor(model=model, runs=log.runs, free=free, substeps=substeps, colour=log.colour),
             lower=np.concatenate((lower, -unbounded)),
             upper=np.concatenate((upper, unbounded)),
-            precision=precision(log, model, free),
+            prior=prior(log, model, free, known),
+            known=known.keeping([name for name in model.names if name not in moving], model.names),
         )
 
     @property
@@ -91,21 +109,31 @@ class Objective:
         return self._with_prior(normal_equations(pieces, len(self.log.runs)), point)
 
     def cost(self, point: Array, bandwidth: float, width: float) -> float:
-        """Sum of squared innovations at a point, infinite where the prediction overflows."""
+        """Sum of squared innovations at a point, times `loss`; infinite where the prediction overflows."""
         values, initial = self.unpack(point)
         pieces = self.predictor.pieces(values, initial, bandwidth=bandwidth, width=width, sensitivities=False)
         with np.errstate(over="ignore", invalid="ignore"):
             total = float(sum(piece.innovations @ piece.innovations for _, piece in pieces))
-        return total if np.isfinite(total) else np.inf
+        return total * self.loss(point) if np.isfinite(total) else np.inf
+
+    def loss(self, point: Array) -> float:
+        """Factor by which a prior raises the cost, so much that the log-likelihood falls as the Gaussian's does."""
+        if self.prior is None:
+            return 1.0
+        return float(np.exp(min(self.prior.distance(point[: len(self.free)]) / self.samples, _MOST)))
 
     def _with_prior(self, found: NormalEquations, point: Array) -> NormalEquations:
-        """The same with what was known before, by so much that the log-likelihood falls as a Gaussian's."""
-        if self.precision is None or not np.isfinite(found.cost):
+        """The same with what was known before."""
+        if self.prior is None or not np.isfinite(found.cost):
             return found
-        own, weight = slice(len(self.free)), found.cost / self.samples
-        pull = self.precision @ point[own]
+        own, weight, loss = slice(len(self.free)), found.cost / self.samples, self.loss(point)
         gradient, information = found.gradient.copy(), found.information.copy()
-        gradient[own] += weight * pull
-        information[own, own] += weight * self.precision
-        loss = float(np.exp(min(float(point[own] @ pull) / self.samples, _MOST)))
+        gradient[own] += weight * self.prior.pull(point[own])
+        information[own, own] += weight * self.prior.precision
         return NormalEquations(cost=loss * found.cost, gradient=loss * gradient, information=loss * information)
+
+
+def _within(own: tuple[float, float], said: tuple[float, float]) -> tuple[float, float]:
+    """The bounds that a person gave, as far as the log can tell such values at all."""
+    lower, upper = np.clip(said, *own)
+    return (float(lower), float(upper)) if lower < upper else said

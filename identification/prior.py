@@ -1,13 +1,17 @@
-"""What is known of a curve without a name before a log is seen: it is about as high as the torque, and smooth.
+"""What is known before a log is seen, as a Gaussian: what a person says, and that a curve without a name is smooth.
 
-Where a log is silent, between the few torques that were commanded or at speeds that it passes in no time, nothing else
-holds a curve, and least squares would send it anywhere. What the log does say outweighs this (Wahba 1990, ch. 1).
+Such a curve is about as high as the torque. Where a log is silent, between the few torques that were commanded or at
+speeds that it passes in no time, nothing else holds it, and least squares would send it anywhere. What the log does say
+outweighs this (Wahba 1990, ch. 1).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from identification.known import Known
 from identification.log import Log
 from plant.effects.curve import Curve
 from plant.effects.effect import Array
@@ -26,13 +30,36 @@ def natural_scales(log: Log) -> dict[str, float]:
     return {"rad": 1.0, "N m": level, "N": level, "N m s/rad": viscous, "N s/m": viscous}
 
 
-def precision(log: Log, model: ServoModel, free: tuple[int, ...]) -> Array | None:
-    """(F, F) inverse covariance of the free parameters before the log is seen; None of a model without curves."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prior:
+    """A Gaussian: its mean (F,) and its inverse covariance (F, F), zero where nothing is known."""
+
+    mean: Array
+    precision: Array
+
+    def pull(self, values: Array) -> Array:
+        """(F,) gradient of half the squared distance of parameters (F,) from the mean."""
+        return np.asarray(self.precision @ (values - self.mean))
+
+    def distance(self, values: Array) -> float:
+        """Squared distance of parameters (F,) from the mean, in standard deviations."""
+        return float((values - self.mean) @ self.pull(values))
+
+
+def prior(log: Log, model: ServoModel, free: tuple[int, ...], known: Known) -> Prior | None:
+    """Of the free parameters before the log is seen; None where nothing is known of them."""
+    rows = {model.names[place]: row for row, place in enumerate(free)}
+    mean, precision = np.zeros(len(free)), _smoothness(log, model, free, rows)
+    for name in known.prior.keys() & rows.keys():
+        mean[rows[name]], std = known.prior[name]
+        precision[rows[name], rows[name]] += 1.0 / std**2
+    return Prior(mean=mean, precision=precision) if precision.any() else None
+
+
+def _smoothness(log: Log, model: ServoModel, free: tuple[int, ...], rows: dict[str, int]) -> Array:
+    """(F, F) inverse covariance of the heights of curves about zero."""
     curves = [effect for effect in model.effects if isinstance(effect, Curve)]
-    if not curves:
-        return None
-    scales, rows = natural_scales(log), {model.names[place]: row for row, place in enumerate(free)}
-    known = np.zeros((len(free), len(free)))
+    known, scales = np.zeros((len(free), len(free))), natural_scales(log) if curves else {}
     for curve in curves:
         names = [f"{curve.name}.{spec.name}" for spec in curve.parameters()]
         at = [rows[name] for name in names if name in rows and name not in curve.shape()]

@@ -26,7 +26,7 @@ def with_its_clock(fit: Fit) -> Fit:
     even = evenly_timed(fit.log)
     if even is fit.log:
         return fit
-    found = Problem.of(even, fit.model, fixed=fit.fixed).solve()
+    found = Problem.of(even, fit.model, known=fit.known).solve()
     return found if found.log_likelihood > fit.log_likelihood + _CLEARLY else fit
 
 

@@ -27,6 +27,7 @@ from mpc.trouble import sentence
 from mpc.weights import rate_weight, terminal_weight
 from plant.errors import BadParameter
 from plant.gears import GearTrain
+from plant.number import whole
 from plant.servo import ServoModel
 from plant.simulation import whole_samples
 
@@ -132,13 +133,14 @@ class Controller:
             value = getattr(self, name)
             if not np.isfinite(value) or value <= 0:
                 raise BadParameter(f"{name} must be finite and above zero, not {value!r}.")
-        if isinstance(self.horizon, bool) or not isinstance(self.horizon, int) or self.horizon < 2:
+        if (whole(self.horizon) or 0) < 2:
             raise BadParameter(f"horizon must be a whole number of at least 2 samples, not {self.horizon!r}.")
         for name in ("torque_rate", "preload_rate"):
             if not getattr(self, name) > 0:
                 raise BadParameter(f"{name} must be above zero, not {getattr(self, name)!r}.")
-        if isinstance(self.sqp_iterations, bool) or not isinstance(self.sqp_iterations, int) or self.sqp_iterations < 1:
+        if (whole(self.sqp_iterations) or 0) < 1:
             raise BadParameter(f"sqp_iterations must be a whole number above zero, not {self.sqp_iterations!r}.")
+        self.horizon, self.sqp_iterations = int(self.horizon), int(self.sqp_iterations)
         if self.bandwidth * self.sample_time > 0.1:
             raise BadParameter(
                 f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."

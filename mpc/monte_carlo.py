@@ -14,6 +14,7 @@ from mpc.closed_loop import closed_loop
 from mpc.controller import Controller
 from plant.errors import BadParameter
 from plant.executors import in_order
+from plant.number import whole
 from plant.rig import Rig
 
 Array = NDArray[np.float64]
@@ -155,7 +156,7 @@ def monte_carlo(
         BadParameter: a number out of range, a name that is no such field, or a machine that cannot be.
     """
     for name, number, least in (("runs", runs, 1), ("seed", seed, 0)):
-        if isinstance(number, bool) or not isinstance(number, int) or number < least:
+        if (count := whole(number)) is None or count < least:
             raise BadParameter(f"{name} must be a whole number of at least {least}, not {number!r}.")
     if not 0.0 <= spread < 1.0:
         raise BadParameter(f"spread must be at least 0 and below 1, not {spread!r}.")

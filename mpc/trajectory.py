@@ -12,6 +12,7 @@ from allocation import Limits
 from mpc.shooting import Shooting
 from plant.effects.effect import Stage
 from plant.errors import BadParameter
+from plant.number import whole
 from plant.servo import ServoModel
 from plant.simulation import simulate
 
@@ -126,7 +127,7 @@ def _move(model: ServoModel, bounds: Limits, start: float, goal: float, interval
         raise BadParameter("A move is planned for two drives on one joint.")
     if not (np.isfinite(start) and np.isfinite(goal)) or start == goal:
         raise BadParameter(f"A move needs two different and finite angles, not {start!r} and {goal!r}.")
-    if isinstance(intervals, bool) or not isinstance(intervals, int) or intervals < 2:
+    if (whole(intervals) or 0) < 2:
         raise BadParameter(f"intervals must be a whole number of at least 2, not {intervals!r}.")
     if not speed_limit > 0:
         raise BadParameter(f"speed_limit must be above zero, not {speed_limit!r}.")

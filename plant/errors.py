@@ -4,6 +4,7 @@
     ├── BadParameter            a number, name or option that cannot be used        (plant)
     ├── BadModelFile            a model.json that cannot be read                    (plant)
     ├── MalformedLog            a measured log that cannot be used                  (identification)
+    ├── UnusableLog             a log that was read but contradicts every machine   (identification)
     ├── Unidentifiable          the data cannot tell a parameter                    (identification)
     └── InfeasibleTorque        no split of the torque satisfies the constraints    (allocation)
 

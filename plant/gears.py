@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plant.errors import BadParameter
+from plant.number import whole
 
 Array = NDArray[np.float64]
 
@@ -53,7 +54,7 @@ class GearTrain:
             if len(stage) != 2:
                 raise BadParameter(f"Each stage must be a pair (driven teeth, driving teeth), not {stage!r}.")
         for count in chain(self.pinion_teeth, (self.follower_teeth,), *self.stages):
-            if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+            if (whole(count) or 0) < 1:
                 raise BadParameter(f"A tooth count must be a positive whole number, not {count!r}.")
 
     @classmethod

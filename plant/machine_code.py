@@ -2,7 +2,8 @@
 
 CasADi's virtual machine is about ten times slower. The compiler works beside the program, which meanwhile goes on with
 the virtual machine, or waits; both give the same numbers to the last bit, since nothing may be contracted or
-reordered. What has been compiled is kept in the user's cache folder and found again by the hash of its source.
+reordered. What has been compiled is kept in the user's cache folder and found again by the hash of its source. A file
+that was cut short would load and end the program with a bus error, so the hash of the library stands in its name too.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import os
+import platform
 import shlex
 import shutil
 import subprocess
@@ -47,8 +49,8 @@ class MachineCode:
         if command is None:
             return
         command = (*command, f"-O{level}", *_FLAGS)
-        mark = hashlib.sha256("\n".join((*command, source)).encode()).hexdigest()
-        self._path = _cache() / f"{name}-{mark[:24]}.so"
+        machine = (sys.platform, platform.machine())  # several may share a home
+        self._kept = "-".join((name, _mark("\n".join((*machine, *command, source)).encode())))
         if not self._adopt():
             self._build = _Build.start(command, name, source)
 
@@ -59,7 +61,7 @@ class MachineCode:
             build = self._build
             if build is not None and build.finished:
                 self._build = None
-                if build.deliver(self._path):
+                if build.deliver(self._kept):
                     self._adopt()
             return self._library
 
@@ -71,11 +73,16 @@ class MachineCode:
         return self.library is not None
 
     def _adopt(self) -> bool:
+        """Whether a whole library is kept; what is left of one is thrown away."""
         try:
-            self._library = ctypes.CDLL(str(self._path))
-        except OSError:  # not there, or of another machine
-            return False
-        return True
+            for path in _cache().glob(f"{self._kept}-*.so"):
+                if path.stem == f"{self._kept}-{_mark(path.read_bytes())}":
+                    self._library = ctypes.CDLL(str(path))
+                    return True
+                path.unlink()
+        except OSError:  # not readable, or no library of this machine
+            pass
+        return False
 
 
 class _Build:
@@ -107,15 +114,19 @@ class _Build:
     def finished(self) -> bool:
         return self.process.poll() is not None
 
-    def deliver(self, library: Path) -> bool:
+    def deliver(self, kept: str) -> bool:
         """Move the result to where it is kept, in one step, so that no other process sees half of it."""
         try:
             if self.process.returncode != 0:
                 return False
-            library.parent.mkdir(parents=True, exist_ok=True)
-            beside = library.with_suffix(f".{os.getpid()}-{id(self)}")
-            shutil.copyfile(self.folder / "code.so", beside)
-            os.replace(beside, library)
+            cache, content = _cache(), (self.folder / "code.so").read_bytes()
+            cache.mkdir(parents=True, exist_ok=True)
+            beside = cache / f"{kept}.{os.getpid()}-{id(self)}"
+            with beside.open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())  # else the new name may outlive a power cut, and the content not
+            os.replace(beside, cache / f"{kept}-{_mark(content)}.so")
         except OSError:
             return False
         finally:
@@ -136,13 +147,27 @@ def compiler() -> tuple[str, ...] | None:
 
     Where neither is, the one that the package `ziglang` brings serves (`pip install 'antidrive[fast]'`).
     """
-    command = shlex.split(os.environ.get("CC", "cc"))
+    command = _words(os.environ.get("CC", "cc"))
     found = shutil.which(command[0]) if command else None
     if found:
         return (found, *command[1:])
     if "CC" not in os.environ and find_spec("ziglang"):
         return (sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline")  # the cache may be shared with other machines
     return None
+
+
+def _words(text: str) -> list[str]:
+    """A command with its options, or a path as it stands: a folder's name may have blanks and apostrophes."""
+    if shutil.which(text):
+        return [text]
+    try:
+        return shlex.split(text)
+    except ValueError:
+        return text.split()
+
+
+def _mark(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:24]
 
 
 def _cache() -> Path:

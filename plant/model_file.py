@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from plant.effects import Effect, catalogue
-from plant.effects.effect import parameters_of
+from plant.effects.effect import Axis, Parameter, parameters_of
 from plant.effects.unnamed import unnamed
 from plant.errors import AntidriveError, BadModelFile
+from plant.number import finite
 from plant.servo import ServoModel
+from plant.units import factor
 
 SCHEMA = 1
 
@@ -38,7 +39,7 @@ class ModelFile:
         """The content of the file."""
         model = self.model
         entries = {
-            spec.name: {"value": float(value), "std": self.std.get(spec.name), "unit": spec.unit}
+            spec.name: {"value": float(value), "std": finite(self.std.get(spec.name)), "unit": spec.unit}
             for spec, value in zip(model.parameters, model.values, strict=True)
         }
         effects = [
@@ -50,7 +51,7 @@ class ModelFile:
             "axis": model.axis,
             "parameters": {spec.name: entries[spec.name] for spec in parameters_of(type(model))},
             "effects": effects,
-            "sample_time": self.sample_time,
+            "sample_time": finite(self.sample_time),
             "source": [dict(entry) for entry in self.source],
         }
 
@@ -61,34 +62,40 @@ class ModelFile:
         draft.replace(path)
 
 
-def read_model(path: Path | str) -> ModelFile:
+def read_model(path: Path | str, effects: Iterable[type[Effect]] = ()) -> ModelFile:
     """Read a model file of this or an older schema.
+
+    Args:
+        path: of the file.
+        effects: classes of effects that the model may have besides those of the catalogue.
 
     Raises:
         BadModelFile: the file is missing, is not JSON, or does not describe a servo; the sentence says where.
     """
     path = Path(path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_bytes())  # finds out about a byte order mark
     except OSError as error:
         raise BadModelFile(f"{path}: cannot be read ({error.strerror}).") from None
     except (ValueError, RecursionError) as error:
         raise BadModelFile(f"{path}: is not JSON ({error}); expected a file that `antidrive identify` wrote.") from None
     try:
-        return _parse(content)
+        return _parse(content, {**catalogue, **unnamed, **{kind.name: kind for kind in effects}})
     except AntidriveError as error:
         raise BadModelFile(f"{path}: {error}") from None
 
 
-def _parse(content: Any) -> ModelFile:
+def _parse(content: Any, known: Mapping[str, type[Effect]]) -> ModelFile:
     content = _mapping(content, "the file")
     schema = content.get("schema")
     if not isinstance(schema, int) or isinstance(schema, bool) or not 0 < schema <= SCHEMA:
         raise BadModelFile(f"schema is {schema!r}; this version reads schemas 1 to {SCHEMA}.")
-    std: dict[str, float | None] = {}
-    own = _numbers(_mapping(content.get("parameters"), "parameters"), parameters_of(ServoModel), "parameters", "", std)
+    axis = content.get("axis", "rotary")
+    if axis not in get_args(Axis):
+        raise BadModelFile(f"axis must be 'rotary' or 'linear', not {axis!r}.")
+    group = _Group(where="parameters", prefix="", axis=axis)
+    own, std = group.numbers(_mapping(content.get("parameters"), "parameters"), parameters_of(ServoModel))
     effects: list[Effect] = []
-    known: dict[str, type[Effect]] = {**catalogue, **unnamed}
     listed = content.get("effects", [])
     if not isinstance(listed, list):
         raise BadModelFile("effects must be a list.")
@@ -97,13 +104,18 @@ def _parse(content: Any) -> ModelFile:
         entry = _mapping(entry, where)
         name = entry.get("name")
         if not isinstance(name, str) or name not in known:
-            raise BadModelFile(f"{where}: unknown effect {name!r}; known are {', '.join(catalogue)}.")
-        kind = known[name]
+            raise BadModelFile(
+                f"{where}: unknown effect {name!r}; `antidrive effects` lists the known ones, and one of your own is "
+                "read with --effects FILE.py (in Python: read_model(path, effects=[...]))."
+            )
+        group = _Group(where=where, prefix=f"{name}.", axis=axis)
         given = _mapping(entry.get("parameters"), f"{where}.parameters")
-        effects.append(kind(**_numbers(given, kind.parameters(), where, f"{name}.", std)))
-    model = ServoModel(**own, effects=tuple(effects), axis=content.get("axis", "rotary"))
+        values, errors = group.numbers(given, known[name].parameters())
+        effects.append(known[name](**values))
+        std |= errors
+    model = ServoModel(**own, effects=tuple(effects), axis=axis)
     sample_time = content.get("sample_time")
-    if sample_time is not None and not (_is_number(sample_time) and sample_time > 0.0):
+    if sample_time is not None and not (finite(sample_time) or 0.0) > 0.0:
         raise BadModelFile(f"sample_time must be a positive number, not {sample_time!r}.")
     source = content.get("source") or []
     entries = source if isinstance(source, list) else [source]
@@ -115,40 +127,48 @@ def _parse(content: Any) -> ModelFile:
     )
 
 
-def _numbers(
-    given: Mapping[str, Any], specs: tuple[Any, ...], where: str, prefix: str, std: dict[str, float | None]
-) -> dict[str, float]:
-    """The numbers of one group of parameters; each entry is a number or {"value": .., "std": ..}."""
-    unknown = set(given) - {spec.name for spec in specs}
-    if unknown:
-        known = ", ".join(spec.name for spec in specs)
-        raise BadModelFile(f"{where}: unknown parameter {min(unknown)!r}; known are {known}.")
-    numbers = {}
-    for spec in specs:
-        if spec.name not in given:
-            if not spec.fitted:  # an older file, of when nobody could state it: the effect's own
-                continue
-            raise BadModelFile(f"{where}: parameter {spec.name!r} is missing.")
-        entry = given[spec.name]
-        value = entry.get("value") if isinstance(entry, Mapping) else entry
-        if value is None or not _is_number(value):
-            raise BadModelFile(f"{where}: {spec.name} must be a finite number, not {value!r}.")
-        numbers[spec.name] = float(value)
-        error = entry.get("std") if isinstance(entry, Mapping) else None
-        std[prefix + spec.name] = float(error) if error is not None and _is_number(error) else None
-    return numbers
+@dataclass(frozen=True, kw_only=True)
+class _Group:
+    """The parameters that stand together in a file: the model's own, or those of one effect."""
+
+    where: str
+    prefix: str
+    axis: Axis
+
+    def numbers(
+        self, given: Mapping[str, Any], specs: tuple[Parameter, ...]
+    ) -> tuple[dict[str, float], dict[str, float | None]]:
+        """Values by name, and standard errors by whole name; an entry is a number or {"value", "std", "unit"}."""
+        unknown = set(given) - {spec.name for spec in specs}
+        if unknown:
+            known = ", ".join(spec.name for spec in specs)
+            raise BadModelFile(f"{self.where}: unknown parameter {min(unknown)!r}; known are {known}.")
+        values, std = {}, {}
+        for spec in specs:
+            if spec.name not in given:
+                if not spec.fitted:  # an older file, of when nobody could state it: the effect's own
+                    continue
+                raise BadModelFile(f"{self.where}: parameter {spec.name!r} is missing.")
+            entry = given[spec.name]
+            entry = entry if isinstance(entry, Mapping) else {"value": entry}
+            value, error = finite(entry.get("value")), finite(entry.get("std"))
+            if value is None:
+                raise BadModelFile(f"{self.where}: {spec.name} must be a finite number, not {entry.get('value')!r}.")
+            size = self._factor(spec, entry.get("unit"))
+            values[spec.name] = size * value
+            std[self.prefix + spec.name] = None if error is None else size * error
+        return values, std
+
+    def _factor(self, spec: Parameter, unit: Any) -> float:
+        if unit is None:
+            return 1.0
+        try:
+            return factor(unit, spec.unit_on(self.axis), "N" if self.axis == "linear" else "N m")
+        except BadModelFile as error:
+            raise BadModelFile(f"{self.where}: {spec.name}: {error}.") from None
 
 
 def _mapping(value: Any, where: str) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
         raise BadModelFile(f"{where} must be an object with named entries.")
     return value
-
-
-def _is_number(value: Any) -> bool:
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return False
-    try:
-        return math.isfinite(value)
-    except OverflowError:
-        return False

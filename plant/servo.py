@@ -59,7 +59,7 @@ class ServoModel:
         if self.axis not in get_args(Axis):
             raise BadParameter(f"ServoModel: axis must be 'rotary' or 'linear', not {self.axis!r}.")
         for spec in parameters_of(type(self)):
-            spec.check("ServoModel", getattr(self, spec.name))
+            object.__setattr__(self, spec.name, spec.check("ServoModel", getattr(self, spec.name)))
         if self.axis == "linear" and self.gravity != 0.0:
             raise BadParameter("ServoModel: a linear axis has no gravity cos x; set gravity to 0.")
         if sum(effect.flexible for effect in self.effects) > 1:
@@ -82,17 +82,19 @@ class ServoModel:
     def parameters(self) -> tuple[Parameter, ...]:
         """All parameters in order; those of an effect are named `effect.parameter`."""
         own = tuple(replace(spec, unit=spec.unit_on(self.axis)) for spec in parameters_of(type(self)))
-        theirs = tuple(
-            replace(
-                spec,
-                name=f"{effect.name}.{spec.name}",
-                unit=spec.unit_on(self.axis),
-                fitted=spec.fitted or effect.freed,
-            )
+        theirs = (
+            replace(spec, fitted=spec.fitted or effect.freed)
             for effect in self.effects
+            for spec in self.parameters_with(type(effect))
+        )
+        return own + tuple(theirs)
+
+    def parameters_with(self, effect: type[Effect]) -> tuple[Parameter, ...]:
+        """The parameters that come with an effect of that kind, named `effect.parameter`."""
+        return tuple(
+            replace(spec, name=f"{effect.name}.{spec.name}", unit=spec.unit_on(self.axis))
             for spec in effect.parameters()
         )
-        return own + theirs
 
     @cached_property
     def names(self) -> tuple[str, ...]:

@@ -191,7 +191,7 @@ def test_a_model_that_runs_away_predicts_nothing(monkeypatch, log, tmp_path):
 def test_the_words_of_a_diagnosis_reach_it(monkeypatch, log, held, tmp_path):
     heard = {}
 
-    def listen(log, start, holdout, *, fixed, progress):
+    def listen(log, start, holdout, *, fixed, **_):
         heard.update(log=log, start=start, holdout=holdout, fixed=fixed)
         raise BadParameter("heard.")
 
@@ -201,7 +201,7 @@ def test_the_words_of_a_diagnosis_reach_it(monkeypatch, log, held, tmp_path):
     assert (spoken.code, spoken.err) == (2, "antidrive: heard.\n")
     assert [heard[part].sources[0].file for part in ("log", "holdout")] == ["log.csv", "held.csv"]
     np.testing.assert_array_equal(heard["start"].values, TRUTH.values)
-    assert heard["fixed"] == ()
+    assert heard["fixed"] == {}
 
 
 @pytest.mark.parametrize("own", [False, True])
@@ -220,7 +220,7 @@ def test_what_a_known_machine_does_not_have_is_not_fitted(command, own, monkeypa
     base = ["--base", write_model(tmp_path / "base.json", TRUTH)] if own else []
     assert antidrive(command, log, *base, "--out", tmp_path / "out").code == 2
     # a model that the user gives comes before what is known of the machine
-    assert heard["fixed"] == (() if own else ("gravity",))
+    assert heard["fixed"] == ({} if own else {"gravity": None})
     np.testing.assert_array_equal(heard["start"].values, (TRUTH if own else PLAIN).values)
 
 

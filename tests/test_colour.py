@@ -12,6 +12,7 @@ from diagnosis import diagnose
 from identification import colour
 from identification.colour import with_its_colour
 from identification.fit import base_model, fit
+from identification.known import Known
 from identification.log import Log
 from identification.noise import Whitening, short_autoregression, whiten
 from identification.problem import Problem
@@ -71,7 +72,12 @@ def test_the_likeliest_colour_is_believed_if_it_is_clearly_likelier_than_none(mo
 )
 def test_behind_an_observer_a_colour_is_asked_for_that_it_cannot_follow(monkeypatch, worth, memory, count):
     fitted = SimpleNamespace(
-        log=SimpleNamespace(sample_time=0.005), model=None, fixed=(), bandwidth=30.0, samples=1000, log_likelihood=0.0
+        log=SimpleNamespace(sample_time=0.005),
+        model=None,
+        known=Known(),
+        bandwidth=30.0,
+        samples=1000,
+        log_likelihood=0.0,
     )
     shown = SimpleNamespace(log_likelihood=worth * fitted.samples, noise_memory=memory)
     problem = SimpleNamespace(

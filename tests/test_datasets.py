@@ -104,7 +104,7 @@ def test_a_hanging_pendulum_rests_where_gravity_is_stable(name):
     for run in dataset.estimation.runs:
         assert run.output[0] == pytest.approx(-np.pi / 2, abs=0.1)
         on = run.servo_gain > 0
-        np.testing.assert_allclose(run.command[on], (run.servo_gain * run.goal)[on])
+        np.testing.assert_allclose(run.command[on], (run.servo_gain * run.setpoint)[on])
         assert (run.command[~on] == 0).all()
         assert 6 < run.command_limit < 13
 

@@ -160,7 +160,7 @@ def test_the_citation_is_of_this_version() -> None:
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert (cited["cff-version"], cited["title"], cited["version"]) == ("1.2.0", project["name"], project["version"])
-    assert cited["authors"] == [{"name": "antidrive contributors"}]
+    assert cited["authors"] == [{"name": "the antidrive authors"}]
     assert "Drive/Anti Drive" in cited["references"][0]["title"]
     changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert "## [Unreleased]" in changes or f"## [{project['version']}]" in changes

@@ -45,7 +45,7 @@ def log_of(machine: Machine, seed: int, duration: float = 8.0, **options: float 
         replace(
             out.run(place, number=place),
             command=gain * out.command[:, place],
-            goal=out.command[:, place],
+            setpoint=out.command[:, place],
             servo_gain=np.full(out.time.size, gain),
             command_limit=LIMIT,
         )

@@ -310,18 +310,19 @@ def test_time_in_milliseconds_is_refused_with_the_option_that_helps(factor, opti
     assert read(columns, units={"time": option[5:]}).runs[0].sample_time == pytest.approx(0.005)
 
 
-def test_encoder_steps_of_degrees_are_suspected():
+def test_encoder_steps_of_degrees_make_a_log_unusable():
     columns = motion()
     del columns["velocity"]
     columns["angle"] = np.round(np.rad2deg(columns["angle"]) * 4096 / 360) * 360 / 4096
-    assert any("angle=deg" in warning for warning in read(columns).warnings)
+    (fault,) = read(columns).faults
+    assert fault.endswith("has steps of 360/4096, as an encoder of 4096 steps a turn has in degrees: --unit angle=deg")
 
 
 def test_a_load_that_never_turns_is_said():
     columns = motion()
     del columns["velocity"]
     columns["angle"][:] = 0.3
-    assert any("never turns" in warning for warning in read(columns).warnings)
+    assert any("never turns" in fault for fault in read(columns).faults)
 
 
 def test_many_findings_of_one_kind_are_told_once():

@@ -286,7 +286,7 @@ def test_a_load_faster_than_its_motor(clean):
     assert len(log.warnings) == 2
 
 
-@pytest.mark.parametrize(("factor", "option"), [(180 / np.pi, "goal=deg"), (1 / (2 * np.pi), "goal=turn")])
+@pytest.mark.parametrize(("factor", "option"), [(180 / np.pi, "setpoint=deg"), (1 / (2 * np.pi), "setpoint=turn")])
 def test_a_goal_of_another_unit_is_refused(clean, factor, option):
     sound = clean("closed loop")
     goal = wandering_reference(1, duration=SECONDS)
@@ -302,7 +302,7 @@ def test_a_goal_of_another_unit_is_refused(clean, factor, option):
 def test_a_torque_of_the_other_sign(clean, name):
     spoilt = clean(name)
     spoilt["torque"] = -spoilt["torque"]
-    only([t for t in Log.from_arrays(**spoilt).warnings if "clipped" not in t], "accelerates against", "torque=-1")
+    only(Log.from_arrays(**spoilt).faults, "accelerates against", "--scale torque=-1 turns it")
 
 
 def test_a_loop_that_holds_against_a_load_is_no_wrong_sign():

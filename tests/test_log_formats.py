@@ -66,8 +66,7 @@ def test_preamble_comments_and_units_line(tmp_path):
     (tmp_path / "log.csv").write_text(f"{preamble}{names}\ns;N m;rad;rad/s\n{rest}")
     log = Log.read(tmp_path / "log.csv")
     same(log)
-    assert "lines 5 to 5" in log.warnings[0]
-    assert "--unit" in log.warnings[0]
+    assert "units as the file gives them, 'time' in s, 'torque' in N m" in log.warnings[0]
 
 
 def test_cut_off_last_line_is_left_out_and_said(tmp_path):
@@ -268,7 +267,7 @@ def test_goal_of_a_position_servo():
     log = Log.from_arrays(time=SOUND["time"], goal=SOUND["angle"] + 0.1, angle=SOUND["angle"])
     run = log.runs[0]
     assert (run.servo_gain == 1.0).all()
-    np.testing.assert_array_equal(run.command, run.servo_gain * run.goal)
+    np.testing.assert_array_equal(run.command, run.servo_gain * run.setpoint)
     assert "scale unknown" in log.notes[0]
     assert log.command_unit == "unknown"
     torque = Log.from_arrays(**SOUND, goal=SOUND["angle"] + 0.1)
@@ -283,11 +282,11 @@ def test_runs_have_states_and_times_of_their_own(tmp_path):
     two = {name: np.tile(values, 2) for name, values in SOUND.items()}
     two["run"] = np.repeat([7.0, 3.0], len(SOUND["time"]))
     log = Log.read(write(tmp_path / "log.csv", two))
-    assert [run.number for run in log.runs] == [7, 3]
+    assert [(run.run, run.number) for run in log.runs] == [("7", 0), ("3", 1)]
     assert [run.label for run in log.runs] == ["log.csv run 7", "log.csv run 3"]
     for run in log.runs:
         np.testing.assert_allclose(run.output, SOUND["angle"], atol=1e-8)
-    assert log.select([1]).runs[0].number == 3
+    assert log.select([1]).runs[0].run == "3"
     assert len(log.head(1).runs) == 1
     with pytest.raises(BadParameter, match="place 2"):
         log.select([2])

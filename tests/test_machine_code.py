@@ -180,16 +180,31 @@ def test_a_cache_that_cannot_be_written_costs_only_time(tmp_path: Path, monkeypa
     assert is_right(recursion)
 
 
+FOREIGN = """
+int follow_rows(void) { return 0; }
+"""
+
+
 @with_compiler
-def test_a_spoilt_library_is_built_anew(tmp_path: Path) -> None:
-    path = example()._code._path
-    path.parent.mkdir()
-    path.write_bytes(b"not a library")
+@pytest.mark.parametrize("left", [0, 100, 4096, 0.9, b"not a library", FOREIGN], ids=str)
+def test_a_spoilt_library_is_built_anew(left: float | bytes | str, tmp_path: Path) -> None:
+    first = example()
+    assert first.wait()
+    (path,) = (tmp_path / "cache").iterdir()
+    whole = path.read_bytes()
+    if isinstance(left, str):
+        (tmp_path / "foreign.c").write_text(left)
+        subprocess.run([*machine_code.compiler(), "-shared", "-fPIC", "foreign.c", "-o", str(path)], cwd=tmp_path)
+    else:
+        # a new file in its place: this process still works with the old one
+        path.unlink()
+        path.write_bytes(left if isinstance(left, bytes) else whole[: int(left * len(whole)) if left < 1 else left])
     recursion = example()
     assert recursion._code.library is None
     assert is_right(recursion)
     assert recursion.wait()
     assert is_right(recursion)
+    assert [kept.read_bytes() for kept in (tmp_path / "cache").iterdir()] == [whole]
 
 
 BUILD = """
@@ -248,8 +263,21 @@ def test_the_compiler_of_the_wheel_works(monkeypatch: pytest.MonkeyPatch) -> Non
     machine_code.compiler.cache_clear()
 
 
-def test_the_environment_names_the_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("folder", ["plain", "o'brien", 'two words "quoted'])
+@pytest.mark.parametrize(
+    ("words", "found"), [("", None), ("/gcc", ("/gcc",)), ("/gcc -m64", ("/gcc", "-m64")), ("/none", None)]
+)
+def test_the_environment_names_the_compiler(
+    words: str, found: tuple[str, ...] | None, folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = tmp_path / folder
+    home.mkdir()
+    (home / "gcc").write_text("#!/bin/sh\n")
+    (home / "gcc").chmod(0o755)
     machine_code.compiler.cache_clear()
-    monkeypatch.setenv("CC", "")
-    assert machine_code.compiler() is None
+    monkeypatch.setenv("CC", words and f"{home}{words}")
+    expected = found and (f"{home}{found[0]}", *found[1:])
+    if " -" in words and " " in folder:  # with options it is a line for a shell, which quotes blanks
+        expected = None
+    assert machine_code.compiler() == expected
     machine_code.compiler.cache_clear()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant import BadModelFile, ModelFile, ServoModel, catalogue, read_model
-from plant.effects import Effect
+from plant.effects import Effect, Stage
+from plant.effects.effect import parameter
+from plant.units import factor
 
 EVERY = {
     "input_delay": {"time": 0.0123},
@@ -138,6 +141,66 @@ def test_bytes_and_folders_are_refused(tmp_path: Path) -> None:
     for path in (tmp_path / "model.json", tmp_path, tmp_path / "absent.json"):
         with pytest.raises(BadModelFile):
             read_model(path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_a_byte_order_mark_is_no_part_of_the_model(encoding: str, tmp_path: Path) -> None:
+    (tmp_path / "model.json").write_bytes(json.dumps(GOOD).encode(encoding))
+    assert read_model(tmp_path / "model.json").model.values == pytest.approx(ServoModel(effects=effects()).values)
+
+
+@pytest.mark.parametrize(
+    ("place", "unit", "value", "std"),
+    [
+        (("parameters", "inertia"), "g m^2", 2e-3, 1e-4),
+        (("parameters", "inertia"), "N m s^2/rad", 2.0, 0.1),
+        (("parameters", "inertia"), "V s^2/rad", 2.0, 0.1),
+        (("parameters", "viscous_friction"), "mNm s/rad", 2e-3, 1e-4),
+        (("effects", 0, "parameters", "time"), "ms", 2e-3, 1e-4),
+        (("parameters", "gravity"), "kg", None, None),
+        (("parameters", "gravity"), "furlong", None, None),
+        (("parameters", "gravity"), "9**9**9", None, None),
+        (("parameters", "gravity"), "", None, None),
+        (("parameters", "gravity"), 3, None, None),
+    ],
+)
+def test_another_unit_is_converted_or_refused(
+    place: tuple[Any, ...], unit: Any, value: float | None, std: float | None, tmp_path: Path
+) -> None:
+    (tmp_path / "model.json").write_text(json.dumps(broken(*place, value={"value": 2.0, "std": 0.1, "unit": unit})))
+    if value is None:
+        with pytest.raises(BadModelFile, match=r"gravity: the unit .* 'N m'.*\.$"):
+            read_model(tmp_path / "model.json")
+        return
+    found = read_model(tmp_path / "model.json")
+    name = place[-1] if place[0] == "parameters" else f"input_delay.{place[-1]}"
+    assert found.model.values[found.model.names.index(name)] == pytest.approx(value)
+    assert found.std[name] == pytest.approx(std)
+
+
+@pytest.mark.parametrize(("unit", "own"), [("Hz", "rad/s"), ("rad/s", "Hz"), ("rpm", "Hz")])
+def test_turns_a_second_are_not_taken_for_radians(unit: str, own: str) -> None:
+    with pytest.raises(BadModelFile):
+        factor(unit, own, "N m")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Windage(Effect):
+    """A fan on the shaft."""
+
+    name = "windage"
+    title = "windage"
+    stage = Stage.LOAD
+    drag: float = parameter("{torque} s^3/{angle}^3", "drag", lower=0.0)
+
+
+def test_an_effect_of_ones_own_comes_back_where_its_class_is_given(tmp_path: Path) -> None:
+    model = ServoModel(effects=(Windage(drag=0.02),))
+    ModelFile(model=model, std={"windage.drag": 0.001}).write(tmp_path / "model.json")
+    found = read_model(tmp_path / "model.json", effects=[Windage])
+    assert (found.model, found.std["windage.drag"]) == (model, 0.001)
+    with pytest.raises(BadModelFile, match=r"unknown effect 'windage'.*--effects FILE\.py"):
+        read_model(tmp_path / "model.json")
 
 
 scalars = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5)

@@ -234,8 +234,7 @@ def rivals_of(diagnosis: Findings) -> tuple[Fit, Fit] | None:
         _, rival = max(tried, key=lambda one: one[0])
         fit = diagnosis.extended
         model = fit.model.without_effect(cause.effect).with_effect(rival)
-        fixed = [name for name in fit.fixed if name in model.names]
         # A descent only ever lowers the bandwidth, and a rival may need one where the leader needs none.
         start = replace(fit, bandwidth=max(fit.bandwidth, _WIDE / pace(fit.log.sample_time)))
-        return fit, Problem.of(fit.log, model, fixed=fixed).descend(start)
+        return fit, Problem.of(fit.log, model, known=fit.known).descend(start)
     return None

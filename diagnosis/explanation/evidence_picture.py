@@ -73,8 +73,7 @@ class Shown:
 def without(fit: Fit, effect: str) -> Fit:
     """The model less one effect, fitted again to the same log."""
     model = fit.model.without_effect(effect)
-    fixed = [name for name in fit.fixed if name in model.names]
-    return Problem.of(fit.log, model, fixed=fixed).descend(replace(fit, bandwidth=max(fit.bandwidth, _WIDE)))
+    return Problem.of(fit.log, model, known=fit.known).descend(replace(fit, bandwidth=max(fit.bandwidth, _WIDE)))
 
 
 def gathered(before: Fit, after: Fit) -> Gathered:

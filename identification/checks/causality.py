@@ -1,15 +1,12 @@
-"""The output must answer its command: after it, and along it.
+"""The output must answer after its command.
 
-An output that answers before its command, or accelerates against it, is no machine's: the columns were recorded with
-an offset, or one has another sign. The other way round, a column that lags looks like a delay of the drive, and is
-left to the fit unless it is longer than drives delay.
+An output that answers before its command is no machine's: the columns were recorded with an offset. The other way
+round, a column that lags looks like a delay of the drive, and is left to the fit unless it is longer than drives delay.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-
-import numpy as np
 
 from identification.checks.equation_error import Profile, profiles
 from identification.recording import Finding, Recording
@@ -18,23 +15,18 @@ from identification.recording import Finding, Recording
 _LEAST_SAMPLES, _LEAST_TIME = 1.5, 0.004
 _LONG_SAMPLES, _LONG_TIME = 10.0, 0.15
 _EVIDENCE = 15.0  # log-likelihood
-_ONE_TIME, _WRONG_SIGN = 0.1, 0.2  # share of the acceleration that is left unexplained, at most
-_AT_ONCE = 0.1  # [s] delay with which a wrong sign is told
-_FEEDBACK = 0.5  # share of the command that the output and its speed explain, at most
+_ONE_TIME = 0.1  # share of the acceleration that is left unexplained, at most
 
 
 def cause_and_effect(recording: Recording) -> Iterable[Finding]:
-    """Warn of an output ahead of its command, far behind it, or against it.
+    """Warn of an output ahead of its command or far behind it.
 
     Two filters of different width must agree, for what the regression does not know (play, bristles, a spring)
     moves its best shift by another amount in each.
     """
     found = profiles(recording)
-    if len(found) == 2:
-        if all(profile.slope[profile.best] > 0 for profile in found):
-            yield from _lag(recording, found)
-        else:
-            yield from _sign(recording, found)
+    if len(found) == 2 and all(profile.slope[profile.best] > 0 for profile in found):
+        yield from _lag(recording, found)
 
 
 def _lag(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
@@ -66,28 +58,3 @@ def _lag(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
             "an offset between the two columns looks the same, so see whether both were recorded on one clock"
         )
         yield Finding(kind="long lag", repaired=False, text=text)
-
-
-def _sign(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
-    """A load that accelerates against its torque, at once and throughout, has an inertia below zero.
-
-    In a loop that only holds against a disturbance the torque answers the motion and not the other way round; there
-    the output and its speed explain the torque, and nothing can be told.
-    """
-    if recording.servo_gain.any():
-        return
-    for profile in found:
-        at_once = int(np.argmin(np.abs(profile.shifts)))
-        if profile.slope[profile.best] > 0 or profile.slope[at_once] > 0:
-            return
-        if not -_AT_ONCE < profile.lag < 2 * profile.sample_time:
-            return
-        if profile.residual[profile.best] > _WRONG_SIGN or profile.feedback > _FEEDBACK:
-            return
-    command, output = recording.name("command"), recording.name("output")
-    option = "force" if recording.axis == "linear" else "torque"
-    text = (
-        f"{recording.label}: '{output}' accelerates against '{command}', as if the inertia were below zero, so one of "
-        f"them has another sign: --scale {option}=-1 turns it"
-    )
-    yield Finding(kind="sign of the command", repaired=False, text=text)

@@ -31,14 +31,14 @@ _SLOW_TO_FAST = 3.0  # a reducing gear's load does not move so many times as fas
 def check_goal_unit(recording: Recording) -> None:
     """Refuse a goal that is the command and is in another unit than the output: no servo law makes sense of both."""
     if recording.servo_gain.any():
-        finding = _unit_of(recording, "goal")
+        finding = _unit_of(recording, "setpoint")
         if finding is not None:
             raise MalformedLog(f"{finding.text}.")
 
 
 def inconsistent_channels(recording: Recording) -> Iterable[Finding]:
     """Warn of channels whose sizes or signs do not fit together."""
-    for name in ("reference", "goal"):
+    for name in ("reference", "setpoint"):
         finding = _unit_of(recording, name)
         if finding is not None:
             yield finding

@@ -10,13 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from identification.checks.angle_unit import unit_of_the_angle, wraps_in_degrees
 from identification.checks.causality import cause_and_effect
 from identification.checks.channels import check_goal_unit, inconsistent_channels
 from identification.checks.faults import find_flat_tops, find_frozen, find_spikes, find_wraps, quantum, stretches
 from identification.checks.jumps import mask_dropouts, split_at_jumps
 from identification.checks.missing import bridge, fill_command, fill_others, fill_output
-from identification.checks.plausibility import check_time_unit, check_velocity_unit, warn_of_degrees
+from identification.checks.plausibility import check_time_unit, check_velocity_unit
 from identification.checks.repeats import drop_repeats
+from identification.checks.sign import sign_of_the_command
+from identification.checks.speed_command import speed_for_torque
 from identification.checks.timing import check_time, clock, mask_gaps, split_at_gaps, too_short, trim
 from identification.errors import MalformedLog
 from identification.recording import Checked, Finding, Recording, counted
@@ -101,6 +104,10 @@ def unwrap(recording: Recording) -> Checked:
     for name, values in channels.items():
         sound = recording.valid if name == "output" else np.ones(len(values), dtype=bool)
         index = np.flatnonzero(sound)
+        if name == "output" and turn and wraps_in_degrees(values[index], index):
+            turn = 360.0
+            text = f"{recording.label}: '{recording.name(name)}' wraps around by 360, so it is in degrees: --unit angle=deg"
+            findings.append(Finding(kind="degrees", repaired=False, text=text, unusable=True))
         offsets, period = find_wraps(values[index], index, turn, quantum(values[index]))
         if not period:
             continue
@@ -168,7 +175,15 @@ def constant_channels(recording: Recording) -> Iterable[Finding]:
             yield Finding(kind=f"frozen {name}", repaired=False, text=text)
 
 
-WARNINGS = (clock, warn_of_degrees, constant_channels, inconsistent_channels, cause_and_effect)
+WARNINGS = (
+    clock,
+    unit_of_the_angle,
+    constant_channels,
+    inconsistent_channels,
+    cause_and_effect,
+    speed_for_torque,
+    sign_of_the_command,
+)
 
 
 def excited(recording: Recording) -> bool:

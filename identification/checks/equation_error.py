@@ -35,7 +35,6 @@ class Profile:
     slope: (D,) acceleration per unit of command: one over the inertia.
     blocks: (B, D) the residual, by blocks of time.
     independent: number of independent samples behind the filter.
-    feedback: share of the command that the output and its speed explain: how far it may be a controller's answer.
     """
 
     width: float
@@ -45,7 +44,6 @@ class Profile:
     slope: Array
     blocks: Array
     independent: float
-    feedback: float
 
     @property
     def best(self) -> int:
@@ -85,7 +83,7 @@ class Profile:
 
 def profiles(recording: Recording, count: int = 2) -> list[Profile]:
     """Profiles for the narrowest filters that serve, at most `count`: the narrower, the less friction blurs."""
-    part = _middle(recording)
+    part = middle(recording)
     found: list[Profile] = []
     for width in WIDTHS:
         profile = _profile(part, width)
@@ -96,7 +94,8 @@ def profiles(recording: Recording, count: int = 2) -> list[Profile]:
     return found
 
 
-def _middle(recording: Recording) -> Recording:
+def middle(recording: Recording) -> Recording:
+    """The middle of a long recording, which is enough to look at."""
     over = max(0, len(recording) - _LONGEST)
     return recording.take(slice(over // 2, len(recording) - (over - over // 2)))
 
@@ -112,19 +111,19 @@ def _profile(recording: Recording, width: float) -> Profile | None:
         return None
     rows = np.arange(edge, count - edge, max(1, int(sigma / 4), (count - 2 * edge) // _ROWS))
     clock = recording.time[0] + dt * np.arange(count)
-    sound, output, command, returned = _evenly(recording, clock)
-    rows = rows[_filter(1.0 - sound, sigma)[rows] < 1e-3]  # nothing masked or saturated within the filter's reach
+    sound, output, command, returned = evenly(recording, clock)
+    rows = rows[gaussian(1.0 - sound, sigma)[rows] < 1e-3]  # nothing masked or saturated within the filter's reach
     if len(rows) < 50:
         return None
-    acceleration = _filter(output, sigma, 2) / dt**2
-    velocity = _filter(output, sigma, 1) / dt
-    known = _motion_terms(recording, _filter(output, sigma), velocity, sigma)[rows]
+    acceleration = gaussian(output, sigma, 2) / dt**2
+    velocity = gaussian(output, sigma, 1) / dt
+    known = motion_terms(recording, gaussian(output, sigma), velocity, sigma)[rows]
     step = max(1, int(sigma / 8))
     steps = np.arange(-(reach // step), reach // step + 1) * step
-    pushes = [_filter(command, sigma)[rows[:, None] + steps] - _filter(returned, sigma)[rows, None]]
+    pushes = [gaussian(command, sigma)[rows[:, None] + steps] - gaussian(returned, sigma)[rows, None]]
     if not returned.any():  # a dead zone, or a gain that depends on the size
         soft = np.tanh(command / max(0.1 * float(command.std()), 1e-300))
-        pushes.append(_filter(soft, sigma)[rows[:, None] + steps])
+        pushes.append(gaussian(soft, sigma)[rows[:, None] + steps])
     basis = np.linalg.qr(known)[0]
 
     def beyond(values: Array) -> Array:
@@ -138,7 +137,6 @@ def _profile(recording: Recording, width: float) -> Profile | None:
     slope, left = _two_column_fit(freed, target)
     residual = np.sum(left**2, axis=0) / size
     blocks = np.stack([np.sum(block**2, axis=0) / size for block in np.array_split(left, 12)])
-    moved = np.column_stack([np.ones(len(rows)), _filter(output, sigma)[rows], velocity[rows]])
     return Profile(
         width=width,
         sample_time=dt,
@@ -147,11 +145,10 @@ def _profile(recording: Recording, width: float) -> Profile | None:
         slope=slope,
         blocks=blocks,
         independent=min(len(rows), len(rows) * (rows[1] - rows[0]) / (2 * np.sqrt(np.pi) * sigma)),
-        feedback=_explained(moved, _filter(command, sigma)[rows]),
     )
 
 
-def _evenly(recording: Recording, clock: Array) -> tuple[Array, Array, Array, Array]:
+def evenly(recording: Recording, clock: Array) -> tuple[Array, Array, Array, Array]:
     """Soundness, output, command and the servo's return (gain times output) at even times."""
     drive = recording.command - recording.servo_gain * recording.output
     sound = recording.valid & (np.abs(drive) < recording.command_limit)
@@ -164,11 +161,12 @@ def _evenly(recording: Recording, clock: Array) -> tuple[Array, Array, Array, Ar
     return at(sound.astype(np.float64)), at(recording.output), command, returned
 
 
-def _motion_terms(recording: Recording, output: Array, velocity: Array, sigma: float) -> Array:
+def motion_terms(recording: Recording, output: Array, velocity: Array, sigma: float) -> Array:
+    """(T, n) what acts beside the command, by filtered output and speed: friction, gravity, a constant."""
     usual = float(np.sqrt(np.mean(velocity**2))) or 1.0
     speed = velocity / usual
     terms = [np.ones_like(output), speed, speed * np.abs(speed), np.abs(speed)]
-    terms += [_filter(np.tanh(speed / kink), sigma) for kink in _KINKS]
+    terms += [gaussian(np.tanh(speed / kink), sigma) for kink in _KINKS]
     if recording.axis == "rotary":
         terms += [np.cos(output), np.sin(output)]
     return np.column_stack(terms)
@@ -191,14 +189,7 @@ def _two_column_fit(columns: list[Array], target: Array) -> tuple[Array, Array]:
     return slope, left
 
 
-def _explained(basis: Array, values: Array) -> float:
-    """Share of the variance of values (N,) that the columns of a basis (N, n) explain."""
-    scaled = basis / np.maximum(np.abs(basis).max(axis=0), 1e-300)
-    left = values - scaled @ np.linalg.lstsq(scaled, values, rcond=None)[0]
-    return 1.0 - float(left.var()) / max(float(values.var()), 1e-300)
-
-
-def _filter(values: Array, sigma: float, order: int = 0) -> Array:
+def gaussian(values: Array, sigma: float, order: int = 0) -> Array:
     """Gaussian filter (T,), or its derivative per sample; the ends within 4 sigma are not to be used."""
     from scipy.signal import oaconvolve
 
@@ -216,4 +207,4 @@ def _filter(values: Array, sigma: float, order: int = 0) -> Array:
     return np.asarray(oaconvolve(centred, kernel, mode="same"), dtype=np.float64)
 
 
-__all__ = ["Profile", "profiles"]
+__all__ = ["Profile", "evenly", "gaussian", "middle", "motion_terms", "profiles"]

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from identification.checks.faults import quantum
 from identification.errors import MalformedLog
 from identification.recording import Finding, Recording
 
 SLOWEST_SAMPLING = 0.5  # [s]
 FASTEST_SAMPLING = 1e-6  # [s]
-FASTEST_LOAD = 1000.0  # [rad/s], 9550 rpm on the load's side
 
 # How many times too fast the output moves against the velocity channel, and what the column must then be measured in.
 _RATIOS = {
@@ -82,20 +79,3 @@ def check_velocity_unit(recording: Recording) -> tuple[Recording, list[Finding]]
     )
     others = {name: values for name, values in recording.others.items() if name != "velocity"}
     return replace(recording, others=others), [Finding(kind="velocity", repaired=True, text=text)]
-
-
-def warn_of_degrees(recording: Recording) -> Iterable[Finding]:
-    """Without a velocity channel, degrees can only be suspected: an impossible speed, or encoder steps of 360/2^n."""
-    if recording.axis != "rotary" or "velocity" in recording.others:
-        return
-    speeds = np.abs(np.diff(recording.output) / np.diff(recording.time))
-    lines = 360.0 / max(quantum(recording.output[recording.valid]), 1e-9)
-    power = np.log2(lines)
-    if float(np.quantile(speeds, 0.99)) > FASTEST_LOAD:
-        reason = f"moves at {float(np.quantile(speeds, 0.99)):.3g} rad/s"
-    elif 256 <= lines <= 2**26 and abs(power - round(power)) < 1e-4:
-        reason = f"has steps of 360/{round(lines)}"
-    else:
-        return
-    text = f"{recording.label}: '{recording.name('output')}' {reason}, which looks like degrees: --unit angle=deg"
-    yield Finding(kind="degrees", repaired=False, text=text)

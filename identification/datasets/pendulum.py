@@ -50,5 +50,5 @@ def swing(
         servo_gain=gain[used],
         command_limit=supply,
         valid=~dropped[used],
-        goal=(goal + HANGING)[used],
+        setpoint=(goal + HANGING)[used],
     )

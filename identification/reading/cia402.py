@@ -82,7 +82,7 @@ def find_objects(file: str, names: Collection[str], found: Mapping[str, str], *,
     """
     taken = set(found.values())
     new: dict[str, str] = {}
-    if "torque_1" in found or "goal" in found:  # a command is known, it need not be guessed
+    if "torque_1" in found or "setpoint" in found:  # a command is known, it need not be guessed
         found = {**found, "torque": "", "force": ""}
     for name in names:
         known = None if name in taken else drive_object(name)

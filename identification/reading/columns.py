@@ -2,62 +2,28 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
-from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.reading.cia402 import find_objects
 from identification.reading.clocks import on_one_clock
+from identification.reading.command import command_of
+from identification.reading.inventory import refuse_missing
+from identification.reading.joints import select_joint
+from identification.reading.recognition import Recognition, recognise
+from identification.reading.request import Reading
+from identification.reading.runs import labels_of, split_runs
 from identification.reading.stated_units import stated_units
 from identification.reading.table import Table
+from identification.reading.time_stamps import seconds_of, with_whole_stamps
 from identification.reading.units import si_factor
+from identification.reading.values import numbers_of
 from identification.recording import Array, Recording
 from plant.errors import BadParameter
-
-# The columns that a log may have; anything else in a file is left alone.
-COLUMNS = (
-    *("time", "torque", "torque_1", "torque_2", "force", "angle", "position"),
-    *("velocity", "angle_1", "angle_2", "reference", "goal", "run"),
-)
-
-
-class Gears(Protocol):
-    """What a log needs to know of a gear train."""
-
-    @property
-    def torque_map(self) -> Array:
-        """(2,) follower torque per pinion torque (paper eq. 2)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reading:
-    """How a file's columns become the contract's columns.
-
-    mapping: contract column -> the file's name for it.
-    units: contract column -> the unit that its (scaled) values are in.
-    scales: contract column -> factor on the file's values, applied before the unit.
-    gears: needed when only the pinion torques were logged.
-    """
-
-    mapping: Mapping[str, str]
-    units: Mapping[str, str]
-    scales: Mapping[str, float]
-    gears: Gears | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse columns that no log has, and scales that are no factors."""
-        for option, given in (("mapping", self.mapping), ("unit", self.units), ("scale", self.scales)):
-            for column in given:
-                if column not in COLUMNS or (column == "run" and option != "mapping"):
-                    raise BadParameter(f"{option} for '{column}': a log has the columns {', '.join(COLUMNS)}.")
-        for column, scale in self.scales.items():
-            if not (isinstance(scale, int | float | np.number) and np.isfinite(scale) and scale != 0):
-                raise BadParameter(f"the scale of column '{column}' is {scale!r}, give a number other than 0.")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,87 +43,107 @@ class Recorded:
 def read_recordings(table: Table, reading: Reading) -> Recorded:
     """One `Recording` for each run of the table.
 
-    Raises `MalformedLog` for missing or non-numeric columns, `BadParameter` for options that do not fit.
+    Raises `MissingColumns` where the time, the command or the response is not recognised, `MalformedLog` for columns
+    that do not go together or hold no numbers, `BadParameter` for options that do not fit.
     """
-    found = _find_columns(table, reading.mapping)
-    linear = any(
-        column in given for column in ("force", "position") for given in (found, reading.units, reading.scales)
-    )
-    guessed = find_objects(table.name, table.columns, found, linear=linear)
-    table, found = on_one_clock(table, found | guessed)
+    table = select_joint(table, reading.joint, mapped=list(reading.mapping.values()))
+    table = with_whole_stamps(table)
+    known = recognise(table, reading)
+    refuse_missing(table, known, reading)
+    table, found = on_one_clock(table, known.found)
+    if "time" not in found:
+        table, found = _counted(table, found, float(reading.rate or 1.0))
     axis = _axis(table, found)
     for option in (reading.units, reading.scales):
         for column in option:
             if column not in found:
                 raise BadParameter(f"'{column}' is given a unit or scale, but {table.name} has no such column; map it.")
-    stated = stated_units(table, found, guessed, units=reading.units, scales=reading.scales, axis=axis)
+    stated = stated_units(table, found, known.objects, units=reading.units, scales=reading.scales, axis=axis)
     found = {column: name for column, name in found.items() if column not in stated.left_out}
-    channels = {}
-    for column, name in found.items():
-        values = _numbers(table, name, column)
-        if column in reading.scales:
-            values = values * float(reading.scales[column])
-        if column in stated.units:
-            values = values * si_factor(column, stated.units[column], axis)
-        channels[column] = values
-    _same_length(table, found, channels)
-    kept = ~np.all([np.isnan(values) for column, values in channels.items() if column != "run"], axis=0)
-    rows = np.flatnonzero(kept) + 1
+    channels, of_time = _channels(table, found, reading, stated.units, axis)
+    kept, rows = _rows_with_numbers(table, channels)
     channels = {column: values[kept] for column, values in channels.items()}
-    if len(rows) == 0:
-        raise MalformedLog(f"{table.name}: there are no rows with numbers, export the log again.")
-    command, gain, command_name, unit, notes = _command(table, found, channels, axis, reading.gears)
+    command = command_of(table.name, found, channels, axis, reading)
     output = "angle" if axis == "rotary" else "position"
     whole = Recording(
         label=table.name,
         number=0,
         time=channels["time"],
-        command=command,
+        command=command.values,
         output=channels[output],
-        servo_gain=gain,
+        servo_gain=command.servo_gain,
         valid=np.ones(len(rows), dtype=bool),
         rows=rows,
         axis=axis,
         first_line=table.first_line,
-        names={**found, "command": command_name, "output": found[output]},
-        others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output, "run")},
+        names={**found, "command": command.name, "output": found[output]},
+        others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output)},
     )
+    labels = labels_of(table, found["run"])[kept] if "run" in found else None
+    recordings, of_order = split_runs(whole, labels)
     return Recorded(
-        recordings=_runs(whole, channels.get("run")),
+        recordings=recordings,
         axis=axis,
-        command_unit=unit,
-        notes=notes,
-        warnings=table.notes + stated.notes,
+        command_unit=command.unit,
+        notes=command.notes,
+        warnings=(*table.notes, *_by_meaning(table, known), *stated.notes, *of_time, *of_order),
     )
 
 
-def _find_columns(table: Table, mapping: Mapping[str, str]) -> dict[str, str]:
-    """Contract column -> the table's column: as mapped, else by its own name, else the same in other case."""
-    found = {}
-    lower = {name.lower(): name for name in reversed(list(table.columns))}
-    for column in COLUMNS:
-        if column in mapping:
-            if mapping[column] not in table.columns:
-                raise MalformedLog(
-                    f"{table.name}: there is no column '{mapping[column]}' to use as '{column}', "
-                    f"the file has {_listed(table.columns)}."
-                )
-            found[column] = mapping[column]
-        elif column in table.columns:
-            found[column] = column
-        elif column in lower and lower[column] not in mapping.values():
-            found[column] = lower[column]
-    return found
+def _by_meaning(table: Table, known: Recognition) -> tuple[str, ...]:
+    """A sentence on the columns that were taken by a name which is not quite their own."""
+    listed = [
+        f"'{name}' for {column}"
+        for column, name in known.found.items()
+        if known.why[column].startswith("by its name") or known.why[column].startswith("a torque")
+    ]
+    return (f"{table.name}: taken by the meaning of their names are {', '.join(listed)}",) if listed else ()
+
+
+def _counted(table: Table, found: Mapping[str, str], rate: float) -> tuple[Table, dict[str, str]]:
+    """The table with a time that counts its rows."""
+    length = len(next(iter(table.columns[name] for name in found.values())))
+    name = next(name for name in ("time", "time of the rows") if name not in table.columns)
+    columns = {**table.columns, name: np.arange(length) / rate}
+    return replace(table, columns=columns), {**found, "time": name}
+
+
+def _channels(
+    table: Table, found: Mapping[str, str], reading: Reading, units: Mapping[str, str], axis: str
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """The columns as numbers in SI, and what is to be said of the time. The labels of the runs are no numbers."""
+    channels: dict[str, Array] = {}
+    told: tuple[str, ...] = ()
+    for column, name in found.items():
+        if column == "run":
+            continue
+        factor = float(reading.scales.get(column, 1.0))
+        factor *= si_factor(column, units[column], axis) if column in units else 1.0
+        if column == "time":
+            sized = column in units or column in reading.scales
+            channels[column], told = seconds_of(table, name, factor if sized else None)
+        else:
+            channels[column] = numbers_of(table, name, column) * factor
+    _same_length(table, found, channels)
+    return channels, told
+
+
+def _rows_with_numbers(table: Table, channels: Mapping[str, Array]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """(T,) where any channel has a number, and the rows of the file there, counted from 1."""
+    kept = ~np.all([np.isnan(values) for values in channels.values()], axis=0)
+    if not kept.any():
+        raise MalformedLog(f"{table.name}: there are no rows with numbers, export the log again.")
+    rows = np.arange(1, kept.size + 1) if table.rows is None else table.rows
+    return kept, rows[kept]
 
 
 def _axis(table: Table, found: Mapping[str, str]) -> str:
     rotary, linear = "angle" in found, "position" in found
     if rotary and linear:
-        raise MalformedLog(f"{table.name}: both an angle and a position are given, leave out one of them.")
-    if not rotary and not linear:
-        raise _missing(table, "angle", "the column 'angle' (or 'position' on a linear axis)")
-    if "time" not in found:
-        raise _missing(table, "time", "the column 'time'")
+        raise MalformedLog(
+            f"{table.name}: '{found['angle']}' is an angle and '{found['position']}' a position; say which is the "
+            f"response, --map angle={shlex.quote(found['angle'])} or --map angle={shlex.quote(found['position'])}."
+        )
     wrong = ("force",) if rotary else ("torque", "torque_1", "torque_2")
     for column in wrong:
         if column in found:
@@ -168,102 +154,12 @@ def _axis(table: Table, found: Mapping[str, str]) -> str:
     return "rotary" if rotary else "linear"
 
 
-def _missing(table: Table, column: str, what: str) -> MalformedLog:
-    guess = get_close_matches(column, table.columns, n=1, cutoff=0.4)
-    example = guess[0] if guess else "NAME"
-    return MalformedLog(
-        f"{table.name}: {what} is missing, the file has {_listed(table.columns)}; "
-        f"name it with --map {column}={example}."
-    )
-
-
-def _listed(names: Mapping[str, Any]) -> str:
-    listed = [f"'{name}'" for name in names]
-    return ", ".join(listed[:12]) + (f" and {len(listed) - 12} more" if len(listed) > 12 else "")
-
-
-def _numbers(table: Table, name: str, column: str) -> Array:
-    """The column as floats; dates become seconds from the first one."""
-    raw: NDArray[Any] = np.asarray(table.columns[name])
-    if raw.ndim != 1:
-        raise MalformedLog(
-            f"{table.name}: the column '{name}' has shape {raw.shape}, give one number for each sample of '{column}'."
-        )
-    if raw.dtype.kind in "fiub":
-        return raw.astype(np.float64)
-    import pandas as pd
-
-    if column == "time":
-        try:
-            stamps = pd.to_datetime(pd.Series(raw), format="ISO8601" if raw.dtype.kind in "OUT" else None)
-        except (ValueError, TypeError, OverflowError):
-            stamps = pd.Series(raw)
-        if stamps.dtype.kind == "M":
-            return np.asarray((stamps - stamps.iloc[0]).dt.total_seconds(), dtype=np.float64)
-    if raw.dtype.kind == "m":
-        return np.asarray(raw / np.timedelta64(1, "ns"), dtype=np.float64) * 1e-9
-    try:
-        numbers = np.asarray(pd.to_numeric(pd.Series(raw), errors="coerce"))
-    except (ValueError, TypeError):  # cells that are lists, records, ...
-        numbers = np.asarray([None])
-    if numbers.dtype.kind not in "fiub" or raw.dtype.kind in "M":
-        raise MalformedLog(f"{table.name}: the column '{name}' does not hold plain numbers, export it again.")
-    numbers = numbers.astype(np.float64)
-    bad = np.flatnonzero(np.isnan(numbers) & ~np.asarray(pd.isna(pd.Series(raw))))
-    if len(bad):
-        row = int(bad[0])
-        line = "" if table.first_line is None else f" (line {row + table.first_line})"
-        raise MalformedLog(
-            f"{table.name}, row {row + 1}{line}, column '{name}': {str(raw[row])[:30]!r} is not a number, "
-            "repair or delete this row."
-        )
-    return numbers
-
-
 def _same_length(table: Table, found: Mapping[str, str], channels: Mapping[str, Array]) -> None:
     samples = len(channels["time"])
-    for column, values in channels.items():
-        if len(values) != samples:
+    for column, name in found.items():
+        length = len(channels[column] if column in channels else table.columns[name])
+        if length != samples:
             raise MalformedLog(
-                f"{table.name}: the column '{found[column]}' has {len(values)} samples, but the time has {samples}; "
+                f"{table.name}: the column '{name}' has {length} samples, but the time has {samples}; "
                 "export both at the same rate."
             )
-
-
-def _command(
-    table: Table, found: Mapping[str, str], channels: Mapping[str, Array], axis: str, gears: Gears | None
-) -> tuple[Array, Array, str, str, tuple[str, ...]]:
-    """Command, servo gain, the command's name, its unit and notes."""
-    direct = "torque" if axis == "rotary" else "force"
-    unit = "N m" if axis == "rotary" else "N"
-    none = np.zeros(len(channels["time"]))
-    if direct in channels:
-        return channels[direct], none, found[direct], unit, ()
-    if "torque_1" in channels and "torque_2" in channels:
-        if gears is None:
-            raise MalformedLog(
-                f"{table.name}: the torques of two pinions need the gear train to become the follower's torque; "
-                "give its tooth counts, or a column 'torque'."
-            )
-        first, second = np.asarray(gears.torque_map, dtype=np.float64)  # tau_f = -(Nf/N1) xi1 - (Nf/N2) xi2, eq. (2)
-        follower = first * channels["torque_1"] + second * channels["torque_2"]
-        return follower, none, f"{found['torque_1']}, {found['torque_2']}", unit, ()
-    if "goal" in channels:
-        note = f"torque scale unknown: {table.name} has a goal but no {direct}, so torques are per radian of goal error"
-        note = note if axis == "rotary" else note.replace("torques are per radian", "forces are per metre")
-        return channels["goal"], none + 1.0, found["goal"], "unknown", (note,)
-    raise _missing(table, direct, f"the column '{direct}' (or 'torque_1' and 'torque_2', or 'goal')")
-
-
-def _runs(whole: Recording, run: Array | None) -> tuple[Recording, ...]:
-    """One recording for each value of the run column, in the order in which they come."""
-    if run is None:
-        return (whole,)
-    odd = np.flatnonzero(~(np.isfinite(run) & (np.abs(run) < 2**31)) | (np.nan_to_num(run) % 1 != 0))
-    if len(odd):
-        raise MalformedLog(f"{whole.where(int(odd[0]))}: the run is {run[odd[0]]:g}, number the runs 0, 1, 2, ...")
-    numbers, first = np.unique(run, return_index=True)
-    return tuple(
-        replace(whole.take(run == number, label=f"{whole.label} run {int(number)}"), number=int(number))
-        for number in numbers[np.argsort(first)]
-    )

@@ -1,142 +1,133 @@
-"""From a file to a table of named columns, nothing judged yet. Text tables have their own file."""
+"""From a file to a table of named columns, nothing judged yet: what a file is decides its content, not its name."""
 
 from __future__ import annotations
 
 import hashlib
-import io
-from collections.abc import Mapping
+import importlib
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import cast
 
 from identification.errors import MalformedLog
+from identification.reading.compression import unpacked
+from identification.reading.guard import Read, guarded
+from identification.reading.joints import with_joints
+from identification.reading.lerobot import with_motor_names
 from identification.reading.table import Table
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-FORMATS = {
-    ".csv": "text",
-    ".txt": "text",
-    ".tsv": "text",
-    ".parquet": "parquet",
-    ".pq": "parquet",
-    ".mat": "mat",
-    ".npz": "npz",
-    ".mf4": "trade",
-    ".tdms": "trade",
-    ".mcap": "trade",
+STANDARD_INPUT = "-"
+SUFFIXES = {  # what a file without a signature of its own, and without text, claims to be
+    ".arrow": "Feather",
+    ".feather": "Feather",
+    ".h5": "HDF5",
+    ".hdf": "HDF5",
+    ".hdf5": "HDF5",
+    ".mat": "MAT",
+    ".mcap": "MCAP",
+    ".mf4": "MF4",
+    ".npy": "NPY",
+    ".npz": "NPZ",
+    ".parquet": "Parquet",
+    ".pq": "Parquet",
+    ".tdms": "TDMS",
+    ".xlsx": "Excel",
 }
+_SIGNATURES = (
+    (b"PAR1", "Parquet"),
+    (b"ARROW1", "Feather"),
+    (b"FEA1", "Feather"),
+    (b"\x89HDF\r\n\x1a\n", "HDF5"),
+    (b"MATLAB", "MAT"),
+    (b"\x93NUMPY", "NPY"),
+    (b"MDF     ", "MF4"),
+    (b"TDSm", "TDMS"),
+    (b"\x89MCAP", "MCAP"),
+)
+_READERS = {
+    "Excel": ("excel", "read_excel"),
+    "Feather": ("frames", "read_feather"),
+    "HDF5": ("hdf5", "read_hdf5"),
+    "MAT": ("arrays", "read_mat"),
+    "MCAP": ("bags", "read_mcap"),
+    "MF4": ("trade", "read_mf4"),
+    "NPY": ("arrays", "read_npy"),
+    "NPZ": ("arrays", "read_npz"),
+    "Parquet": ("frames", "read_parquet"),
+    "TDMS": ("trade", "read_tdms"),
+}
+_PICKLE = "a pickle, which may run any program and is never loaded; save the data as .parquet or .csv"
+_FOREIGN = (
+    (b"SQLite format 3\0", "a SQLite database; a ROS 2 bag is read as MCAP, which ros2 bag convert writes"),
+    (b"#ROSBAG V", "a ROS 1 bag; write its topic as text with rostopic echo -p -b FILE /joint_states > log.csv"),
+    (b"\xd0\xcf\x11\xe0", "an Excel file of before 2007; save it as .xlsx or .csv"),
+    (b"ULog", "a log of PX4; convert it with ulog2csv"),
+    *((bytes((0x80, protocol)), _PICKLE) for protocol in range(2, 6)),
+)
 
 
 def read_table(path: str | Path) -> Table:
-    """Read one file by its suffix: CSV (.csv, .txt, .tsv), Parquet, MAT (v5 to v7.3), NPZ, MF4, TDMS or MCAP.
+    """Read one file, or standard input where the path is "-".
 
-    A matrix of k columns named `data` becomes the columns `data:1` to `data:k`.
+    Text tables, JSON and JSON lines, Parquet, Feather, MAT (v4 to v7.3), HDF5, NPZ, NPY, Excel, MF4, TDMS and MCAP;
+    also compressed with gzip, bzip2, xz or zip. A matrix of k columns named `data` becomes `data:1` to `data:k`.
 
     Raises `MalformedLog` when the file is missing, of another kind, or unreadable.
     """
     path = Path(path)
-    kind = FORMATS.get(path.suffix.lower())
-    if kind is None:
-        raise MalformedLog(
-            f"{path.name}: the suffix '{path.suffix}' is not a known log format, use one of {', '.join(FORMATS)}."
-        )
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError as error:
-        raise MalformedLog(f"{path}: there is no such file, check the path.") from error
-    except OSError as error:
-        raise MalformedLog(f"{path}: the file cannot be opened ({error.strerror}), check it.") from error
+    content = _bytes(path)
+    name = "standard input" if str(path) == STANDARD_INPUT else path.name
     if not content:
-        raise MalformedLog(f"{path.name}: the file is empty, export the log again.")
+        raise MalformedLog(f"{name}: the file is empty, export the log again.")
     digest = hashlib.sha256(content).hexdigest()
-    if kind == "text":
+    content, kind = unpacked(content, name)
+    suffix = next((s for s in reversed(Path(name.lower()).suffixes) if s in SUFFIXES), "")
+    kind = kind or next((kind for signature, kind in _SIGNATURES if content.startswith(signature)), "")
+    if not kind and not _is_text(content):
+        kind = SUFFIXES.get(suffix, "")
+        _refuse_foreign(content, name, known=bool(kind))
+    if kind:
+        module, function = _READERS[kind]
+        read = cast(Read, getattr(importlib.import_module(f"identification.reading.{module}"), function))
+        table = guarded(read, content, name, digest, kind)
+    else:
+        from identification.reading.json_tables import parse_json
         from identification.reading.text import parse_text
 
-        return parse_text(content, path.name, digest)
-    if kind == "trade":
-        from identification.reading.trade import read_trade
+        table = parse_json(content, name, digest) or parse_text(content, name, digest)
+    return with_joints(with_motor_names(table, path))
 
-        return read_trade(content, path.name, digest)
+
+def _bytes(path: Path) -> bytes:
+    if str(path) == STANDARD_INPUT:
+        return sys.stdin.buffer.read()
     try:
-        columns = {"parquet": _parquet, "mat": _mat, "npz": _npz}[kind](content)
-    except Exception as error:  # the three parsers raise whatever their formats lead them to
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        raise MalformedLog(f"{path}: there is no such file, check the path.") from error
+    except IsADirectoryError as error:
+        inside = sorted(file.name for file in path.iterdir() if file.suffix.lower() in {*SUFFIXES, ".csv", ".json"})
+        example = f", such as {path / inside[0]}" if inside else ""
+        raise MalformedLog(f"{path}: a folder cannot be opened as a log, name a file in it{example}.") from error
+    except OSError as error:
+        raise MalformedLog(f"{path}: the file cannot be opened ({error.strerror}), check it.") from error
+
+
+def _is_text(content: bytes) -> bool:
+    """Whether nothing in the first bytes is beyond text; UTF-16 has its mark."""
+    head = content[:4096]
+    control = head.translate(None, bytes(range(32, 256)) + b"\t\n\r\f\v\x1b\x1a")
+    return content[:2] in (b"\xff\xfe", b"\xfe\xff") or not (control or _foreign(content))
+
+
+def _foreign(content: bytes) -> str:
+    return next((what for signature, what in _FOREIGN if content.startswith(signature)), "")
+
+
+def _refuse_foreign(content: bytes, name: str, *, known: bool) -> None:
+    what = _foreign(content)
+    if what:
+        raise MalformedLog(f"{name}: this is {what}.")
+    if not known:
         raise MalformedLog(
-            f"{path.name}: not a readable {path.suffix} file ({type(error).__name__}), export the log again."
-        ) from error
-    if not columns:
-        raise MalformedLog(f"{path.name}: the file holds no numeric columns, export the log again.")
-    return Table(name=path.name, columns=columns, sha256=digest)
-
-
-def columns_of(frame: pd.DataFrame) -> dict[str, NDArray[Any]]:
-    """The columns of a DataFrame, and its index where that has a name: the time, more often than not."""
-    index = frame.index.to_frame(index=False)
-    columns = {str(name): index.iloc[:, k].to_numpy() for k, name in enumerate(frame.index.names) if name is not None}
-    return columns | {str(name): frame[name].to_numpy() for name in dict.fromkeys(frame.columns)}
-
-
-def _parquet(content: bytes) -> dict[str, NDArray[Any]]:
-    import pandas as pd
-
-    return columns_of(pd.read_parquet(io.BytesIO(content)))
-
-
-def _npz(content: bytes) -> dict[str, NDArray[Any]]:
-    with np.load(io.BytesIO(content), allow_pickle=False) as archive:
-        arrays = {}
-        for name in archive.files:
-            try:
-                arrays[name] = archive[name]
-            except ValueError:  # a pickled object: never loaded, and never a measured channel
-                continue
-    return _vectors(arrays)
-
-
-def _mat(content: bytes) -> dict[str, NDArray[Any]]:
-    if content[:128].startswith(b"MATLAB 7.3") or content[:8] == b"\x89HDF\r\n\x1a\n":
-        return _vectors(_hdf5(content))
-    from scipy.io import loadmat
-
-    variables: dict[str, Any] = loadmat(io.BytesIO(content), squeeze_me=False)  # type: ignore[arg-type]
-    arrays: dict[str, Any] = {}
-    for name, value in variables.items():
-        if name.startswith("__"):
-            continue
-        if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:  # a struct: its fields
-            arrays |= {field: value[field].item() for field in value.dtype.names}
-        else:
-            arrays[name] = value
-    return _vectors(arrays)
-
-
-def _hdf5(content: bytes) -> dict[str, Any]:
-    """Datasets of a v7.3 MAT file, groups included; MATLAB writes its matrices transposed."""
-    import h5py
-
-    arrays: dict[str, Any] = {}
-
-    def keep(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and not name.startswith("#refs#"):
-            arrays[name.split("/")[-1]] = np.asarray(item).T
-
-    with h5py.File(io.BytesIO(content), "r") as file:
-        file.visititems(keep)
-    return arrays
-
-
-def _vectors(arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """One column a vector; a matrix gives one column for each of its columns; scalars are no channels."""
-    columns: dict[str, NDArray[Any]] = {}
-    for name, value in arrays.items():
-        if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiubmM" or value.size < 2:
-            continue
-        if value.ndim == 1 or value.size == max(value.shape):
-            columns[name] = value.ravel()
-        elif value.ndim == 2:
-            matrix = value if value.shape[0] >= value.shape[1] else value.T
-            columns |= {f"{name}:{k + 1}": matrix[:, k] for k in range(matrix.shape[1])}
-    return columns
+            f"{name}: this is not a text table, nor in another known format: JSON, {', '.join(sorted(_READERS))}."
+        )

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
+from identification.reading.time_names import is_time, time_unit
 
-_KEYS = ("Name", "time", "t")  # what stands above the times
 _SEARCHED_LINES = 200
 _PROOF = {"SampleTime[ms]", "Starttime of export", "StartRecord"}  # nobody but TwinCAT Scope writes these
 _NEUTRAL = {"ScaleFactor": "1", "Offset": "0", "Unit ScaleFactor": "1", "Unit Offset": "0"}
@@ -67,9 +67,9 @@ def find_scope_header(lines: Sequence[str]) -> ScopeHeader | None:
 
 def group_starts(names: Sequence[str]) -> list[int]:
     """Where a new time begins: at each column called as the first one, if that is called as times are."""
-    if not names or names[0].lower() not in {key.lower() for key in _KEYS}:
+    if not names or not (names[0] == "Name" or is_time(names[0])):
         return []
-    return [k for k, name in enumerate(names) if name.lower() == names[0].lower()]
+    return [k for k, name in enumerate(names) if name == names[0]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,8 +86,10 @@ class Groups:
     row_by_row: bool
 
 
-def read_groups(names: Sequence[str], frame: Sequence[NDArray[Any]], scope: ScopeHeader | None, file: str) -> Groups:
-    """Split the columns of a table into channels with clocks of their own.
+def read_groups(
+    names: Sequence[str], frame: Sequence[NDArray[Any]], scope: ScopeHeader | None, units: Sequence[str], file: str
+) -> Groups:
+    """Split the columns of a table into channels with clocks of their own; `units` are those of a row below the names.
 
     Raises `MalformedLog` where a channel holds text.
     """
@@ -111,8 +113,11 @@ def read_groups(names: Sequence[str], frame: Sequence[NDArray[Any]], scope: Scop
             if names[k] and names[k] not in columns:
                 columns[names[k]] = numbers[k][kept]
                 clocks[names[k]] = clock
-    units, notes = _units(names, scope, file)
-    return Groups(columns=columns, clocks=clocks, units=units, notes=notes, row_by_row=row_by_row)
+    stated = {name: unit for name, unit in zip(names, units, strict=False) if unit and name in columns}
+    if clock_unit := time_unit(names[0]) or (units[0] if units else ""):
+        stated["time"] = clock_unit
+    scaled, notes = _units(names, scope, file)
+    return Groups(columns=columns, clocks=clocks, units=stated | scaled, notes=notes, row_by_row=row_by_row)
 
 
 def _units(names: Sequence[str], scope: ScopeHeader | None, file: str) -> tuple[dict[str, str], tuple[str, ...]]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from identification.errors import MalformedLog
 from identification.reading.cia402 import drive_object
+from identification.reading.headings import heading
 from identification.reading.table import Table
 from identification.reading.units import si_factor, si_unit
 from plant.errors import BadParameter
@@ -50,7 +51,7 @@ def stated_units(
     for column, name in found.items():
         if column in units or column == "run":
             continue
-        unit = table.units.get(name, "").strip()
+        unit = table.units.get(name, "").strip() or heading(name).unit
         try:
             if unit.lower() not in _NO_UNIT:
                 if _counts(column, unit, axis, scaled=column in scales):

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 
@@ -13,17 +14,37 @@ from numpy.typing import NDArray
 class Table:
     """Columns as the file holds them: any dtype, lengths may differ (MAT and NPZ files mix sizes).
 
-    first_line: line of the first data row in a text file.
+    A column without a name is called by its place, counted from 1: "3" is the third.
+
+    first_line: line of row 1 in a text file.
+    rows: (T,) the number of each row, counted from 1 at `first_line`; None where no line between them was left out.
     notes: what the reader skipped, interpolated or left out, one sentence each.
     clocks: column -> times of its samples, as long as the column; columns that were sampled together share one array.
         Empty where the file has one row for each instant, and the time is a column like any other.
     units: column -> its unit as the file writes it; "time" is the unit of the clocks, [s] where it is not given.
+    joint_of: column -> the joint that it belongs to and its name without it, `position:elbow` -> ("elbow", "position").
     """
 
     name: str
     columns: Mapping[str, NDArray[Any]]
     sha256: str
     first_line: int | None = None
+    rows: NDArray[np.int64] | None = None
     notes: tuple[str, ...] = ()
     clocks: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    joint_of: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints of which the columns tell; empty where there is one axis."""
+        return tuple(dict.fromkeys(joint for joint, _ in self.joint_of.values()))
+
+    def row(self, index: int) -> int:
+        """Number of the row at an index of the columns."""
+        return index + 1 if self.rows is None else int(self.rows[index])
+
+    def where(self, index: int) -> str:
+        """File, row and line of an index of the columns, for messages."""
+        row = self.row(index)
+        return f"{self.name}, row {row}" + ("" if self.first_line is None else f" (line {row + self.first_line - 1})")

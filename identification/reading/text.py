@@ -2,72 +2,85 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
+from identification.reading.codesys import is_trace, read_trace
+from identification.reading.layout import COMMENT, SEARCHED_LINES, Layout, find_layout, split
+from identification.reading.list_cells import with_lists
+from identification.reading.numerals import has_decimal_comma, plain_numbers
 from identification.reading.scope import find_scope_header, group_starts, read_groups
 from identification.reading.table import Table
 
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?$")
-_NO_NUMBER = {"nan", "na", "null", "inf", "-inf"}
-_DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
-_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?$")
-_COMMENT = ("#", "%", "//")
-_SEARCHED_LINES = 200  # no export has a longer preamble
+_AS_DATA_BEGIN = frozenset("0123456789+-.,;\t")  # first characters that need no closer look
 
 
 def parse_text(content: bytes, name: str, sha256: str) -> Table:
     """The columns of a text table, and what was skipped.
 
-    Raises `MalformedLog` when there is no header, no data, or a line that does not fit.
+    Raises `MalformedLog` when there is no data, or a line that does not fit.
     """
-    lines = _decode(content, name).splitlines()
-    while lines and lines[-1].strip() in ("", "EOF"):
-        lines.pop()
-    notes: tuple[str, ...] = ()
+    lines = _lines(decoded(content, name))
+    if is_trace(lines):
+        return read_trace(lines, name, sha256)
     scope = find_scope_header(lines)
-    if scope is not None:
-        separator, start, header = scope.separator, scope.data_line, list(scope.names)
+    if scope is None:
+        layout = find_layout(lines, name)
     else:
-        separator, start = _layout(lines, name)
-        header_line, header = _header(lines, separator, start, name)
-        if start - header_line > 1:
-            notes += (
-                f"{name}: the lines {header_line + 2} to {start} between the names and the data are not read; "
-                "units written there must be given with --unit",
-            )
-    width = len(header)
-    starts = group_starts(header)
+        bare = ("",) * len(scope.names)
+        layout = Layout(separator=scope.separator, names=scope.names, units=bare, start=scope.data_line)
+    first = split(lines[layout.start], layout.separator)
+    width = len(layout.names) or len(first)
+    starts = group_starts(layout.names)
     grouped = len(starts) > 1 or scope is not None
+    body = _body(lines, layout.start, name)
+    notes = [*_unread(layout, name), *body.notes]
     ends = {width, *starts} if grouped else {width}  # where the slower groups have ended, rows are shorter
-    last = len(_split(lines[-1], separator))
-    if len(lines) > start + 1 and last < width and last not in ends:
-        notes += (f"{name}: the last line ({len(lines)}) is cut off and left out",)
-        lines.pop()
-    decimal = "," if _has_decimal_comma(lines[start:], separator) else "."
-    cells = max(len(_split(lines[start], separator)), width)
-    frame = _parse(lines[start:], separator, decimal, cells, start, name)[:width]
-    if not grouped:
-        columns = {column: v for column, v in zip(_unique(header), frame, strict=True) if column}  # unnamed: index
-        return Table(name=name, columns=columns, sha256=sha256, first_line=start + 1, notes=notes)
-    groups = read_groups(header, frame, scope, name)
+    last = len(split(body.lines[-1], layout.separator))
+    if len(body.lines) > 1 and last < width and last not in ends:
+        notes.append(f"{name}: the last line ({body.line(len(body.lines))}) is cut off and left out")
+        body.lines.pop()
+    columns = _parse(body, layout.separator, max(len(first), width), name)[:width]
+    if grouped:
+        groups = read_groups(layout.names, columns, scope, layout.units, name)
+        return Table(
+            name=name,
+            columns=groups.columns,
+            sha256=sha256,
+            first_line=body.first_line if groups.row_by_row else None,
+            rows=body.kept_rows if groups.row_by_row else None,
+            notes=(*notes, *groups.notes),
+            clocks=groups.clocks,
+            units=groups.units,
+        )
+    names = _called(layout.names or ("",) * width, columns)
+    if not layout.names:
+        notes.append(f"{name}: no column names stand above the numbers; the columns are called 1 to {len(names)}")
+    spread = with_lists(dict(zip(names, columns, strict=False)))
     return Table(
         name=name,
-        columns=groups.columns,
+        columns=spread.columns,
         sha256=sha256,
-        first_line=start + 1 if groups.row_by_row else None,
-        notes=notes + groups.notes,
-        clocks=groups.clocks,
-        units=groups.units,
+        first_line=body.first_line,
+        rows=body.kept_rows,
+        notes=tuple(notes),
+        units={column: unit for column, unit in zip(names, layout.units, strict=False) if unit},
+        joint_of=spread.joint_of,
     )
 
 
-def _decode(content: bytes, name: str) -> str:
+def decoded(content: bytes, name: str) -> str:
+    """The text of a file in UTF-8, UTF-16 with its mark, or Latin-1.
+
+    Raises `MalformedLog` where it is no text.
+    """
     wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
     for encoding in ("utf-16",) if wide else ("utf-8-sig", "latin-1"):  # latin-1 reads any byte
         try:
@@ -79,89 +92,80 @@ def _decode(content: bytes, name: str) -> str:
     raise MalformedLog(f"{name}: this is not a text table, check the file or its suffix.")
 
 
-def _split(line: str, separator: str) -> list[str]:
-    if separator == " ":
-        return line.split()
-    try:
-        cells = next(csv.reader([line], delimiter=separator), [])
-    except csv.Error:
-        cells = line.split(separator)
-    return [cell.strip() for cell in cells]
+def _lines(text: str) -> list[str]:
+    """The lines, whatever ends them: csv.writer on Windows writes CR CR LF."""
+    lines = text.replace("\r\r\n", "\n").replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    while lines and lines[-1].strip() in ("", "EOF"):
+        lines.pop()
+    return lines
 
 
-def _is_value(cell: str) -> bool:
-    return bool(_NUMBER.match(cell) or _DATE.match(cell)) or cell.lower() in _NO_NUMBER
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Body:
+    """The lines of data, and the number of each, counted from 1 at the first one, where others stand between them."""
+
+    lines: list[str]
+    first_line: int
+    rows: NDArray[np.int64] | None
+    notes: tuple[str, ...]
+
+    def line(self, number: int) -> int:
+        """Line in the file of the data line with this number, counted from 1."""
+        return self.first_line - 1 + (number if self.rows is None else int(self.rows[number - 1]))
+
+    @property
+    def kept_rows(self) -> NDArray[np.int64] | None:
+        """`rows` without the lines that were left out at the end."""
+        return None if self.rows is None else self.rows[: len(self.lines)]
 
 
-def _is_data(cells: list[str]) -> bool:
-    filled = [cell for cell in cells if cell]
-    return 2 * sum(map(_is_value, filled)) > len(filled)
+def _body(lines: list[str], start: int, name: str) -> _Body:
+    """The lines from the first row on, without blank ones, comments, and names that stand there again."""
+    head = {line for line in lines[max(start - SEARCHED_LINES, 0) : start] if line.strip()}
+    suspects = [k for k in range(start, len(lines)) if lines[k][:1] not in _AS_DATA_BEGIN]
+    again = [k for k in suspects if lines[k] in head]
+    out = {k for k in suspects if not lines[k].strip() or lines[k].lstrip().startswith(COMMENT)}.union(again)
+    notes: tuple[str, ...] = ()
+    if again:
+        notes = (f"{name}: the lines above the data stand there again from line {again[0] + 1} on, and are skipped",)
+    if not out:
+        return _Body(lines=lines[start:], first_line=start + 1, rows=None, notes=notes)
+    kept = [k for k in range(start, len(lines)) if k not in out]
+    rows = np.asarray(kept, dtype=np.int64) - start + 1
+    return _Body(lines=[lines[k] for k in kept], first_line=start + 1, rows=rows, notes=notes)
 
 
-def _layout(lines: list[str], name: str) -> tuple[str, int]:
-    """Separator and index of the first data line: two columns or more, and another such line below it."""
-    searched = lines[:_SEARCHED_LINES]
-    for separator in ("\t", ";", "|", ",", " "):  # the comma late: it may be the decimal point
-        table = [[] if line.lstrip().startswith(_COMMENT) else _split(line, separator) for line in searched]
-        for index, cells in enumerate(table):
-            below = table[index + 1] if index + 1 < len(table) else cells
-            if len(cells) < 2 or len(below) != len(cells) or not (_is_data(cells) and _is_data(below)):
-                continue
-            if cells[0] and not _is_value(cells[0]) and _is_value(below[0]):  # names: time, 6064, 6077
-                continue
-            return separator, index
-    raise MalformedLog(
-        f"{name}: no table of numbers is found; a log needs one line of column names and then rows of "
-        "numbers separated by comma, semicolon, tab or |."
-    )
+def _unread(layout: Layout, name: str) -> list[str]:
+    if not layout.unread:
+        return []
+    first, last = layout.unread[0], layout.unread[-1]
+    lines = f"line {first} is" if first == last else f"the lines {first} to {last} are"
+    return [f"{name}: {lines} not read, as neither names nor units nor numbers stand there"]
 
 
-def _header(lines: list[str], separator: str, start: int, name: str) -> tuple[int, list[str]]:
-    """The names: of the lines right above the data with as many cells, the fullest one, and of these the first."""
-    data = _split(lines[start], separator)
-    width = len(data)
-    while data and not data[-1]:  # some exports end each row, but not the names, with a separator
-        data.pop()
-    best: tuple[int, list[str]] | None = None
-    for index in range(start - 1, -1, -1):
-        cells = _split(lines[index].lstrip("#% "), separator)
-        while len(cells) > width and not cells[-1]:
-            cells.pop()
-        if not len(data) <= len(cells) <= width or not any(cells):
-            if best is None and lines[index].strip():
-                raise MalformedLog(
-                    f"{name}, line {start + 1}: the data have {width} columns but the line of names above has "
-                    f"{len(cells)}, make them match."
-                )
-            break
-        if best is None or sum(map(bool, cells)) >= sum(map(bool, best[1])):
-            best = (index, cells)
-    if best is None:
-        raise MalformedLog(f"{name}: no column names stand above the numbers, add a line like time,torque,angle.")
-    return best
-
-
-def _unique(header: list[str]) -> list[str]:
-    """The first of several columns of one name keeps it."""
-    seen: set[str] = set()
-    names = []
-    for column in header:
-        names.append("" if column in seen else column)
-        seen.add(column)
+def _called(header: Sequence[str], columns: list[NDArray[Any]]) -> list[str]:
+    """A name for each column: its own if it is the first so called, else its place; empty ones at the end have none."""
+    width = len(columns)
+    while width and not header[width - 1] and np.asarray(columns[width - 1] != columns[width - 1]).all():
+        width -= 1
+    names: list[str] = []
+    for place, column in enumerate(header[:width], 1):
+        called = column if column not in names else ""
+        own = str(place)
+        while not called:
+            called, own = ("" if own in header or own in names else own), f":{own}"
+        names.append(called)
     return names
 
 
-def _has_decimal_comma(lines: list[str], separator: str) -> bool:
-    cells = [cell for line in lines[:_SEARCHED_LINES] for cell in _split(line, separator)]
-    return any(_DECIMAL_COMMA.match(cell) for cell in cells)
-
-
-def _parse(lines: list[str], separator: str, decimal: str, width: int, start: int, name: str) -> list[NDArray[Any]]:
+def _parse(body: _Body, separator: str, width: int, name: str) -> list[NDArray[Any]]:
     import pandas as pd
 
+    sample = [cell for line in body.lines[:SEARCHED_LINES] for cell in split(line, separator)]
+    decimal = "," if has_decimal_comma(sample) else "."
     try:
         frame = pd.read_csv(
-            io.StringIO("\n".join(lines)),
+            io.StringIO("\n".join(body.lines)),
             sep=r"\s+" if separator == " " else separator,
             decimal=decimal,
             header=None,
@@ -174,15 +178,15 @@ def _parse(lines: list[str], separator: str, decimal: str, width: int, start: in
     except Exception as error:  # ParserError, but also ValueError and OverflowError
         found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
         if found:
-            line = int(found[2]) + start
             raise MalformedLog(
-                f"{name}, line {line}: {found[3]} cells where the names give {width}, repair or delete this line."
+                f"{name}, line {body.line(int(found[2]))}: {found[3]} cells where the names give {width}, "
+                "repair or delete this line."
             ) from error
         found = re.search(r"EOF inside string starting at row (\d+)", str(error))
         if found:
-            line = int(found[1]) + start + 1
+            line = body.line(int(found[1]) + 1)
             raise MalformedLog(f"{name}, line {line}: a quotation mark is opened and not closed, remove it.") from error
         raise MalformedLog(f"{name}: the table cannot be read ({type(error).__name__}), export it again.") from error
-    if len(frame) != len(lines):
+    if len(frame) != len(body.lines):
         raise MalformedLog(f"{name}: a quotation mark is opened and not closed, remove it.")
-    return [frame[k].to_numpy() for k in range(width)]
+    return [plain_numbers(frame[k].to_numpy()) for k in range(width)]

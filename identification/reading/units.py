@@ -21,10 +21,18 @@ SI_UNITS = {
     "angle_1": "rad",
     "angle_2": "rad",
     "position": "m",
+    "current": "A",
+    "voltage": "V",
 }
 
 # Columns whose unit follows the axis: an angle on a rotary axis, a length on a linear one.
-AXIS_UNITS = {"velocity": ("rad/s", "m/s"), "reference": ("rad", "m"), "goal": ("rad", "m")}
+AXIS_UNITS = {"velocity": ("rad/s", "m/s"), "reference": ("rad", "m"), "setpoint": ("rad", "m")}
+
+# One column of each unit that a log may have, with the axis that has it.
+_KINDS = (
+    *((column, "rotary") for column in ("time", "torque", "angle", "velocity", "current", "voltage")),
+    *((column, "linear") for column in ("force", "position", "velocity")),
+)
 
 # What pint would read as something else: a number_meter, a frequency, an enzyme_unit.
 _NEWTON_METRES = re.compile(r"(?<![A-Za-z])([mk]?)N([cm]?)m(?![A-Za-z])")
@@ -45,11 +53,34 @@ def _registry() -> Any:
     return pint.UnitRegistry()
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit of any kind, known or not to a log: "N m", "1/min", "V"."""
+    if not text or len(text) > _LONGEST or re.search(r"\d{3}|[<>=!]|\*\*|\^.*\^", text):
+        return False
+    try:
+        found = _registry().parse_expression(_PER_MINUTE.sub("rpm", text))
+    except Exception:  # pint raises a dozen different types on odd text
+        return False
+    return not getattr(found, "unitless", True)
+
+
 def si_unit(column: str, axis: str) -> str:
     """The SI unit of a contract column on a "rotary" or "linear" axis."""
     if column in AXIS_UNITS:
         return AXIS_UNITS[column][axis == "linear"]
     return SI_UNITS[column]
+
+
+@cache
+def kind_of(unit: str) -> str | None:
+    """The SI unit that a unit can be converted to ("s", "N m", "rad", ...), None if it is no unit of a log."""
+    for column, axis in _KINDS:
+        try:
+            si_factor(column, unit, axis)
+        except BadParameter:
+            continue
+        return si_unit(column, axis)
+    return None
 
 
 def si_factor(column: str, unit: str, axis: str) -> float:

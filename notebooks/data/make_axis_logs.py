@@ -15,7 +15,7 @@ from plant import ServoModel, simulate
 from plant.effects import AsymmetricFriction, Cogging
 
 FOLDER = Path(__file__).parent
-DT = 0.005
+DT, FINE = 0.005, 20  # a sample [s], and the integration steps in it: many more than the ripple needs
 MACHINE = ServoModel(
     inertia=95.0,
     gravity=0.0,
@@ -30,8 +30,8 @@ STIFFNESS, DAMPING = 3.0e4, 2.0e3  # of the position loop [N/m, N s/m]
 
 
 def goal(time: np.ndarray) -> np.ndarray:
-    """Smooth strokes to and fro [m], each shorter than the one before."""
-    strokes, hold = 0.24 * 0.8 ** np.arange(8) * np.where(np.arange(8) % 2, -1.0, 1.0), 1.5
+    """Smooth strokes to and fro [m], each shorter than the one before; at most 0.22 turns of the screw in a sample."""
+    strokes, hold = 0.06 * 0.8 ** np.arange(8) * np.where(np.arange(8) % 2, -1.0, 1.0), 1.5
     share = np.clip((time[:, None] - hold * np.arange(8)) / (0.75 * hold), 0.0, 1.0)
     return (strokes * (share - np.sin(2 * np.pi * share) / (2 * np.pi))).sum(axis=1)
 
@@ -46,7 +46,7 @@ def record(seed: int, pulses: float) -> pd.DataFrame:
         position[k] = state[0] + 2e-6 * rng.standard_normal()
         force[k] = STIFFNESS * (wanted[k] - state[0]) + DAMPING * (speed[k] - state[1]) + push[k]
         force[k] = np.round(force[k], 2)
-        state = simulate(MACHINE, command=force[k : k + 1], dt=DT, state=state)[-1]
+        state = simulate(MACHINE, command=force[k : k + 1], dt=DT, state=state, substeps=FINE)[-1]
     return pd.DataFrame({"t": np.round(1e3 * time, 1), "F": force, "x": np.round(1e3 * position, 4)})
 
 

@@ -133,9 +133,9 @@ class Effect:
     axes: ClassVar[tuple[Axis, ...]] = ("rotary", "linear")
 
     def __post_init__(self) -> None:
-        """Validate every parameter."""
+        """Validate every parameter, and keep it as a float."""
         for spec in self.parameters():
-            spec.check(self.name, getattr(self, spec.name))
+            object.__setattr__(self, spec.name, spec.check(self.name, getattr(self, spec.name)))
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

@@ -7,6 +7,7 @@ from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Literal, TypeAlias
 
 from plant.errors import BadParameter
+from plant.number import finite
 
 Axis: TypeAlias = Literal["rotary", "linear"]
 
@@ -51,12 +52,14 @@ class Parameter:
             return max(self.lower, 2.0 / (last - first)), min(self.upper, fastest_swing(sample_time))
         return self.lower, min(self.upper, _LONGEST_LAG * (last - first)) if self.lag else self.upper
 
-    def check(self, owner: str, value: float) -> None:
-        """Raise `BadParameter` unless `value` is finite and within the bounds."""
-        if not (isinstance(value, (int, float)) and math.isfinite(value)):
+    def check(self, owner: str, value: Any) -> float:
+        """The value as a float; raise `BadParameter` unless it is finite and within the bounds."""
+        number = finite(value)
+        if number is None:
             raise BadParameter(f"{owner}: {self.name} must be a finite number, not {value!r}.")
-        if not self.lower <= value <= self.upper:
-            raise BadParameter(f"{owner}: {self.name} = {value:g} is outside {self.lower:g} .. {self.upper:g}.")
+        if not self.lower <= number <= self.upper:
+            raise BadParameter(f"{owner}: {self.name} = {number:g} is outside {self.lower:g} .. {self.upper:g}.")
+        return number
 
 
 def parameter(

@@ -1,0 +1,99 @@
+"""Whether an angle is in degrees: by its encoder, by its wraps, by gravity; an unusual speed is only warned of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.checks.faults import find_wraps, quantum
+from identification.checks.sign import SURE, student, undisputed, views
+from identification.recording import Array, Finding, Recording
+
+FASTEST_LOAD = 1000.0  # [rad/s], 9550 rpm on the load's side
+_LEVELS, _MOST_LINES = 20, 2**26  # readings that differ, steps a turn
+_LUCK = 1e-3  # of the exponent of two: one encoder in 500 is as near to a power by chance
+_FELT = 0.01  # share of the torque's variance that gravity explains, from which it counts
+
+
+def unit_of_the_angle(recording: Recording) -> Iterable[Finding]:
+    """An angle that is in degrees makes the log unusable; an unusual speed is warned of."""
+    if recording.axis != "rotary" or "velocity" in recording.others:
+        return
+    output = recording.name("output")
+    lines = encoder_lines(recording.output[recording.valid], 360.0)
+    speed = float(np.quantile(np.abs(np.diff(recording.output) / np.diff(recording.time)), 0.99))
+    reason = None
+    if lines is not None:
+        reason = f"has steps of 360/{lines}, as an encoder of {lines} steps a turn has in degrees"
+    elif gravity_in_degrees(recording):
+        reason = "feels a gravity that comes again after 360, as in degrees"
+    if reason is not None:
+        text = f"{recording.label}: '{output}' {reason}: --unit angle=deg"
+        yield Finding(kind="degrees", repaired=False, text=text, unusable=True)
+    elif speed > FASTEST_LOAD:
+        text = f"{recording.label}: '{output}' moves at {speed:.3g} rad/s; if it is in degrees, say --unit angle=deg"
+        yield Finding(kind="fast", repaired=False, text=text)
+
+
+def wraps_in_degrees(values: Array, index: NDArray[np.int64]) -> bool:
+    """Whether readings (T,) with places `index` (T,) wrap around by 360, which no angle in radians does."""
+    return find_wraps(values, index, 360.0, quantum(values))[1] == 360.0
+
+
+def gravity_in_degrees(recording: Recording) -> bool:
+    """Whether the torque surely goes with the sine of the angle in degrees, rather than in radians or as a spring."""
+    if recording.servo_gain.any():
+        return False
+    part, seen = views(recording)
+    told, felt = [], 0.0
+    for view in seen:
+        angle = view.behind(part.output)
+        command = view.behind(part.command)
+        other = [view.acceleration, *np.vander((angle - angle.mean()) / (angle.std() or 1.0), 4, increasing=True).T]
+        as_read, in_degrees = (
+            _left(command, [view.friction, *other, np.cos(x), np.sin(x)]) for x in (angle, np.deg2rad(angle))
+        )
+        told.append(student(as_read - in_degrees, as_read + in_degrees))
+        felt = max(felt, float(np.mean(as_read - in_degrees)) / max(float(command.var()), 1e-300))
+    return bool(told) and undisputed(told) > SURE and felt > _FELT
+
+
+def _left(command: Array, columns: Sequence[Array]) -> Array:
+    """(N,) squares of what columns leave of a command (N,), whether or not some of them say the same."""
+    basis = np.column_stack(columns)
+    basis = basis / np.maximum(np.linalg.norm(basis, axis=0), 1e-300)
+    left, size, _ = np.linalg.svd(basis, full_matrices=False)
+    left = left[:, size > 1e-9 * size[0]]
+    return np.asarray((command - left @ (left.T @ command)) ** 2)
+
+
+def encoder_lines(values: Array, turn: float) -> int | None:
+    """Steps a turn of the encoder that readings (T,) come from, where that is a power of two; else None.
+
+    The step is refined over more and more readings, so that its rounding in a file averages out. Readings that are
+    rounded to decimals have steps of 1, 2 or 5 of their last digit, which no power of two divides into a turn.
+    """
+    levels = np.unique(values)
+    step = quantum(levels)
+    if step == 0 or len(levels) < _LEVELS or turn / step > _MOST_LINES:
+        return None
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 0.3 * step]  # two roundings of one step
+    usual = float(np.median(gaps[gaps < 1.7 * gaps.min()]))
+    places, span = levels - levels[0], 16.0
+    while True:
+        near = places < span * usual
+        whole = np.round(places[near] / usual)
+        if whole[-1] > 0:
+            usual = float(whole @ places[near] / (whole @ whole))
+        if near.all():
+            break
+        span *= 2
+    off = places - usual * np.round(places / usual)
+    exponent = np.log2(turn / usual)
+    error = float(off.std()) / (usual * whole[-1]) / np.log(2)  # of the exponent, at most
+    if off.std() > 0.1 * usual or abs(exponent - np.round(exponent)) > max(4 * error, 1e-6):
+        return None
+    return int(2 ** np.round(exponent)) if 4 * error < _LUCK else None

@@ -1,0 +1,47 @@
+"""A speed, or a set-point of one, that was taken for the torque.
+
+A torque has to accelerate the load, and to overcome friction before it moves at all. A command that is the speed times
+a constant does neither. Where the constant is that of a unit of speed, a loop that follows its set-point with an error
+is known as well; where it is another, the speed itself was taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from identification.checks.sign import views
+from identification.recording import Finding, Recording
+
+_UNITS = {
+    "rotary": {"rad/s": 1.0, "rpm": 30 / np.pi, "deg/s": 180 / np.pi, "turn/s": 0.5 / np.pi, "mrad/s": 1e3},
+    "linear": {"m/s": 1.0, "mm/s": 1e3, "mm/min": 6e4},
+}
+_EXACT, _FOLLOWED = 1e-3, 0.03  # share of the command's square that is not the speed times a constant
+_NEAR = 0.01  # of the factor of a unit
+_VARIES = 0.1  # share of the speed's square that is not its mean
+
+
+def speed_for_torque(recording: Recording) -> Iterable[Finding]:
+    """A command that is proportional to the speed makes the log unusable."""
+    if recording.servo_gain.any():
+        return
+    part, seen = views(recording)
+    for view in seen:
+        speed, command = view.speed, view.behind(part.command)
+        squares = float(speed @ speed), float(command @ command)
+        if not min(squares) > 0 or speed.var() < _VARIES * squares[0] / len(speed):
+            continue
+        factor = float(speed @ command) / squares[0]
+        left = 1.0 - factor**2 * squares[0] / squares[1]
+        units = _UNITS[recording.axis].items()
+        unit = next((unit for unit, size in units if abs(abs(factor) / size - 1) < _NEAR), None)
+        if left < _EXACT or (unit is not None and left < _FOLLOWED):
+            what = f"the speed of '{recording.name('output')}'" + (f" in {unit}" if unit else f" times {factor:.4g}")
+            text = (
+                f"{recording.label}: '{recording.name('command')}' is {what}, so a speed or its set-point was taken "
+                "for what drives the load; name the torque, current or voltage with --map torque=COLUMN"
+            )
+            yield Finding(kind="speed as command", repaired=False, text=text, unusable=True)
+            return

@@ -1,0 +1,45 @@
+"""Channels with a clock each, as recorders and robots write them, to one table."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from identification.reading.table import Table
+from identification.recording import Array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Channel:
+    """One channel: samples of any dtype, their times [s] if it has any, its unit as the file writes it.
+
+    joint: the joint that it belongs to and its name without it, if it is a joint's.
+    """
+
+    group: str
+    name: str
+    values: NDArray[Any]
+    time: Array | None
+    unit: str = ""
+    joint: tuple[str, str] | None = None
+
+
+def table_of(channels: Sequence[Channel], name: str, sha256: str, notes: Sequence[str] = ()) -> Table:
+    """The channels by their name where it is the only one so called, else with their group before it."""
+    times = Counter(channel.name for channel in channels)
+    named: dict[str, Channel] = {}
+    for channel in channels:  # of one name, the first counts
+        named.setdefault(channel.name if times[channel.name] == 1 else f"{channel.group}/{channel.name}", channel)
+    return Table(
+        name=name,
+        columns={key: channel.values for key, channel in named.items()},
+        sha256=sha256,
+        notes=tuple(f"{name}: {note}" for note in notes),
+        clocks={key: channel.time for key, channel in named.items() if channel.time is not None},
+        units={key: channel.unit for key, channel in named.items() if channel.unit},
+        joint_of={key: channel.joint for key, channel in named.items() if channel.joint is not None},
+    )

@@ -1,0 +1,73 @@
+"""Series that lie in groups, as in HDF5 and JSON: one table of rows, or channels on the clock of their group."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.reading.table import Table
+from identification.reading.time_names import is_time, time_unit
+
+Groups = Mapping[str, Mapping[str, NDArray[Any]]]
+"""Path of a group -> name of a series -> its values; "" is the path of what lies in no group."""
+
+_VALUES = ("value", "values", "data", "y")  # names that say less than that of their group
+
+
+def vectors(arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    """One column a vector; a matrix gives one column for each of its columns; scalars are no channels."""
+    columns: dict[str, NDArray[Any]] = {}
+    for name, value in arrays.items():
+        if not isinstance(value, np.ndarray) or value.size < 2:
+            continue
+        if value.dtype.names:  # a compound: its fields
+            fields = vectors({field: value[field] for field in value.dtype.names})
+            columns |= {field if len(arrays) == 1 else f"{name}.{field}": column for field, column in fields.items()}
+        elif value.dtype.kind not in "fiubmM":
+            continue
+        elif value.ndim == 1 or value.size == max(value.shape):
+            columns[name] = value.ravel()
+        elif value.ndim == 2:
+            matrix = value if value.shape[0] >= value.shape[1] else value.T
+            columns |= {f"{name}:{k + 1}": matrix[:, k] for k in range(matrix.shape[1])}
+    return columns
+
+
+def grouped_table(groups: Groups, name: str, sha256: str) -> Table:
+    """A table of all series; where two groups have times of their own that differ, these are their channels' clocks.
+
+    A series has its own name where no other is so called, else its group before it.
+    """
+    groups = {path: group for path, group in groups.items() if group}
+    times = {path: next((key for key in group if is_time(key)), "") for path, group in groups.items()}
+    stamps = [groups[path][key] for path, key in times.items() if key]
+    apart = any(not np.array_equal(stamps[0], other) for other in stamps[1:])
+    clocked = {path for path, key in times.items() if key and apart}
+    keys = [
+        (path, key) for path, group in groups.items() for key in group if not (path in clocked and key == times[path])
+    ]
+    called = {place: _name(*place, groups, times) for place in keys}
+    many = Counter(called.values())
+    columns: dict[str, NDArray[Any]] = {}
+    clocks: dict[str, NDArray[Any]] = {}
+    for (path, key), short in called.items():
+        full = short if many[short] == 1 else f"{path}/{key}"
+        if many[short] > 1 and key == times[path] and not apart:  # all groups have the same time
+            full = key
+        columns.setdefault(full, groups[path][key])
+        if path in clocked and len(groups[path][key]) == len(groups[path][times[path]]):
+            clocks[full] = groups[path][times[path]]
+    unit = next((time_unit(times[path]) for path in clocked), "")
+    return Table(
+        name=name, columns=columns, sha256=sha256, clocks=clocks, units={"time": unit} if unit and clocked else {}
+    )
+
+
+def _name(path: str, key: str, groups: Groups, times: Mapping[str, str]) -> str:
+    """The series' own name, or that of its group where it is the only one there and called `value`."""
+    alone = path and all(other == key or other == times[path] for other in groups[path])
+    return path.rsplit("/", 1)[-1] if alone and key.lower() in _VALUES else key

@@ -1,0 +1,72 @@
+"""What a heading says: words without case and punctuation, and the unit that stands behind or in it.
+
+`Torque [mNm]`, `torque_mNm` and `Torque (mN·m)` are the word "torque" and the unit mNm; `ENC1Position` is "enc 1
+position"; `q̇`, `θ` and `τ` are spelled out.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from dataclasses import dataclass
+from functools import lru_cache
+
+from identification.reading.units import kind_of
+
+_GREEK = {"θ": "theta", "ϑ": "theta", "φ": "phi", "ϕ": "phi", "τ": "tau", "ω": "omega", "α": "alpha"}
+_BRACKETS = re.compile(r"^(.*\S)\s*[\[({<]\s*([^\[\](){}<>]+?)\s*[\])}>]\s*$")
+_WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
+_LETTERS = re.compile(r"[A-Za-zµ°%]+")
+_UNSIZED = {"%", "‰", "count", "counts", "cnt", "inc", "increments", "ticks", "pulses", "raw", "lsb", "digits", "bit"}
+_AT_THE_END = {
+    *("s", "sec", "ms", "us", "ns", "rad", "mrad", "deg", "turn", "turns", "rev", "revs", "rpm", "mm", "um", "m"),
+    *("nm", "mnm", "ncm", "n", "kn", "a", "ma", "v", "mv", "hz"),
+}
+_SPELLED = {"sec": "s", "turns": "turn", "rev": "turn", "revs": "turn", "nm": "N*m", "mnm": "mN*m", "ncm": "N*cm"}
+_SPELLED |= {"n": "N", "kn": "kN", "a": "A", "ma": "mA", "v": "V", "mv": "mV"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heading:
+    """The words of a heading, lower case, and its unit as a text that `units.si_factor` reads; empty if it has none.
+
+    trailing: whether the unit is a last word, as in `time_ms`, and might be a word like any other (`torque_m`).
+    """
+
+    words: tuple[str, ...]
+    unit: str = ""
+    trailing: bool = False
+
+
+@lru_cache(maxsize=4096)
+def heading(text: str) -> Heading:
+    """Take a heading apart."""
+    plain = unicodedata.normalize("NFKC", text.lstrip("\ufeff")).strip()
+    found = _BRACKETS.match(plain)
+    if found:
+        unit = found[2]
+        if unit.lower() in _UNSIZED or kind_of(unit) is not None:
+            return Heading(words=_words(found[1]), unit=unit)
+    words = _words(plain)
+    for count in (2, 1):
+        last = _last_letters(plain, count)
+        if len(words) <= count or not last or not all(one.lower() in _AT_THE_END for one in last):
+            continue
+        unit = "/".join(_SPELLED.get(one.lower(), one.lower()) for one in last)
+        if unit == "N/m":
+            unit = "N*m"
+        if kind_of(unit) is not None:
+            return Heading(words=words[: len(words) - count], unit=unit, trailing=True)
+    return Heading(words=words)
+
+
+def _words(text: str) -> tuple[str, ...]:
+    spelled = "".join(f" {_GREEK[one]} " if one in _GREEK else one for one in text)
+    ascii_only = unicodedata.normalize("NFKD", spelled).encode("ascii", "ignore").decode()
+    return tuple(word.lower() for word in _WORDS.findall(ascii_only))
+
+
+def _last_letters(text: str, count: int) -> list[str]:
+    """The last groups of letters, set apart by `_`, a space, a slash or a point."""
+    parts = re.split(r"[_\s./]+", text)
+    return parts[-count:] if len(parts) > count and all(map(_LETTERS.fullmatch, parts[-count:])) else []

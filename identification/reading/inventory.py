@@ -1,0 +1,103 @@
+"""What the columns of a file are: name, unit, range, and what each was taken for or may be."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import MissingColumns
+from identification.reading.headings import heading
+from identification.reading.recognition import Recognition, missing
+from identification.reading.request import Reading
+from identification.reading.table import Table
+
+_LONGEST = 24  # characters of a text cell that are shown
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColumnFacts:
+    """One column of a file.
+
+    range: its least and greatest value as text, of a column of text its first cell; samples: how many are there.
+    taken_for: the column of the log contract, empty if it is left alone; why: why it was taken.
+    may_be: the column of the log contract that it may be, where it was not taken.
+    """
+
+    name: str
+    unit: str
+    range: str
+    samples: int
+    taken_for: str = ""
+    why: str = ""
+    may_be: str = ""
+
+
+def inventory(table: Table, known: Recognition) -> tuple[ColumnFacts, ...]:
+    """All columns of a table, in its order."""
+    columns = {name: column for column, name in known.found.items()}
+    return tuple(
+        ColumnFacts(
+            name=name,
+            unit=table.units.get(name, "") or heading(name).unit,
+            range=_range(values),
+            samples=len(values),
+            taken_for=columns.get(name, ""),
+            why=known.why.get(columns.get(name, ""), ""),
+            may_be=known.guesses.get(name, ""),
+        )
+        for name, values in table.columns.items()
+    )
+
+
+def refuse_missing(table: Table, known: Recognition, reading: Reading) -> None:
+    """Say all that is missing at once, with what the file has.
+
+    Raises `MissingColumns`, if anything is missing.
+    """
+    lacking = list(missing(known, table, reading))
+    if not lacking:
+        return
+    facts = inventory(table, known)
+    first = f"{table.name}: no column is recognised as {_listed(lacking)}, of those that the file has."
+    options = suggested_options(known, lacking_time=lacking[0].startswith("'time'"))
+    raise MissingColumns("\n".join([first, *_lines(facts)]), options=options, file=table.name)
+
+
+def suggested_options(known: Recognition, *, lacking_time: bool) -> str:
+    """Options that name the first guess of each missing column, quoted for a shell; NAME where there is none."""
+    needed = ["time"] if lacking_time else []
+    needed += [] if known.has_command else ["torque"]
+    needed += [] if known.has_response else ["angle"]
+    said = []
+    for column in needed:
+        guess = next((name for name, may_be in known.guesses.items() if may_be == column), "NAME")
+        said.append(f"--map {shlex.quote(f'{column}={guess}')}")
+    return " ".join(said)
+
+
+def _lines(facts: tuple[ColumnFacts, ...]) -> list[str]:
+    shown = [(one.name, one.unit, one.range, _use(one)) for one in facts]
+    rows = [("column", "unit", "range", "taken for"), *shown]
+    widths = [max(len(row[place]) for row in rows) for place in range(4)]
+    return ["  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _use(one: ColumnFacts) -> str:
+    if one.taken_for:
+        return f"{one.taken_for} ({one.why})"
+    return f"{one.may_be}?" if one.may_be else ""
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def _range(values: NDArray[np.generic]) -> str:
+    if values.dtype.kind in "fiub":
+        sound = values[np.isfinite(values)] if values.dtype.kind == "f" else values
+        return f"{float(sound.min()):.4g} .. {float(sound.max()):.4g}" if sound.size else "no numbers"
+    first = next((str(cell) for cell in values if str(cell) not in ("", "nan", "None", "NaT")), "")
+    return f"'{first[:_LONGEST]}' ..." if first else "empty"

@@ -1,0 +1,107 @@
+"""Two files of one experiment, such as the drive's and the encoder's, joined on their clocks."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import MalformedLog
+from identification.reading.table import Table
+from identification.reading.time_names import is_time, time_unit
+from identification.recording import Array
+
+_SECONDS = {"min": 60.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
+
+
+def join_tables(tables: Sequence[Table], time: str | None = None) -> Table:
+    """One table of all columns, each on the clock of its file [s].
+
+    A name that two files have gets the name of its file before it, `encoder/position`. `time` is the column that holds
+    the time, where its name does not tell; a file that gives each channel a clock needs none.
+
+    Raises `MalformedLog` where a file has no time, or the times do not overlap.
+    """
+    clocked = [_clocked(table, time) for table in tables]
+    spans = [_span(table, clocks) for table, (_, clocks) in zip(tables, clocked, strict=True)]
+    begin, end = max(first for first, _ in spans), min(last for _, last in spans)
+    if not begin < end:
+        listed = " and ".join(
+            f"{table.name} runs from {first:.10g} s to {last:.10g} s"
+            for table, (first, last) in zip(tables, spans, strict=True)
+        )
+        raise MalformedLog(f"the clocks of the files do not overlap: {listed}; shift the time of one of them.")
+    start = min(first for first, _ in spans)
+    times = Counter(name for columns, _ in clocked for name in columns)
+    merged: dict[str, NDArray[Any]] = {}
+    clocks: dict[str, NDArray[Any]] = {}
+    units: dict[str, str] = {"time": "s"}
+    joint_of: dict[str, tuple[str, str]] = {}
+    for table, (columns, own) in zip(tables, clocked, strict=True):
+        shifted = {id(clock): clock - start for clock in own.values()}  # channels of one clock go on sharing it
+        for name, values in columns.items():
+            called = name if times[name] == 1 else f"{Path(table.name).stem}/{name}"
+            merged[called], clocks[called] = values, shifted[id(own[name])]
+            if name in table.units:
+                units[called] = table.units[name]
+            if name in table.joint_of:
+                joint_of[called] = table.joint_of[name]
+    names = " and ".join(table.name for table in tables)
+    told = f"{names}: joined on their clocks, which have {end - begin:.4g} s in common"
+    return Table(
+        name=" + ".join(table.name for table in tables),
+        columns=merged,
+        sha256=hashlib.sha256("".join(table.sha256 for table in tables).encode()).hexdigest(),
+        notes=(*(note for table in tables for note in table.notes), told),
+        clocks=clocks,
+        units=units,
+        joint_of=joint_of,
+    )
+
+
+def _clocked(table: Table, time: str | None) -> tuple[dict[str, NDArray[Any]], dict[str, Array]]:
+    """The columns of a table but its time, and the clock of each [s]."""
+    if table.clocks:
+        scale = _SECONDS.get(table.units.get("time", "s"), 1.0)
+        shared = {id(clock): scale * np.asarray(clock, dtype=np.float64) for clock in table.clocks.values()}
+        clocks = {name: shared[id(clock)] for name, clock in table.clocks.items()}
+        return {name: table.columns[name] for name in clocks}, clocks
+    name = time if time in table.columns else next((name for name in table.columns if is_time(name)), None)
+    if name is None:
+        raise MalformedLog(f"{table.name}: no column is called as a time is, name it with --map time=NAME.")
+    clock = _seconds(table, name)
+    columns = {key: values for key, values in table.columns.items() if key != name and len(values) == len(clock)}
+    known = np.isfinite(clock)
+    if not known.all():
+        clock, columns = clock[known], {key: values[known] for key, values in columns.items()}
+    return columns, dict.fromkeys(columns, clock)
+
+
+def _seconds(table: Table, name: str) -> Array:
+    """A column of times in seconds: numbers in its unit, dates since 1970."""
+    values = np.asarray(table.columns[name])
+    if values.dtype.kind in "fiu":
+        unit = table.units.get(name, "") or time_unit(name)
+        return np.asarray(values, dtype=np.float64) * _SECONDS.get(unit, 1.0)
+    import pandas as pd
+
+    text = pd.Series(values).astype(str).str.replace(",", ".")
+    try:
+        since = pd.to_datetime(text, format="ISO8601", utc=True) - pd.Timestamp(0, tz="UTC")
+    except (ValueError, TypeError, OverflowError):
+        since = pd.to_timedelta(text, errors="coerce")  # the time of day
+    if since.isna().all() or (values.dtype.kind in "OUT" and not text.str.contains(":").any()):
+        raise MalformedLog(f"{table.name}: the times in '{name}' are neither numbers nor dates, export them again.")
+    return np.asarray(since.dt.total_seconds(), dtype=np.float64)
+
+
+def _span(table: Table, clocks: dict[str, Array]) -> tuple[float, float]:
+    ends = [(clock.min(), clock.max()) for clock in clocks.values() if len(clock)]
+    if not ends:
+        raise MalformedLog(f"{table.name}: there is nothing beside the time, export the log again.")
+    return float(min(first for first, _ in ends)), float(max(last for _, last in ends))

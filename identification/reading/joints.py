@@ -1,0 +1,92 @@
+"""Logs of machines with several joints: which columns are whose, and the columns of one of them."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+
+from identification.errors import MalformedLog
+from identification.reading.table import Table
+from plant.errors import BadParameter
+
+_PATH = re.compile(r"(?P<topic>/.*)/(?P<joint>[^/]+)/(?P<quantity>position|velocity|effort)")  # PlotJuggler
+_LISTED = re.compile(r"(?P<field>.*[./])?(?P<quantity>position|velocity|effort)(?P<place>_?\d+|\[\d+\])")
+
+
+def with_joints(table: Table) -> Table:
+    """The table, with the joints that its names tell of: `/joint_states/elbow/position`, `field.position0`."""
+    if table.joint_of:
+        return table
+    joint_of = {}
+    for name in table.columns:
+        if found := _PATH.fullmatch(name):
+            joint_of[name] = (found["joint"], f"{found['topic']}.{found['quantity']}")
+        elif found := _LISTED.fullmatch(name):  # rostopic echo -p
+            joint = _constant(table.columns.get(f"{found['field'] or ''}name{found['place']}"))
+            if joint:
+                joint_of[name] = (joint, f"{found['field'] or ''}{found['quantity']}")
+    return replace(table, joint_of=joint_of) if joint_of else table
+
+
+def select_joint(table: Table, joint: str | None = None, mapped: Collection[str] = ()) -> Table:
+    """The table with the columns of one joint, named without it (`position:elbow` as `position`), and those of none.
+
+    mapped: columns that the user has named; they stay as they are, and where one is a joint's no joint need be given.
+
+    Raises `BadParameter` where no such joint is in the table, and `MalformedLog` where one has to be chosen.
+    """
+    joints = table.joints
+    if joint is None and (not joints or any(name in table.joint_of for name in mapped)):
+        return table
+    if joint is None:
+        if len(joints) > 1:
+            raise MalformedLog(
+                f"{table.name}: the log has {len(joints)} joints, choose one with --joint NAME: {', '.join(joints)}."
+            )
+        joint = joints[0]
+    if joint not in joints:
+        raise BadParameter(_unknown(table.name, joint, joints))
+    own = {name: what for name, (whose, what) in table.joint_of.items() if whose == joint}
+    short = _shortened(own, [name for name in table.columns if name not in table.joint_of])
+    called = {
+        name: short.get(name, name) if name not in mapped else name
+        for name in table.columns
+        if name in own or name in mapped or name not in table.joint_of
+    }
+    return replace(
+        table,
+        columns={new: table.columns[old] for old, new in called.items()},
+        clocks={called[old]: clock for old, clock in table.clocks.items() if old in called},
+        units={called.get(old, old): unit for old, unit in table.units.items() if old in called or old == "time"},
+        joint_of={},
+    )
+
+
+def _unknown(name: str, joint: str, joints: Collection[str]) -> str:
+    if not joints:
+        return f"{name}: there are no joints in this log, leave out --joint {joint}."
+    near = get_close_matches(joint, joints, n=1)
+    return f"{name}: there is no joint '{joint}', " + (
+        f"is it '{near[0]}'?" if near else f"the log has {', '.join(joints)}."
+    )
+
+
+def _shortened(own: Mapping[str, str], others: Collection[str]) -> dict[str, str]:
+    """The quantities without the topic that they were published on, where they are told apart without it."""
+    short = {name: re.sub(r"^(/([^/]*/)*[^/.]*|field)\.", "", quantity) for name, quantity in own.items()}
+    times = Counter([*short.values(), *others])
+    return {name: short[name] if times[short[name]] == 1 else quantity for name, quantity in own.items()}
+
+
+def _constant(values: Any) -> str:
+    """The one text that a column holds, else ""."""
+    if values is None:
+        return ""
+    found = {str(value) for value in np.asarray(values[:50], dtype=object)}
+    return found.pop() if len(found) == 1 else ""

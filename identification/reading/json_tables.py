@@ -1,0 +1,192 @@
+"""Logs in JSON: records, columns, rows beside their column names, time series in groups; and JSON lines."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.errors import MalformedLog
+from identification.reading.groups import grouped_table
+from identification.reading.nested import column_of, gathered, names_in
+from identification.reading.table import Table
+from identification.reading.text import decoded
+
+_DEEPEST = 20
+_SUFFIXES = (".json", ".jsonl", ".ndjson")
+_NAMES_OF_ROWS = ("columns", "header", "headers", "fields", "names")
+_ROWS = ("data", "rows", "values")
+_LONGEST_LIST = 256  # of groups
+_DECODER = json.JSONDecoder(parse_int=float)  # no whole number is too large for it
+
+
+def parse_json(content: bytes, name: str, sha256: str) -> Table | None:
+    """The table in a text of JSON or JSON lines, None where it is no such text.
+
+    Raises `MalformedLog` where the text is damaged, or holds no table.
+    """
+    claimed = any(suffix in name.lower() for suffix in _SUFFIXES)
+    if content.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] not in (b"{", b"[") and not claimed:
+        return None
+    text = decoded(content, name)
+    try:
+        said, notes = _loaded(text, name)
+    except MalformedLog:
+        raise
+    except (ValueError, RecursionError) as error:
+        if not claimed:
+            return None  # `[key]; [value]` begins like a list
+        raise MalformedLog(f"{name}: this is no JSON ({_place(error)}), export the log again.") from error
+    found = _Found()
+    found.sort(said)
+    tables = {path: group for path, group in found.groups.items() if any(v.dtype.kind == "f" for v in group.values())}
+    table = grouped_table(tables, name, sha256)
+    if not table.columns:
+        raise MalformedLog(f"{name}: no records or lists of numbers are found in this JSON, export the log again.")
+    return replace(
+        table,
+        columns={**_constants(said, table), **table.columns},
+        notes=notes,
+        joint_of={column: joint for column, joint in found.joint_of.items() if column in table.columns},
+    )
+
+
+def _constants(said: Any, table: Table) -> dict[str, NDArray[Any]]:
+    """Numbers that stand beside the table for all its rows, such as gains."""
+    lengths = {len(values) for values in table.columns.values()}
+    if not isinstance(said, Mapping) or len(lengths) != 1:
+        return {}
+    numbers = {key: value for key, value in said.items() if isinstance(value, int | float)}
+    return {key: np.full(max(lengths), float(value)) for key, value in numbers.items()}
+
+
+def _loaded(text: str, name: str) -> tuple[Any, tuple[str, ...]]:
+    """What the text says: one value, or a value a line; raises `ValueError` where it is neither."""
+    try:
+        return _DECODER.decode(text.strip()), ()
+    except ValueError as error:
+        lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+        first = _DECODER.decode(lines[0][1].strip()) if len(lines) > 1 else None
+        if not isinstance(first, dict | list):
+            raise error from None
+    records: list[Any] = []
+    notes: tuple[str, ...] = ()
+    for number, line in lines:
+        try:
+            records.append(_DECODER.decode(line.strip()))
+        except ValueError as error:
+            if number != lines[-1][0]:
+                raise MalformedLog(
+                    f"{name}, line {number}: this line is no JSON ({_place(error)}), repair or delete it."
+                ) from error
+            notes = (f"{name}: the last line ({number}) is cut off and left out",)
+    return records, notes
+
+
+def _place(error: Exception) -> str:
+    if isinstance(error, json.JSONDecodeError):
+        return f"line {error.lineno}, column {error.colno}"
+    return type(error).__name__
+
+
+@dataclass(kw_only=True)
+class _Found:
+    """Series by the group in which they stand, and which columns are whose joint's."""
+
+    groups: dict[str, dict[str, NDArray[Any]]] = field(default_factory=dict)
+    joint_of: dict[str, tuple[str, str]] = field(default_factory=dict)
+
+    def add(self, path: str, series: Mapping[str, NDArray[Any]]) -> None:
+        """Series of two samples or more, to the group of a path."""
+        kept = {key: values for key, values in series.items() if len(values) > 1}
+        if kept:
+            self.groups.setdefault(path, {}).update(kept)
+
+    def sort(self, said: Any, path: str = "", depth: int = 0) -> None:
+        """Add all series in a value of JSON."""
+        said = _listed(said)
+        if depth > _DEEPEST or not isinstance(said, Mapping | list):
+            return
+        if isinstance(said, Mapping):
+            self._sort_mapping(_split(said) or said, path, depth)
+        elif (matrix := _matrix(said)) is not None:
+            self.add(path, matrix)
+        elif all(isinstance(item, Mapping) for item in said) and len(said) > 1:
+            if named := _named_series(said):
+                self._sort_mapping(named, path, depth)
+                return
+            found = gathered(said)
+            self.add(path, found.columns)
+            self.joint_of.update(found.joint_of)
+        else:
+            for k, item in enumerate(said[:_LONGEST_LIST]):
+                self.sort(item, path if len(said) == 1 else f"{path}/{k + 1}".lstrip("/"), depth + 1)
+
+    def _sort_mapping(self, said: Mapping[str, Any], path: str, depth: int) -> None:
+        names, labels = names_in(said, ())
+        for key, value in ((key, _listed(value)) for key, value in said.items() if key != names):
+            if isinstance(value, list) and value and all(isinstance(cell, str | int | float | None) for cell in value):
+                self.add(path, {key: column_of([v if isinstance(v, str | None) else float(v) for v in value])})
+            elif isinstance(value, list) and (matrix := _matrix(value)) is not None:
+                if len(matrix) == len(labels):
+                    matrix = dict(zip(labels, matrix.values(), strict=True))
+                    self.joint_of.update({f"{key}:{label}": (label, key) for label in labels})
+                self.add(path, {f"{key}:{place}": column for place, column in matrix.items()})
+            else:
+                self.sort(value, f"{path}/{key}".lstrip("/"), depth + 1)
+
+
+def _listed(said: Any) -> Any:
+    """A mapping of numbers to values as a list in its order, which is how pandas writes a column."""
+    if not isinstance(said, Mapping) or len(said) < 2:
+        return said
+    if all(map(str.isdecimal, said)):
+        return list(said.values())
+    return said
+
+
+def _split(said: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The columns of rows that stand beside the names of their columns, in a place of their own."""
+    names = next((said[key] for key in _NAMES_OF_ROWS if _are_names(said.get(key))), None)
+    rows = next((said[key] for key in _ROWS if isinstance(said.get(key), list)), None)
+    matrix = _matrix(rows) if names and rows else None
+    if names is None or rows is None or matrix is None or len(names) != len(matrix):
+        return None
+    columns: dict[str, Any] = dict(zip(names, (column.tolist() for column in matrix.values()), strict=True))
+    index = said.get("index")
+    told = isinstance(index, list) and len(index) == len(rows) and index != list(range(len(rows)))
+    return {"index": index} | columns if told else columns
+
+
+def _are_names(said: Any) -> bool:
+    return isinstance(said, list) and all(isinstance(name, str) for name in said)
+
+
+def _matrix(said: list[Any]) -> dict[str, NDArray[Any]] | None:
+    """The columns of rows of equal length, by the names in a first row of text or else by their place."""
+    if len(said) < 2 or not all(isinstance(row, list) and len(row) == len(said[0]) for row in said) or not said[0]:
+        return None
+    if not all(isinstance(cell, str | int | float | None) for row in said for cell in row):
+        return None
+    names = [str(k + 1) for k in range(len(said[0]))]
+    if all(isinstance(cell, str) for cell in said[0]) and len(set(said[0])) == len(said[0]):
+        names, said = list(said[0]), said[1:]
+    columns = zip(*said, strict=True)
+    return {
+        name: column_of([cell if isinstance(cell, str | None) else float(cell) for cell in column])
+        for name, column in zip(names, columns, strict=True)
+    }
+
+
+def _named_series(said: list[Any]) -> dict[str, Any] | None:
+    """Records of which each is a named series, and not a row: `{"name": "angle", "time": [...], "value": [...]}`."""
+    for key in ("name", "label", "topic", "id"):
+        names = [item.get(key) for item in said]
+        long = (any(isinstance(v, list) and len(v) > len(said) for v in item.values()) for item in said)
+        if all(isinstance(name, str) for name in names) and len(set(names)) == len(names) and all(long):
+            return dict(zip(names, said, strict=True))
+    return None

@@ -1,0 +1,176 @@
+"""Where the table stands in a text file: its separator, names, units and first row; what is above is preamble."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from identification.errors import MalformedLog
+from identification.reading.time_names import is_time
+from identification.reading.unit_row import row_of_units
+
+COMMENT = ("#", "%", "//")
+SEARCHED_LINES = 200  # no export has a longer preamble
+_SEPARATORS = ("\t", ";", "|", ",", " ")  # the comma late: it may be the decimal point
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)*|[.,]\d+)([eEdD][+-]?\d+)?$")
+_END_OF_HEADER = re.compile(r"\W*end[ _]?of[ _]?header\W*$", re.I)  # as LabVIEW writes it, twice
+_LIST = re.compile(r"[\[(][-+.,;\d\seE]+[\])]$")
+_NO_NUMBER = {"nan", "na", "null", "inf", "-inf", "none"}
+_STAMP = re.compile(r"\d{1,4}([-./])\d{1,2}\1\d{1,4}([T ].*)?$|\d{1,3}:\d\d(:\d\d([.,:]\d+)?)?( ?[ap]m)?$", re.I)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """How a text file is laid out.
+
+    names, units: of each column, "" where there is none; both are empty where no line of names is found.
+    start: index of the first line of data.
+    unread: lines between the names and the data that are neither, counted from 1.
+    """
+
+    separator: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    start: int
+    unread: tuple[int, ...] = ()
+
+
+def find_layout(lines: Sequence[str], name: str) -> Layout:
+    """The layout of a table of numbers.
+
+    Raises `MalformedLog` where there is no such table, or a line of names above it that does not fit.
+    """
+    separator, start = _first_row(lines, name)
+    above = _lines_above(lines, separator, start, name)
+    units = row_of_units(above[0][1]) if len(above) > 1 else None
+    rest = above[1:] if units else above
+    if not rest:
+        return Layout(separator=separator, names=(), units=(), start=start)
+    line, names = max(rest, key=lambda found: _likeness(found[1]))  # of equals the first, which is the nearest
+    return Layout(
+        separator=separator,
+        names=tuple(names),
+        units=tuple([*(units or []), *[""] * len(names)][: len(names)]),
+        start=start,
+        unread=tuple(sorted(index + 1 for index, _ in rest if index > line)),
+    )
+
+
+def split(line: str, separator: str) -> list[str]:
+    """The cells of a line, without blanks and quotation marks around them."""
+    if separator == " ":
+        return line.split() if '"' not in line else [cell for cell in _quoted(line, " ") if cell]
+    return _quoted(line, separator)
+
+
+def _quoted(line: str, separator: str) -> list[str]:
+    try:
+        cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    except csv.Error:
+        cells = line.split(separator)
+    return [cell.strip() for cell in cells]
+
+
+def _is_value(cell: str) -> bool:
+    return bool(_NUMBER.match(cell) or _STAMP.match(cell) or _LIST.match(cell)) or cell.lower() in _NO_NUMBER
+
+
+def _is_data(cells: list[str]) -> bool:
+    filled = [cell for cell in cells if cell]
+    return 2 * sum(map(_is_value, filled)) > len(filled)
+
+
+def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
+    """Separator and index of the first data line: two columns or more, and another such line below it."""
+    begin = _after_header(lines)
+    searched = [
+        (index, line)
+        for index, line in enumerate(lines[begin : begin + SEARCHED_LINES], begin)
+        if line.strip() and not line.lstrip().startswith(COMMENT)
+    ]
+    for separator in _SEPARATORS:
+        table = [split(line, separator) for _, line in searched]
+        for k, cells in enumerate(table):
+            below = table[k + 1] if k + 1 < len(table) else cells
+            if len(cells) < 2 or len(below) != len(cells) or not (_is_data(cells) and _is_data(below)):
+                continue
+            if cells[0] and not _is_value(cells[0]) and _is_value(below[0]):  # names: time, 6064, 6077
+                continue
+            if _counts_columns(cells) and not _counts_columns(below):  # names: 0, 1, 2
+                continue
+            return separator, searched[k][0]
+    raise MalformedLog(
+        f"{name}: no table of numbers is found; a log needs one line of column names and then rows of "
+        "numbers separated by comma, semicolon, tab or |."
+    )
+
+
+def _after_header(lines: Sequence[str]) -> int:
+    """Index of the first line below a header that says where it ends."""
+    return max((k + 1 for k, line in enumerate(lines[:SEARCHED_LINES]) if _END_OF_HEADER.match(line)), default=0)
+
+
+def _counts_columns(cells: list[str]) -> bool:
+    """Whether a row numbers the columns, as pandas writes a matrix: 0,1,2 with or without an index before them."""
+    named = cells[1:] if not cells[0] else cells
+    return len(named) > 2 and named == [str(k) for k in range(int(named[0] == "1"), len(named) + (named[0] == "1"))]
+
+
+def _lines_above(lines: Sequence[str], separator: str, start: int, name: str) -> list[tuple[int, list[str]]]:
+    """Index and cells of the lines above the data that may hold names or units, the nearest first."""
+    first = split(lines[start], separator)
+    width = len(first)
+    while first and not first[-1]:  # some exports end each row, but not the names, with a separator
+        first.pop()
+    second = next((line for line in lines[start + 1 :] if line.strip()), "")
+    numbered = first[0] == "1" and split(second, separator)[:1] == ["2"]
+    above: list[tuple[int, list[str]]] = []
+    for index in range(start - 1, max(start - SEARCHED_LINES, _after_header(lines)) - 1, -1):
+        cells = _as_names(lines[index], separator, len(first), width, numbered=numbered)
+        if cells:
+            above.append((index, cells))
+        elif lines[index].strip() and not lines[index].lstrip().startswith(COMMENT):
+            if not above:
+                _refuse_names(lines[index], separator, width, f"{name}, line {start + 1}")
+            break
+    return above
+
+
+def _as_names(line: str, separator: str, filled: int, width: int, *, numbered: bool) -> list[str]:
+    """The cells of a line above the data if they are as many, else none.
+
+    NumPy writes names with commas above columns with blanks; R has no name above the numbers of its rows.
+    """
+    bare = line.lstrip("#%/ " if separator == "\t" else "#%/ \t")
+    order = [separator] if separator != " " else []
+    tried = [split(bare, other) for other in dict.fromkeys((*order, *_SEPARATORS[:-1]))]
+    if separator == " ":  # names may have blanks in them where more than one stand between
+        tried += [re.split(r"\s{2,}", bare.strip()), split(bare, " ")]
+    for cells in tried:
+        while len(cells) > width and cells[-1] in ("", "Comment"):  # LabVIEW has a name for what its rows lack
+            cells.pop()
+        if len(cells) > 1 and any(cells):
+            if filled <= len(cells) <= width:
+                return cells
+            if numbered and len(cells) == width - 1:
+                return ["", *cells]
+    return []
+
+
+def _refuse_names(line: str, separator: str, width: int, where: str) -> None:
+    """Names that are too few or too many are an error; a sentence above the numbers is none."""
+    cells = split(line, separator)
+    prose = len(cells) < 2 or any(map(_is_value, cells)) or (separator == " " and not any(map(is_time, cells)))
+    if not prose:
+        raise MalformedLog(
+            f"{where}: the data have {width} columns but the line of names above has {len(cells)}, make them match."
+        )
+
+
+def _likeness(cells: list[str]) -> tuple[bool, bool, int]:
+    """How much a line looks like names: one is a time's, all differ and are no numbers, most columns have one."""
+    filled = [cell for cell in cells if cell]
+    distinct = len(set(filled)) == len(filled) and not any(map(_is_value, filled))
+    return any(map(is_time, filled)), distinct, len(filled)

@@ -1,0 +1,125 @@
+"""What a column means by its name, and how surely: `pos`, `theta`, `ENC1Position` and `q3` are angles.
+
+Of the words of a heading the last known noun says what was measured; words such as "error" or "max" say that it is
+something else, and "target" or "command" that it was asked for. How surely is one of three grades: its own name, a
+synonym and nothing else, or a synonym among other words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from identification.reading.headings import Heading, heading
+from identification.reading.units import kind_of
+
+OWN, SYNONYM, AMONG_OTHERS = 3, 2, 1  # how surely a name says what a column is
+
+NOUNS: Mapping[str, tuple[str, ...]] = {
+    "time": ("time", "t", "timestamp", "stamp", "seconds", "sec", "elapsed", "clock", "zeit"),
+    "torque": ("torque", "effort", "tau", "trq", "tq", "moment", "drehmoment"),
+    "force": ("force", "thrust", "kraft"),
+    "current": ("current", "iq", "i q", "ia", "i a", "i", "amps", "strom"),
+    "voltage": ("voltage", "volts", "volt", "uq", "u q", "spannung"),
+    "angle": ("angle", "theta", "q", "phi", "alpha", "winkel", "rotation"),
+    "position": ("position", "pos", "encoder", "enc", "displacement"),
+    "velocity": (
+        *("velocity", "vel", "speed", "omega", "w", "rpm", "dq", "qd", "qdot", "q dot", "dtheta", "d theta"),
+        *("theta dot", "thetadot", "drehzahl"),
+    ),
+    "run": ("run", "experiment", "trial", "episode"),
+    "acceleration": ("acceleration", "acc", "accel", "ddq", "qdd", "ddtheta", "jerk"),
+}
+"""Words, or several in a row, that name a quantity. A position may be an angle: its unit, or the command, tells."""
+
+_PHRASES = {tuple(phrase.split()): column for column, phrases in NOUNS.items() for phrase in phrases}
+_LONGEST = max(map(len, _PHRASES))
+_ASKED = {
+    *("setpoint", "set", "sp", "target", "desired", "des", "demand", "ref", "reference", "goal", "cmd", "command"),
+    *("commanded", "action", "soll", "wanted", "request", "requested"),
+}
+_SOMETHING_ELSE = {
+    *("error", "err", "deviation", "max", "min", "limit", "lim", "constant", "temperature", "temp", "std", "variance"),
+    *("offset", "gain", "enabled", "enable", "status", "state", "mode", "flag", "delay", "ratio", "power", "index"),
+    *("fault", "estimate", "estimated", "predicted", "filter", "count", "rate"),
+}
+_IN_PASSING = {"index", "id", "number", "no", "nr"}  # beside a run
+_PLAIN = {"actual", "act", "measured", "meas", "value", "val", "present", "feedback", "ist", "signal"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Meaning:
+    """Contract column that a name may stand for, how surely, and the unit that the heading gives."""
+
+    column: str
+    grade: int
+    unit: str = ""
+
+
+def meaning(name: str, file_unit: str = "") -> Meaning | None:
+    """What a column of that name in that unit (as the file gives it, if it does) may be; None if nothing is known."""
+    read = heading(name)
+    noun, phrase = _noun(read.words)
+    if noun is None and read.trailing:  # the unit was a word after all
+        read = Heading(words=(*read.words, read.unit.lower()))
+        noun, phrase = _noun(read.words)
+    others = [word for word in read.words if word not in phrase]
+    if noun == "run":
+        return None if set(others) - _IN_PASSING else Meaning(column="run", grade=SYNONYM if others else OWN)
+    unit = file_unit or read.unit
+    fits = noun is not None and _fits(noun, unit)
+    if read.trailing and not fits:
+        unit, others, fits = file_unit, [*others, read.unit.lower()], noun is not None and _fits(noun, file_unit)
+    if set(others) & _SOMETHING_ELSE or noun == "acceleration":
+        return None
+    if noun is None:
+        return _by_unit(unit)
+    if not fits:
+        return None
+    grade = SYNONYM if not set(others) - _PLAIN else AMONG_OTHERS
+    column = "angle" if noun == "position" and kind_of(unit) == "rad" else noun
+    if set(others) & _ASKED:
+        if column not in ("angle", "position", "torque", "force", "current", "voltage"):
+            return None
+        column = "setpoint" if column in ("angle", "position") else column
+        grade = SYNONYM if not set(others) - _ASKED - _PLAIN else AMONG_OTHERS
+        grade = grade if column == "setpoint" else AMONG_OTHERS  # what was measured comes before what was asked for
+    elif read.words == (noun,):
+        grade = OWN
+    return Meaning(column=column, grade=grade, unit=unit)
+
+
+def _by_unit(unit: str) -> Meaning | None:
+    """What a column without a telling name may be by its unit alone."""
+    column = _BY_UNIT.get(kind_of(unit) or "") if unit else None
+    return Meaning(column=column, grade=AMONG_OTHERS, unit=unit) if column else None
+
+
+def _noun(words: tuple[str, ...]) -> tuple[str | None, tuple[str, ...]]:
+    """The last known noun of some words, and the words that it consists of; the longest where several end there."""
+    for end in range(len(words), 0, -1):
+        for length in range(min(_LONGEST, end), 0, -1):
+            phrase = words[end - length : end]
+            if phrase in _PHRASES:
+                return _PHRASES[phrase], phrase
+    return None, ()
+
+
+_UNITS = {
+    "time": ("s",),
+    "torque": ("N m",),
+    "force": ("N",),
+    "current": ("A",),
+    "voltage": ("V",),
+    "angle": ("rad",),
+    "position": ("rad", "m"),
+    "velocity": ("rad/s", "m/s"),
+}
+
+_BY_UNIT = {"N m": "torque", "N": "force", "A": "current", "V": "voltage", "rad": "angle", "rad/s": "velocity"}
+
+
+def _fits(noun: str, unit: str) -> bool:
+    """Whether a unit may belong to a quantity: it is none, has no size (counts, percent), or is of that kind."""
+    kind = kind_of(unit) if unit else None
+    return kind is None or kind in _UNITS.get(noun, ())

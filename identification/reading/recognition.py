@@ -1,0 +1,211 @@
+"""Which column of a table is which of a log: as mapped, by its own name, as a drive's object, or by meaning.
+
+Where several columns may be the same, none is taken: the user has to say which. What was asked for (a target) is taken
+only where nothing was measured.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from identification.errors import MalformedLog
+from identification.reading.cia402 import find_objects
+from identification.reading.headings import heading
+from identification.reading.join import join_tables
+from identification.reading.meaning import AMONG_OTHERS, OWN, SYNONYM, Meaning, meaning
+from identification.reading.request import ALIASES, COLUMNS, Reading
+from identification.reading.table import Table
+
+_COMMANDS = ("torque", "force", "torque_1", "torque_2", "current", "voltage", "duty", "setpoint")
+_RESPONSES = ("angle", "position", "velocity")
+AS_YOU_SAY = "as you say"
+_OPTIONAL = ("velocity", "run")  # taken by a name that says nothing else, where something else is the response
+
+
+@dataclass
+class Recognition:
+    """What the columns of a table were taken for.
+
+    found: contract column -> the table's column.
+    why: contract column -> why it was taken, for people.
+    guesses: the table's column -> contract column that it may be, for those that were not taken.
+    objects: contract columns that were found as objects of CiA 402.
+    """
+
+    found: dict[str, str] = field(default_factory=dict)
+    why: dict[str, str] = field(default_factory=dict)
+    guesses: dict[str, str] = field(default_factory=dict)
+    objects: tuple[str, ...] = ()
+
+    def take(self, column: str, name: str, why: str) -> None:
+        """The table's column of that name is this one of the log."""
+        self.found[column], self.why[column] = name, why
+
+    @property
+    def has_command(self) -> bool:
+        """Whether something drives the load; one pinion's torque does not."""
+        return bool(set(self.found) & (set(_COMMANDS) - {"torque_1", "torque_2"})) or {"torque_1", "torque_2"} <= set(
+            self.found
+        )
+
+    @property
+    def has_response(self) -> bool:
+        """Whether the motion of the load is there."""
+        return bool(set(self.found) & set(_RESPONSES))
+
+
+def recognise(table: Table, reading: Reading) -> Recognition:
+    """What the columns of a table are.
+
+    Raises `MalformedLog` for a mapped column that the table does not have, and where two objects of a drive would do.
+    """
+    known = Recognition()
+    for column, wanted in reading.mapping.items():
+        known.take(column, _named(table, column, wanted), AS_YOU_SAY)
+    left = {name: table.units.get(name, "").strip() for name in table.columns if name not in known.found.values()}
+    for name in list(left):
+        own = _own_name(name)
+        if own is None or own in known.found or (own == "position" and _is_angle(known, name, left)):
+            continue
+        known.take(own, name, "its own name")
+        del left[name]
+    linear = any(column in given for column in ("force", "position") for given in (known.found, reading.units))
+    objects = find_objects(table.name, list(left), known.found, linear=linear)
+    for column, name in objects.items():
+        known.take(column, name, "an object of CiA 402")
+        del left[name]
+    known.objects = tuple(objects)
+    meant = {name: found for name, unit in left.items() if (found := meaning(name, unit)) is not None}
+    meant = {name: _on_axis(known, found, meant, linear) for name, found in meant.items()}
+    _take_by_meaning(known, meant)
+    taken = set(known.found.values())
+    known.guesses = {name: found.column for name, found in meant.items() if name not in taken}
+    return known
+
+
+def _named(table: Table, column: str, wanted: str) -> str:
+    if wanted in table.columns:
+        return wanted
+    names = list(table.columns)
+    if re.fullmatch(r"\d+", wanted) and 1 <= int(wanted) <= len(names):
+        return names[int(wanted) - 1]
+    alike = [name for name in names if name.strip().lower() == wanted.strip().lower()]
+    if len(alike) == 1:
+        return alike[0]
+    raise MalformedLog(
+        f"{table.name}: there is no column '{wanted}' to use as '{column}', the file has "
+        f"{', '.join(repr(name) for name in names)}."
+    )
+
+
+def _own_name(name: str) -> str | None:
+    """The contract column that a heading names to the letter, but for case, spaces, `_` and a unit."""
+    for plain in (name.strip().lower(), "_".join(heading(name).words)):
+        if (column := ALIASES.get(plain, plain)) in COLUMNS:
+            return column
+    return None
+
+
+def _is_angle(known: Recognition, name: str, left: Mapping[str, str]) -> bool:
+    """Whether a column called "position" is the angle of a rotary axis: by its unit, else by what drives it."""
+    unit = left[name] or heading(name).unit
+    found = meaning(name, unit)
+    if found is not None and found.column == "angle":
+        return True
+    if found is not None and found.unit:
+        return False
+    others = {m.column for one in left if one != name and (m := meaning(one, left[one])) is not None}
+    rotary = {"torque", "torque_1", "torque_2", "current", "voltage"}
+    return not {"force"} & (others | set(known.found)) and bool(rotary & (others | set(known.found)))
+
+
+def _on_axis(known: Recognition, found: Meaning, meant: Mapping[str, Meaning], linear: bool) -> Meaning:
+    """A position without a unit is an angle, unless a force drives it."""
+    if found.column != "position" or found.unit:
+        return found
+    forced = linear or "force" in known.found or any(other.column == "force" for other in meant.values())
+    return found if forced else Meaning(column="angle", grade=found.grade, unit=found.unit)
+
+
+def _take_by_meaning(known: Recognition, meant: Mapping[str, Meaning]) -> None:
+    """Take the surest column for what is still missing, where it is the only one of its grade."""
+    wanted = ["time"] if "time" not in known.found else []
+    if not {"angle", "position"} & set(known.found):
+        wanted += ["angle", "position"]
+    for column in wanted:
+        _take(known, column, meant)
+    if not known.has_response:
+        _take(known, "velocity", meant)
+    if not known.has_command:
+        _take_command(known, meant)
+    for column in _OPTIONAL:
+        if column not in known.found:
+            _take(known, column, {name: found for name, found in meant.items() if found.grade >= SYNONYM})
+
+
+def _take_command(known: Recognition, meant: Mapping[str, Meaning]) -> None:
+    linear = "position" in known.found
+    for column in ("force" if linear else "torque", "current", "voltage", "duty", "setpoint"):
+        if _take(known, column, meant):
+            return
+        if column == "torque" and (pair := _pair(meant)) is not None:
+            for place, name in enumerate(pair, start=1):
+                known.take(f"torque_{place}", name, "a torque, one of two")
+            return
+        if any(found.column == column for found in meant.values()):
+            return  # several may be it: nothing less is taken in its place
+
+
+def _take(known: Recognition, column: str, meant: Mapping[str, Meaning]) -> bool:
+    for grade in (OWN, SYNONYM, AMONG_OTHERS):
+        alike = [name for name, found in meant.items() if found.column == column and found.grade == grade]
+        if len(alike) == 1:
+            known.take(column, alike[0], "by its name" if grade > AMONG_OTHERS else "by its name, the only such one")
+        if alike:
+            return len(alike) == 1
+    return False
+
+
+def _pair(meant: Mapping[str, Meaning]) -> tuple[str, str] | None:
+    """The torques of two motors: the only two, whose names differ by a 1 and a 2."""
+    names = [name for name, found in meant.items() if found.column == "torque"]
+    if len(names) != 2:
+        return None
+    one, two = sorted(names)
+    differ = [(a, b) for a, b in zip(_split(one), _split(two), strict=False) if a != b]
+    return (one, two) if len(_split(one)) == len(_split(two)) and differ == [("1", "2")] else None
+
+
+def _split(name: str) -> list[str]:
+    return re.findall(r"\d+|\D+", name)
+
+
+def missing(known: Recognition, table: Table, reading: Reading) -> Iterator[str]:
+    """What a log needs and these columns do not give, in words."""
+    if "time" not in known.found and not table.clocks and reading.rate is None:
+        yield "'time' (or, with --rate HZ, none)"
+    if not known.has_command:
+        yield "the command ('torque', 'current', 'voltage', or 'setpoint' of a position servo)"
+    unclear = known.why.get("velocity") != AS_YOU_SAY and {"angle", "position"} & set(known.guesses.values())
+    if not known.has_response or (unclear and not {"angle", "position"} & set(known.found)):
+        yield "the response ('angle', 'position' or 'velocity')"
+
+
+def joined_if_needed(tables: Sequence[Table], reading: Reading) -> list[Table]:
+    """The tables, or the two of them as one where one has the command and the other the response.
+
+    Raises `MalformedLog` where the clocks of such two do not overlap.
+    """
+    if len(tables) != 2 or any(table.joints for table in tables):
+        return list(tables)
+    parts = []
+    for table in tables:
+        own = {column: name for column, name in reading.mapping.items() if name in table.columns}
+        parts.append(recognise(table, replace(reading, mapping=own)))
+    one, other = parts
+    apart = one.has_command != other.has_command and one.has_response != other.has_response
+    if apart and one.has_command != one.has_response:
+        return [join_tables(tables, reading.mapping.get("time"))]
+    return list(tables)

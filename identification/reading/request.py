@@ -1,0 +1,90 @@
+"""How a log is to be read: what its columns are called and measured in, and what the file itself cannot know."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol, TypedDict
+
+import numpy as np
+
+from identification.recording import Array
+from plant.errors import BadParameter
+
+COLUMNS = (
+    *("time", "torque", "torque_1", "torque_2", "force", "current", "voltage", "setpoint", "kp", "kd"),
+    *("angle", "position", "velocity", "angle_1", "angle_2", "reference", "run"),
+)
+"""The columns that a log may have; anything else in a file is left alone."""
+
+ALIASES = {"goal": "setpoint"}
+"""Older names of columns, which stay valid."""
+
+
+class Gears(Protocol):
+    """What a log needs to know of a gear train."""
+
+    @property
+    def torque_map(self) -> Array:
+        """(2,) follower torque per pinion torque (paper eq. 2)."""
+
+
+class How(TypedDict, total=False):
+    """The fields of `Reading`, as the keywords of functions that read a log."""
+
+    mapping: Mapping[str, str]
+    units: Mapping[str, str]
+    scales: Mapping[str, float]
+    gears: Gears | None
+    rate: float | None
+    torque_constant: float | None
+    kp: float | None
+    kd: float | None
+    joint: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reading:
+    """How a file's columns become the contract's columns.
+
+    mapping: contract column -> the file's name for it, or its place ("3" is the third column).
+    units: contract column -> the unit that its (scaled) values are in.
+    scales: contract column -> factor on the file's values, applied before the unit.
+    gears: needed when only the pinion torques were logged.
+    rate: samples per second of a file without a time [Hz].
+    torque_constant: torque per current, for a log of the motor's current [N m/A]; [N/A] on a linear axis.
+    kp, kd: gains of a position servo, for a log of its set-point [N m/rad], [N m s/rad]; on a linear axis [N/m],
+        [N s/m].
+    joint: the joint to take of a log that has several.
+
+    Raises `BadParameter` for columns that no log has, and numbers that are none.
+    """
+
+    mapping: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    scales: Mapping[str, float] = field(default_factory=dict)
+    gears: Gears | None = None
+    rate: float | None = None
+    torque_constant: float | None = None
+    kp: float | None = None
+    kd: float | None = None
+    joint: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse columns that no log has, and numbers that are none; older names become today's."""
+        for option, name in (("mapping", "mapping"), ("unit", "units"), ("scale", "scales")):
+            given = {ALIASES.get(column, column): value for column, value in getattr(self, name).items()}
+            for column in given:
+                if column not in COLUMNS or (column == "run" and option != "mapping"):
+                    raise BadParameter(f"{option} for '{column}': a log has the columns {', '.join(COLUMNS)}.")
+            object.__setattr__(self, name, given)
+        for column, scale in self.scales.items():
+            if not (isinstance(scale, int | float | np.number) and np.isfinite(scale) and scale != 0):
+                raise BadParameter(f"the scale of column '{column}' is {scale!r}, give a number other than 0.")
+        for name in ("rate", "torque_constant", "kp", "kd"):
+            value = getattr(self, name)
+            if value is not None and not (isinstance(value, int | float | np.number) and np.isfinite(value)):
+                raise BadParameter(f"{name} is {value!r}, give a number.")
+        for name in ("rate", "kp"):
+            if (value := getattr(self, name)) is not None and not value > 0:
+                raise BadParameter(f"{name} is {value:g}, it must be positive.")

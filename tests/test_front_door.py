@@ -1,0 +1,87 @@
+"""`import antidrive as ad`: the names that people use, there at once, each from its package."""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from front_door import PLAIN, antidrive, columns, write_csv, write_model
+
+import antidrive as ad
+
+ROOT = Path(__file__).parents[1]
+HEAVY = {"casadi", "pandas", "plotly", "scipy", "numpy", *("plant", "allocation", "identification", "diagnosis", "mpc")}
+
+
+def python(code: str, folder: Path, **options: str) -> subprocess.CompletedProcess[str]:
+    """Run a script of a user in a folder of theirs."""
+    (folder / "script.py").write_text(code)
+    words = [sys.executable, "script.py"]
+    environment = {"PYTHONPATH": str(ROOT), "PATH": "/usr/bin:/bin", **options}
+    return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, timeout=60)
+
+
+def test_every_name_is_that_of_its_package():
+    for name in set(ad.__all__) - {"__version__"}:
+        home = importlib.import_module(ad.HOMES[name])
+        assert getattr(ad, name) is getattr(home, {"identify": "fit"}.get(name, name))
+    assert set(ad.HOMES) | {"__version__"} == set(ad.__all__) == set(ad.__all__) & set(dir(ad))
+    with pytest.raises(AttributeError, match="antidrive has no 'Servo'; it has Allocator, Controller"):
+        _ = ad.Servo
+
+
+def test_the_import_is_fast_and_brings_nothing_heavy(tmp_path):
+    code = (
+        "import sys, time; begin = time.process_time(); import antidrive as ad; took = time.process_time() - begin\n"
+        f"heavy = {HEAVY!r} & set(sys.modules); print(took); sys.exit(str(heavy) if heavy else 0)"
+    )
+    runs = [python(code, tmp_path) for _ in range(3)]
+    assert {run.returncode for run in runs} == {0}, runs[0].stderr
+    assert min(float(run.stdout) for run in runs) < 0.1
+    begun = time.process_time()
+    assert ad.ServoModel.paper().inertia == 2.0
+    assert time.process_time() - begun < 1.0
+
+
+def test_the_example_of_the_docstring_names_what_there_is():
+    code = ad.__doc__.split("\n\n    ")[2].split("\n\nA log")[0]
+    used = {word.split(".")[0].split("(")[0] for word in code.replace("(ad.", " ad.").split("ad.")[1:]}
+    assert used <= set(ad.__all__)
+    assert {"diagnose", "Controller", "closed_loop"} <= used
+
+
+@pytest.mark.parametrize("window", [None, 2.0])
+def test_predict_says_what_the_command_says(window, tmp_path):
+    table = columns(PLAIN, duration=5.0)
+    log, model = write_csv(tmp_path / "log.csv", table), write_model(tmp_path / "model.json")
+    found = ad.predict(PLAIN, table, window=window)
+    assert list(found.columns) == ["run", "time", "angle"]
+    assert np.sqrt(np.mean((found["angle"] - table["angle"]) ** 2)) < 1e-3
+    pd.testing.assert_frame_equal(ad.predict(model, log, window=window), found, atol=1e-9)
+    more = [] if window is None else ["--window", window]
+    assert antidrive("predict", model, log, *more, "--out", tmp_path / "p.csv").code == 0
+    np.testing.assert_allclose(pd.read_csv(tmp_path / "p.csv").angle, found["angle"], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["plant", "mpc", "diagnosis"])
+@pytest.mark.parametrize("line", ["import antidrive", "import {name}\nimport antidrive as ad"])
+def test_a_file_of_the_same_name_is_told_by_its_name(name, line, tmp_path):
+    (tmp_path / f"{name}.py").write_text("")
+    done = python(line.format(name=name), tmp_path)
+    assert done.returncode == 1
+    said = done.stderr.splitlines()[-1]
+    assert said.startswith(f"ImportError: {tmp_path / name}.py stands in the way of antidrive's own package '{name}'")
+    assert f"my_{name}.py" in said
+
+
+def test_a_folder_of_the_same_name_is_no_package_and_stands_in_nobodys_way(tmp_path):
+    (tmp_path / "plant").mkdir()
+    assert python("import antidrive as ad; ad.GearTrain", tmp_path).returncode == 0
+    (tmp_path / "plant" / "__init__.py").write_text("")
+    assert f"{tmp_path / 'plant' / '__init__.py'} stands in the way" in python("import antidrive", tmp_path).stderr

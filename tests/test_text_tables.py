@@ -1,0 +1,257 @@
+"""Text tables as recorders, scripts and oscilloscopes write them: where the names, units and numbers stand."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sample_logs import motion
+
+from identification.errors import MalformedLog
+from identification.reading.files import read_table
+
+CASES = Path(__file__).parents[1].parent / "shared" / "cases"
+SOUND = motion(samples=60)
+ROWS = np.column_stack(list(SOUND.values()))
+
+
+def table(folder, content, name="log.csv"):
+    path = folder / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return read_table(path)
+
+
+def rows(separator=",", end="\n", pattern="{:.9g}", trailing=""):
+    return "".join(separator.join(pattern.format(v) for v in row) + trailing + end for row in ROWS)
+
+
+def same(read, names=tuple(SOUND), numbers=ROWS):
+    np.testing.assert_allclose(
+        np.column_stack([np.asarray(read.columns[name], dtype=float) for name in names]), numbers, rtol=1e-7, atol=1e-8
+    )
+
+
+def case(name):
+    path = CASES / name
+    if not path.exists():
+        pytest.skip("the cases are not beside this checkout")
+    return path
+
+
+NAMES = "time,torque,angle,velocity\n"
+
+LAID_OUT = {
+    "csv.writer on Windows": (NAMES + rows()).replace("\n", "\r\r\n"),
+    "double spaced": (NAMES + rows()).replace("\n", "\n\n"),
+    "double spaced, CR LF": (NAMES + rows()).replace("\n", "\r\n\r\n"),
+    "old Macintosh": (NAMES + rows()).replace("\n", "\r"),
+    "byte order mark": "\ufeff" + NAMES + rows(),
+    "quoted numbers": NAMES + "".join(",".join(f'"{v:.9g}"' for v in row) + "\n" for row in ROWS),
+    "trailing separators": NAMES.replace("\n", ",,\n") + rows(trailing=",,"),
+    "trailing separators below the names": NAMES + rows(trailing=","),
+    "comments between the rows": NAMES + rows().replace("\n", "\n# a mark\n", 5),
+    "names above a blank line": NAMES + "\n" + rows(),
+    "names and then a comment": NAMES + "# started at noon\n" + rows(),
+    "NumPy savetxt": "# time, torque, angle, velocity\n" + rows(" "),
+    "NumPy savetxt with tabs between the names": "# time\ttorque\tangle\tvelocity\n" + rows(" "),
+    "blanks as columns": "time    torque  angle   velocity\n" + rows("   "),
+    "blanks at both ends": " time torque angle velocity \n" + "".join(" " + r + " \n" for r in rows(" ").splitlines()),
+    "MATLAB comment": "%time\ttorque\tangle\tvelocity\n" + rows("\t"),
+    "Fortran exponents": NAMES + rows(pattern="{:.9E}").replace("E", "D"),
+    "preamble of keys and values": "Model,X\nRecord Length,1000\nSample Interval,0.005,\n" + NAMES + rows(),
+    "preamble as wide as the table": "Model,X,,\nDate,2026-01-01,,\nSource,a,b,c\n" + NAMES + rows(),
+    "WaveForms": "#Digilent WaveForms Oscilloscope\n#Device Name: X\n#Sample rate: 200Hz\n\n" + NAMES + rows(),
+    "a note at the end": NAMES + rows() + "# end of file\n",
+}
+
+
+@pytest.mark.parametrize("kind", LAID_OUT)
+def test_laid_out_in_any_way(tmp_path, kind):
+    read = table(tmp_path, LAID_OUT[kind])
+    same(read)
+    assert list(read.columns) == list(SOUND)
+    assert read.notes == ()
+
+
+@pytest.mark.parametrize(
+    "row", ["s,N m,rad,rad/s", "[s],[Nm],[rad],[rad/s]", "(s),(Nm),(rad),(rad/s)", "second,mNm,-,"]
+)
+@pytest.mark.parametrize("names", ["time,torque,angle,velocity", "x-axis,1,2,3"])
+def test_a_row_of_units_below_the_names(tmp_path, names, row):
+    read = table(tmp_path, f"Model,X\n{names}\n{row}\n{rows()}")
+    assert list(read.columns) == names.split(",")
+    same(read, names.split(","))
+    units = [unit.strip("[]()-") for unit in row.split(",")]
+    assert read.units == {name: unit for name, unit in zip(names.split(","), units, strict=True) if unit}
+    assert read.notes == ()
+
+
+def test_units_as_agilent_writes_them(tmp_path):
+    read = table(tmp_path, "x-axis,1,2\nsecond,Volt,Volt\n" + "".join(f"{k * 1e-3:.3e},0.5,{k}\n" for k in range(9)))
+    assert list(read.columns) == ["x-axis", "1", "2"]
+    assert read.units == {"x-axis": "second", "1": "volt", "2": "volt"}
+
+
+def test_names_that_are_units_too_are_names(tmp_path):
+    """`t` is a ton, `u` an atomic mass and `m` a metre."""
+    content = "".join(f"{k},{k},{k}\n" for k in range(9))
+    assert list(table(tmp_path, "t,u,m\n" + content).columns) == ["t", "u", "m"]
+    read = table(tmp_path, "t,u,m\ns,V,rad\n" + content)
+    assert read.units == {"t": "s", "u": "V", "m": "rad"}
+
+
+def test_types_and_descriptions_below_the_names_are_told(tmp_path):
+    read = table(tmp_path, NAMES + "REAL64,REAL64,REAL64,REAL64\n" + rows())
+    same(read)
+    assert read.notes == ("log.csv: line 2 is not read, as neither names nor units nor numbers stand there",)
+
+
+@pytest.mark.parametrize("above", ["", "the arm moves very slowly\n", "# the arm\n\n", "Station;7\n"])
+@pytest.mark.parametrize("separator", [" ", "\t", ","])
+def test_a_matrix_without_names_has_numbers_for_names(tmp_path, above, separator):
+    read = table(tmp_path, above + rows(separator, trailing=" "), name="matrix.dat")
+    same(read, ("1", "2", "3", "4"))
+    assert read.notes == ("matrix.dat: no column names stand above the numbers; the columns are called 1 to 4",)
+
+
+def test_columns_without_a_name_or_with_one_twice_have_their_place_for_one(tmp_path):
+    read = table(tmp_path, ",torque,torque,2\n" + rows())
+    assert list(read.columns) == ["1", "torque", "3", "2"]
+    same(read, ("1", "torque", "3", "2"))
+
+
+def test_row_numbers_of_r_and_column_numbers_of_pandas(tmp_path):
+    numbered = "".join(f'"{k}" {row}\n' for k, row in enumerate(rows(" ").splitlines(), 1))
+    read = table(tmp_path, '"time" "torque" "angle" "velocity"\n' + numbered)
+    same(read)
+    assert list(read.columns) == ["1", *SOUND]
+    same(table(tmp_path, "0,1,2,3\n" + rows()), ("0", "1", "2", "3"))
+
+
+def test_files_one_after_the_other(tmp_path):
+    """The names, the units and the remarks of the first stand there again."""
+    one = "# station 7\ntime,torque,angle,velocity\ns,N m,rad,rad/s\n" + rows()
+    read = table(tmp_path, one + one)
+    same(read, numbers=np.vstack([ROWS, ROWS]))
+    assert read.notes == ("log.csv: the lines above the data stand there again from line 64 on, and are skipped",)
+    assert read.where(60) == "log.csv, row 64 (line 67)"
+
+
+def test_a_wrong_cell_is_told_by_its_line_also_below_blank_lines(tmp_path):
+    lines = (NAMES + rows()).splitlines()
+    lines[40] = "0.2,oops,0.1,0.1,9"
+    with pytest.raises(MalformedLog, match="line 81: 5 cells where the names give 4"):
+        table(tmp_path, "\n\n".join(lines))
+
+
+THOUSANDS = {
+    "English, quoted": ('"{:,.4f}"', ","),
+    "English": ("{:,.4f}", ";"),
+    "continental": ("{:,.4f}", "\t"),
+}
+
+
+@pytest.mark.parametrize("style", THOUSANDS)
+def test_separators_between_thousands(tmp_path, style):
+    pattern, separator = THOUSANDS[style]
+    numbers = 3000 * ROWS
+    cells = [[pattern.format(v) for v in row] for row in numbers]
+    if style == "continental":
+        cells = [[cell.translate(str.maketrans(",.", ".,")) for cell in row] for row in cells]
+    read = table(tmp_path, separator.join(SOUND) + "\n" + "\n".join(map(separator.join, cells)))
+    same(read, numbers=np.round(numbers, 4))
+
+
+def test_a_decimal_comma_far_below_whole_numbers(tmp_path):
+    content = "time;torque;angle\n" + "0;0;0\n" * 300 + "".join(f"{k};0,5;0,{k}\n" for k in range(1, 9))
+    read = table(tmp_path, content)
+    assert read.columns["torque"][-1] == 0.5
+    assert read.columns["angle"][-1] == 0.8
+
+
+def test_a_comma_that_may_be_either_is_refused_when_it_is_used(tmp_path):
+    read = table(tmp_path, "time;torque\n" + "".join(f"{k}.25;1,234\n" for k in range(9)))
+    assert read.columns["torque"].dtype == object
+
+
+def test_names_with_blanks_above_columns_with_blanks(tmp_path):
+    read = table(tmp_path, "  Time (s)   Motor torque   Angle (deg)   Speed\n" + rows("   "))
+    same(read, ("Time (s)", "Motor torque", "Angle (deg)", "Speed"))
+
+
+def test_a_header_that_says_where_it_ends(tmp_path):
+    """LabVIEW: what is above looks like data, and the rows lack the cell of the comments."""
+    end = "***End_of_Header***\t\t\t\n"
+    units = "X_Dimension\tTime\tTime\tTime\nDate\t2019/03/01\t2019/03/01\t1\t1\nX0\t0.0\t0.0\t0\t0\n"
+    head = f"Writer_Version\t2\nX_Columns\tOne\n{end}\n{units}{end}"
+    read = table(tmp_path, head + "\t".join(SOUND) + "\tComment\n" + rows("\t"), name="log.lvm")
+    same(read)
+    assert read.notes == ()
+
+
+def test_times_of_day_are_values(tmp_path):
+    read = table(tmp_path, "Zeit;Moment\n" + "".join(f"09:41:{k:02d},250;0,{k}\n" for k in range(10, 40)))
+    assert read.columns["Zeit"][3] == "09:41:13,250"
+    np.testing.assert_allclose(read.columns["Moment"][3], 0.13)
+
+
+def test_a_time_for_each_channel_with_units_in_the_names(tmp_path):
+    late = SOUND["time"] + 0.001
+    content = "Time (ms),A,Time (ms),B\n" + "".join(
+        f"{1e3 * t},{a},{1e3 * u},{b}\n"
+        for t, a, u, b in zip(SOUND["time"], SOUND["angle"], late, SOUND["torque"], strict=True)
+    )
+    read = table(tmp_path, content)
+    assert list(read.columns) == ["A", "B"]
+    assert read.units == {"time": "ms"}
+    np.testing.assert_allclose(read.clocks["B"], 1e3 * late)
+
+
+def test_a_temperature_is_no_second_time(tmp_path):
+    assert list(table(tmp_path, "t,q,T\n" + "".join(f"{k},0.5,20\n" for k in range(9))).columns) == ["t", "q", "T"]
+
+
+@pytest.mark.parametrize("suffix", ["", ".dat", ".log", ".asc", ".prn", ".out"])
+def test_text_of_any_suffix(tmp_path, suffix):
+    same(table(tmp_path, NAMES + rows(), name=f"log{suffix}"))
+
+
+def test_a_million_rows_are_read_in_three_seconds(tmp_path):
+    """A sixteenth of that, with blank lines between, so that the slow path is the one measured."""
+    many = np.tile(ROWS, (1024, 1))
+    content = NAMES + "\n\n".join(",".join(f"{v:.9g}" for v in row) for row in many)
+    path = tmp_path / "log.csv"
+    path.write_text(content)
+    begin = time.process_time()
+    read = read_table(path)
+    assert len(read.columns["time"]) == len(many) == 61440
+    assert time.process_time() - begin < 3 / 16 * 4  # other work on the machine may take its share
+
+
+# Of the cases
+
+
+@pytest.mark.parametrize("name", ["double_spaced.csv", "windows_csv_writer.csv"])
+def test_case_blank_lines(name):
+    read = read_table(case(f"use/11-blank-lines/{name}"))
+    assert list(read.columns) == ["time", "torque", "angle"]
+    assert all(np.isfinite(column).all() for column in read.columns.values())
+    assert read.notes == ()
+
+
+def test_case_a_matrix_without_names_and_time():
+    read = read_table(case("logs/13-no-time-column/log.csv"))
+    assert list(read.columns) == ["1", "2", "3", "4", "5", "6", "7"]
+    np.testing.assert_array_equal([column[1] for column in read.columns.values()],
+        [30.1551, 0.988024, 0, -0.132474, 3.96777, 0.0201416, -0.82982])  # fmt: skip
+
+
+def test_case_separators_at_the_ends_of_rows():
+    read = read_table(case("logs/08-hint-by-spelling/log2.csv"))
+    assert list(read.columns)[:3] == ["time", "q3", "dq3"]
+    assert len(read.columns) == 13
+    read = read_table(case("logs/08-hint-by-spelling/log.csv"))
+    assert len(read.columns) == 26
+    assert str(read.columns["Timestamp"][0]).startswith("2025-08-08 09:07:14.606")
