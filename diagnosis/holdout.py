@@ -161,7 +161,9 @@ def _inverse_error(log: Log, model: ServoModel, cutoff: float) -> tuple[float, f
     squares = [record**2 for record in torque_misses(log, model, cutoff=cutoff)]
 
     def relative(missed: float, torque: float) -> float:
-        return float(np.sqrt(missed / torque)) if torque > 0.0 else float("nan")
+        if torque > 0.0:
+            return float(np.sqrt(missed / torque))
+        return float(missed > 0.0)  # a model that lets no torque through explains none of what the motion needs
 
     return relative(*(float(np.mean(square)) for square in squares)), jackknife(relative, *squares)
 
