@@ -30,7 +30,7 @@ def percent(share: float, std: float | None = None) -> str:
 
 
 def change(cut: float, std: float | None = None) -> str:
-    """By how much an error fell or rose, from the share that was cut; from the double on, how many times it is as large."""
+    """By how much an error fell or rose, from the share that was cut; from the double on, how many times as large."""
     return f"{1.0 - cut:.2g} times" if cut <= -1.0 else percent(abs(cut), std)
 
 
