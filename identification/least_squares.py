@@ -183,6 +183,8 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
         coloured: (n, n) J'RJ.
         variance: of the residuals.
     """
+    bad = ~(np.isfinite(np.diag(information)) & np.isfinite(np.diag(coloured)))[:, None]  # overflowed: nothing is known
+    information, coloured = (np.where(bad | bad.T | ~np.isfinite(of), 0.0, of) for of in (information, coloured))
     diagonal = np.diag(information)
     scale = np.where(diagonal > 0.0, np.sqrt(np.maximum(diagonal, 1e-300)), 1.0)
     eigenvalues, vectors = np.linalg.eigh(information / np.outer(scale, scale))

@@ -101,6 +101,14 @@ def test_times_that_are_text_or_alone(tmp_path):
         join_tables([*tables(tmp_path)[:1], read_table(tmp_path / "alone.npz")])
 
 
+def test_times_of_the_day(tmp_path):
+    for name, columns in (("drive", DRIVE), ("encoder", ENCODER)):
+        stamps = [f"09:41:{13 + t:09.6f}".replace(".", ",") for t in columns["time"]]
+        frame = pd.DataFrame({**columns, "time": stamps}).drop(columns="position")
+        frame.to_csv(tmp_path / f"{name}.csv", index=False, sep=";")
+    check(join_tables([read_table(tmp_path / "drive.csv"), read_table(tmp_path / "encoder.csv")]))
+
+
 def test_samples_without_a_time_are_left_out(tmp_path):
     times = ENCODER["time"].copy()
     times[7] = np.nan

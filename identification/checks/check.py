@@ -109,7 +109,7 @@ def unwrap(recording: Recording) -> Checked:
         index = np.flatnonzero(sound)
         if name == "output" and turn and wraps_in_degrees(values[index], index):
             turn = 360.0
-            text = f"{recording.label}: '{recording.name(name)}' wraps around by 360, so it is in degrees: --unit angle=deg"
+            text = f"{recording.label}: '{recording.name(name)}' wraps around by 360, as in degrees: --unit angle=deg"
             findings.append(Finding(kind="degrees", repaired=False, text=text, unusable=True))
         offsets, period = find_wraps(values[index], index, turn, quantum(values[index]))
         if not period:
