@@ -92,6 +92,8 @@ def _cut(recording: Recording, before: int, after: int, span: float) -> tuple[Re
     if after:
         end = time[count - 1 - after] + kept(slice(count - after, count))
         last = int(np.searchsorted(time, end, side="right"))
+    first = first if time[first] - time[0] > least else 0  # less would be no recording, and is not worth a word
+    last = last if time[-1] - time[last - 1] > least else count
     if (first, last) == (0, count):
         return recording, ""
     ends = [
