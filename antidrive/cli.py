@@ -20,7 +20,8 @@ app = typer.Typer(help="From the log of a geared servo to what its model gets wr
 UsageError: Any = typer.BadParameter.__bases__[0]  # every mistake in the words of a command line
 
 Logs = Annotated[
-    list[Path] | None, typer.Argument(metavar="LOG...", help="CSV, Parquet, MAT, NPZ, MF4, TDMS or MCAP files.")
+    list[Path] | None,
+    typer.Argument(metavar="LOG...", help="Logs: text, JSON, Parquet, MAT, HDF5, MCAP, ...; - is standard input."),
 ]
 Out = Annotated[Path, typer.Option(help="Folder for the results.")]
 Map = Annotated[list[str] | None, typer.Option("--map", metavar="COLUMN=NAME", help="Name of a column in the file.")]
