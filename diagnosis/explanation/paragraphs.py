@@ -99,9 +99,7 @@ def _outcome(diagnosis: Findings) -> tuple[str, ...]:
         lines.append(f"On held-out data the simulation error is {', '.join(filter(None, (came + rms, floor)))}.")
     if extended:
         std = gain_errors(diagnosis).share if gain is not None else None
-        lines.append(
-            f"Of the error power above the {gain.floor_name} {percent(left.share, std)} remains."
-        )
+        lines.append(f"Of the error power above the {gain.floor_name} {percent(left.share, std)} remains.")
     if left.depends_on:
         lines.append(f"What has no name depends on {listed(left.depends_on)}.")
     known = diagnosis.whiteness
