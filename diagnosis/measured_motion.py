@@ -99,8 +99,8 @@ def reading_noise(run: Run) -> float:
     output = run.output[run.valid]
     steps = np.abs(np.diff(output))
     count = float(steps[steps > 0.0].min()) if steps.any() else 0.0
-    sixth = float(np.std(np.diff(output, 6))) / np.sqrt(924.0) if output.size > 12 else 0.0
-    return max(sixth, count / np.sqrt(12.0))
+    sixth = float(np.std(np.diff(output, 6)) / np.sqrt(924.0)) if output.size > 12 else 0.0
+    return max(sixth, count / float(np.sqrt(12.0)))
 
 
 def speed_of(run: Run) -> Array:
