@@ -39,6 +39,7 @@ __all__ = [
     "effects",
     "export",
     "identify",
+    "inspect",
     "predict",
     "simulate",
 ]
@@ -55,6 +56,7 @@ def identify(
     from identification.fit_result import fit_report, fit_to_dict
     from identification.simulation import free_simulation
 
+    known = options.fit.merged(known)
     start = _base(base, known.own_effects())
     with whole_folder(out) as draft:
         measured = _read(options, voice)
@@ -89,6 +91,7 @@ def diagnose(
     """Name what the model misses and write diagnosis.json, model.json and report.html."""
     from diagnosis.diagnose import diagnose as find_causes
 
+    known = options.fit.merged(known)
     own = known.own_effects()
     start = _base(base, own)
     with whole_folder(out) as draft:
@@ -148,7 +151,7 @@ def predict(
     """Simulate a log freely and write run, time, angle (or position) as CSV."""
     from antidrive.prediction import write_prediction
 
-    servo = _model(model, _own(effects))
+    servo = _model(model, _own(effects or options.fit.effects))
     if window is not None and not (np.isfinite(window) and window > 0.0):
         raise BadParameter(f"--window must be a positive number of seconds, not {window:g}.")
     with whole_file(out) as draft:
@@ -158,11 +161,24 @@ def predict(
             simulated = write_prediction(draft, log, servo, window=window, tell=progress)
     unit = "rad" if log.axis == "rotary" else "m"
     errors = [
-        {"run": run.number, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.output)[run.valid] ** 2)))}
+        {"run": run.run, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.output)[run.valid] ** 2)))}
         for run, y in zip(log.runs, simulated, strict=True)
     ]
     lines = [f"{entry['label']}: rms error {entry['rms']:.4g} {unit}" for entry in errors]
     voice.result("\n".join([*lines, f"Written: {out}"]), {"file": str(out), "unit": unit, "runs": errors})
+
+
+def inspect(options: LogOptions, *, out: Path, voice: Voice) -> None:
+    """Show what is understood of a log, and write log.toml and report.html."""
+    from antidrive.inspection import inspected
+
+    with voice.progress("reading") as progress:
+        found = inspected(options, progress)
+    with whole_folder(out) as draft:
+        (draft / "log.toml").write_text(found.log_file(out), encoding="utf-8")
+        page = report.inspection_page(found, Provenance.now(voice.words, found.log.sources))
+        (draft / "report.html").write_text(page, encoding="utf-8")
+    voice.result("\n".join([*found.sentences(), _written(out, "log.toml, report.html")]), found.summary())
 
 
 def simulate(scenario: str, *, model: Path | None, effects: Path | None, out: Path, seed: int, voice: Voice) -> None:
@@ -301,18 +317,22 @@ def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:
 
 def demo(*, out: Path, seed: int, voice: Voice) -> None:
     """Run the whole chain on a synthetic log of the rig."""
-    from antidrive.demo import run_demo
+    from antidrive.demo import run_demo, write_log
 
     with whole_folder(out) as draft:
         with voice.progress("recording a synthetic log on the rig") as progress:
             told = run_demo(seed=seed, progress=progress)
+        write_log(told.log, draft / "log.csv")
+        write_log(told.validation, draft / "validation.csv")
         told.base_model.write(draft / "base-model.json")
         told.model.write(draft / "model.json")
         write_json(draft / "diagnosis.json", told.diagnosis.to_dict())
         write_json(draft / "summary.json", told.summary())
         page = report.demo_page(told, Provenance.now(voice.words, told.diagnosis.base.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [*told.sentences(), _written(out, "diagnosis.json, model.json, base-model.json, summary.json, report.html")]
+    files = "log.csv, validation.csv, diagnosis.json, model.json, base-model.json, summary.json, report.html"
+    again = f"Try it yourself: antidrive diagnose {out / 'log.csv'} --holdout {out / 'validation.csv'}"
+    lines = [*told.sentences(), _written(out, files), again]
     voice.result("\n".join(lines), told.summary())
 
 

@@ -108,8 +108,8 @@ def _way(run: Run, width: int) -> Array:
 
 
 def _clock(run: Run, place: int) -> str:
-    """The time of a sample on the clock of its recording [s]."""
-    return f"{round(run.zero + run.time[place], 3):.10g}"
+    """The time of a sample since the log's start [s]."""
+    return f"{round(run.time[place] - run.start, 3):.10g}"
 
 
 def restart_window(log: Log) -> float:
@@ -155,8 +155,11 @@ def standard_errors(gained: Array) -> float:
 
     The test of Diebold and Mariano (1995) for which of two predictors is better.
     """
-    blocks = np.array([block.mean() for block in np.array_split(gained, BLOCKS)])
-    scatter = float(blocks.std(ddof=1)) / np.sqrt(BLOCKS)
+    count = min(BLOCKS, gained.size)
+    if count < 2:
+        return 0.0
+    blocks = np.array([block.mean() for block in np.array_split(gained, count)])
+    scatter = float(blocks.std(ddof=1)) / np.sqrt(count)
     return float(blocks.mean() / scatter) if scatter > 0.0 else 0.0
 
 
@@ -224,7 +227,9 @@ def _inverse_error(log: Log, model: ServoModel, cutoff: float) -> tuple[float, f
     squares = [record**2 for record in torque_misses(log, model, cutoff=cutoff)]
 
     def relative(missed: float, torque: float) -> float:
-        return float(np.sqrt(missed / torque)) if torque > 0.0 else float("nan")
+        if torque > 0.0:
+            return float(np.sqrt(missed / torque))
+        return float(missed > 0.0)  # a model that lets no torque through explains none of what the motion needs
 
     return relative(*(float(np.mean(square)) for square in squares)), jackknife(relative, *squares)
 

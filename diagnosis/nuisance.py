@@ -79,10 +79,15 @@ def basis(columns: Array) -> Array:
     """Orthonormal basis of what columns (T, n) span.
 
     With pivots: where a column is nothing, as that of an instant at which the load rests, those behind it would lose
-    what they share with the arbitrary direction in its place.
+    what they share with the arbitrary direction in its place. A column that overflows is no direction either. Each has
+    a unit of its own, so it is their directions that are compared.
     """
     if columns.shape[1] == 0:
         return columns
-    basis, triangle, _ = qr(columns, mode="economic", pivoting=True)
+    largest = np.abs(columns).max(axis=0, initial=0.0)
+    sound = np.isfinite(largest) & (largest > 0.0)
+    scaled = np.divide(columns, largest, out=np.zeros_like(columns), where=sound)
+    scaled /= np.maximum(np.linalg.norm(scaled, axis=0), 1.0)
+    basis, triangle, _ = qr(scaled, mode="economic", pivoting=True)
     size = np.abs(np.diag(triangle))
     return np.ascontiguousarray(basis[:, size > _NOTHING * size.max()])

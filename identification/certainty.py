@@ -138,7 +138,7 @@ def _nothing_moves(objective: Objective, minimum: Minimum) -> bool:
     """Whether an output that never changes explains the log as well as the fitted motion: nothing can be told."""
     runs = objective.log.runs
     still = sum(float(np.sum((run.output - run.output[run.valid].mean())[run.valid] ** 2)) for run in runs)
-    return still < 1.1 * minimum.equations.cost
+    return still <= 1.1 * minimum.equations.cost
 
 
 def _without_weight(objective: Objective, values: Array, std: Array) -> NDArray[np.bool_]:

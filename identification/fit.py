@@ -21,6 +21,8 @@ from plant.effects.effect import parameters_of
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
+_ROUNDING = 1e-12  # of an angle, that is no motion
+
 
 @without_blas_threads
 def fit(
@@ -62,15 +64,27 @@ def fit(
 def fit_knowing(log: Log, model: ServoModel, known: Known, progress: Callable[[str], None] | None = None) -> Fit:
     """The same, with what is known of parameters in one piece, also of such as the model does not have."""
     start = known.begun(model)
-    found = Problem.of(log, start, known=known).solve(progress=progress)
-    traded = _traded(found)
-    if traded:
-        found = Problem.of(log, start, fixed=traded, known=known).solve(progress=progress)
-    found = with_its_colour(with_its_clock(found))
+    found, traded = _beside_traded(log, start, known, progress)
     if found.converged:
         found = Problem.of(found.log, found.model, fixed=found.fixed, known=found.known).polished(found)
     begun = [replace(line, start=float(value)) for line, value in zip(found.parameters, start.values, strict=True)]
     return replace(found, parameters=tuple(replace(p, value=None) if p.name in traded else p for p in begun))
+
+
+def _beside_traded(
+    log: Log, model: ServoModel, known: Known, progress: Callable[[str], None] | None
+) -> tuple[Fit, tuple[str, ...]]:
+    """The fit with its clock and colour, and the parameters that it kept because they traded places with others."""
+    kept: tuple[str, ...] = ()
+    while True:
+        found = Problem.of(log, model, fixed=kept, known=known).solve(progress=progress)
+        traded = _traded(found)
+        if not traded:
+            found = with_its_colour(with_its_clock(found))
+            traded = _traded(found)
+        if not traded:
+            return found, kept
+        kept += traded
 
 
 def _traded(found: Fit) -> tuple[str, ...]:
@@ -128,9 +142,10 @@ def base_model(log: Log) -> ServoModel:
             [np.gradient(run.output, run.time) for run in log.runs],
         )
     )
-    viscous = 0.5 * torque / speed if torque * speed > 0.0 else 1.0
+    moves = torque > 0.0 and angle > _ROUNDING * max(float(np.max(np.abs(run.output))) for run in log.runs)
+    viscous = 0.5 * torque / speed if moves else 1.0
     return ServoModel(
-        inertia=viscous * angle / speed if angle * speed > 0.0 else 1.0,
+        inertia=viscous * angle / speed if moves else 1.0,
         gravity=0.0,
         viscous_friction=viscous,
         effects=(DeadZone(half_width=0.0),),

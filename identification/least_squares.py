@@ -1,4 +1,4 @@
-"""Damped Gauss-Newton with bounds on the normal equations (Levenberg 1944, Marquardt 1963).
+"""Damped Gauss-Newton with bounds on the normal equations (Levenberg 1944, Marquardt 1963; damping by Nielsen 1999).
 
 Logs are long and parameters few, so the work is one pass over the log for each trial; what remains is a system of the
 size of the parameter vector, solved here with an active set for the bounds.
@@ -17,6 +17,7 @@ from plant.effects.effect import Array
 
 _APART = 0.1  # of the log-likelihood, by which two points have to differ
 _ALIKE = 1e-12  # of the information about some regressors, below which about their difference there is none
+_STRONGER = 4.0  # damping after a first step that was refused; it doubles with each
 _ROUNDING = 1e-8  # component of a unit vector that may be none
 
 
@@ -87,7 +88,7 @@ def minimise(
     """
     point = np.clip(start, lower, upper)
     here = at_start if at_start is not None else evaluate(point)
-    evaluations, damping, converged = int(at_start is None), 1e-6, False
+    evaluations, damping, stronger, converged = int(at_start is None), 1e-6, _STRONGER, here.cost == 0.0
     while evaluations < iterations and np.isfinite(here.cost) and here.cost > 0.0:
         # A quantity that is positive by nature (a time, a width, an inertia) changes by a factor of five at most, so
         # that one about which the log is silent does not run away.
@@ -101,14 +102,16 @@ def minimise(
         target = np.clip(point + step, lower, upper)
         there = evaluate(target)
         evaluations += 1
-        gain = (here.cost - there.cost) / promise
-        if gain > 1e-4:
-            point, here = target, there
-            damping = max(damping * (0.1 if gain > 0.5 else 1.0 if gain > 0.1 else 5.0), 1e-12)
+        with np.errstate(over="ignore"):
+            kept = (here.cost - there.cost) / promise  # of what was promised
+        if kept > 1e-4:
+            point, here, stronger = target, there, _STRONGER
+            damping = max(damping * max(0.1, 1.0 - float(2.0 * kept - 1.0) ** 3), 1e-12)
         else:
-            damping = max(damping * 30.0, 1e-5)
+            damping, stronger = max(damping * stronger, 1e-5), 2.0 * stronger
             if damping > 1e10:
                 break
+    converged = converged or here.cost == 0.0
     return Minimum(point=point, equations=here, converged=converged, evaluations=evaluations)
 
 
@@ -180,6 +183,8 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
         coloured: (n, n) J'RJ.
         variance: of the residuals.
     """
+    bad = ~(np.isfinite(np.diag(information)) & np.isfinite(np.diag(coloured)))[:, None]  # overflowed: nothing is known
+    information, coloured = (np.where(bad | bad.T | ~np.isfinite(of), 0.0, of) for of in (information, coloured))
     diagonal = np.diag(information)
     scale = np.where(diagonal > 0.0, np.sqrt(np.maximum(diagonal, 1e-300)), 1.0)
     eigenvalues, vectors = np.linalg.eigh(information / np.outer(scale, scale))

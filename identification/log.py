@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.checks.check import check, excited
+from identification.checks.idle import leave_idle
 from identification.errors import MalformedLog, UnusableLog
 from identification.reading.columns import read_recordings
 from identification.reading.files import read_table
@@ -120,14 +121,22 @@ class Log:
         Raises `MalformedLog` for what cannot be used and `BadParameter` for options that do not fit.
         """
         listed = [paths] if isinstance(paths, str | Path) else list(paths)
-        if not listed:
+        return cls.of_files(listed, Reading(**how), after or (lambda: None))
+
+    @classmethod
+    def of_files(cls, paths: Sequence[str | Path], reading: Reading, done: Callable[[], None] = lambda: None) -> Log:
+        """The same for a `Reading`; `done` is called twice a file."""
+        if not paths:
             raise BadParameter("no log is given, name at least one file.")
-        reading = Reading(**how)
-        done = after or (lambda: None)
         tables = []
-        for path in listed:
+        for path in paths:
             tables.append(read_table(path))
             done()
+        return cls.of_tables(tables, reading, done)
+
+    @classmethod
+    def of_tables(cls, tables: Sequence[Table], reading: Reading, done: Callable[[], None] = lambda: None) -> Log:
+        """A log of tables that have been read; `done` is called once a table."""
         logs = []
         for table in joined_if_needed(tables, reading):
             logs.append(cls._from_table(table, reading))
@@ -208,6 +217,7 @@ class Log:
             )
         if not any(np.ptp(recording.output[recording.valid]) > 0 for recording in usable):
             findings = [replace(found, unusable=found.unusable or found.kind == "never turns") for found in findings]
+        usable, findings = leave_idle(usable, findings)
         return cls(
             runs=tuple(Run.from_recording(recording, _zero(usable)) for recording in usable),
             axis=axis,
@@ -233,7 +243,8 @@ class Log:
 
     @classmethod
     def merge(cls, logs: Sequence[Log]) -> Log:
-        """All runs of several logs of one machine; runs are numbered anew when numbers meet twice.
+        """All runs of several logs of one machine, numbered in the order of the logs, which also is what a run is
+        called whose label meets another one's.
 
         Raises `MalformedLog` when the logs differ in axis or in the command's unit.
         """
@@ -248,14 +259,14 @@ class Log:
                     "treat them one by one."
                 )
         notes = dict.fromkeys(note for log in logs for note in log.notes)
-        taken = [{run.number for run in log.runs} for log in logs]
-        runs = [run for log in logs for run in log.runs]
-        if sum(map(len, taken)) > len(set().union(*taken)):
-            numbers: dict[tuple[int, int], int] = {}  # parts of one run keep one number
-            keys = [(k, run.number) for k, log in enumerate(logs) for run in log.runs]
-            runs = [
-                replace(run, number=numbers.setdefault(key, len(numbers))) for run, key in zip(runs, keys, strict=True)
-            ]
+        numbers: dict[tuple[int, int], int] = {}  # parts of one run keep one number
+        runs = [
+            replace(run, number=numbers.setdefault((k, run.number), len(numbers)))
+            for k, log in enumerate(logs)
+            for run in log.runs
+        ]
+        if len({run.run for run in runs}) < len(numbers):
+            runs = [replace(run, run=str(run.number)) for run in runs]
             notes["the runs of several files are numbered anew, in the order of the files"] = None
         return replace(
             first,

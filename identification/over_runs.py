@@ -41,9 +41,9 @@ def informations(predictions: Sequence[Prediction]) -> tuple[Array, Array]:
     white, coloured = np.zeros((size, size)), np.zeros((size, size))
     for run, p in enumerate(predictions):
         own = np.ix_(_places(p, run), _places(p, run))
-        white[own] += p.jacobian.T @ p.jacobian
-        backwards = colour(p.jacobian[::-1], coefficients)
         with np.errstate(over="ignore", invalid="ignore"):  # of a model that all but runs off nothing is known
+            white[own] += p.jacobian.T @ p.jacobian
+            backwards = colour(p.jacobian[::-1], coefficients)
             coloured[own] += variance * (backwards.T @ backwards)
     return white, coloured
 

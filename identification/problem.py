@@ -27,6 +27,7 @@ from plant.effects.effect import Array
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
 _COLOURINGS = 3  # passes from the errors' colour to the fit and back
 _PARTS, _PART = 10, 5000  # of a log, and samples of each, from which a fit of the whole can begin
+_PATIENT = 200  # iterations of what is to be the end
 _POLISH = 1e-8  # rise of the log-likelihood that is nothing
 _HOPELESS = 4.0  # loss of log-likelihood per sample at a lower bandwidth that no refit makes good
 
@@ -182,12 +183,13 @@ class Problem(Objective):
                 break
         if log_likelihood(best.equations.cost, self.samples) < least:
             return None
-        return fit_of(problem, fit.bandwidth, best, evaluations - best.evaluations)
+        ended = problem._ended(best, fit.bandwidth)
+        return fit_of(problem, fit.bandwidth, ended, evaluations - best.evaluations)
 
     def polished(self, fit: Fit) -> Fit:
         """The fit brought to the very top of its likelihood, where it does not matter how it came there."""
         point = self.pack(fit.model.values, fit.initial)
-        best = self.minimise(point, fit.bandwidth, 0.0, tolerance=_POLISH)
+        best = replace(self.minimise(point, fit.bandwidth, 0.0, tolerance=_POLISH), converged=fit.converged)
         return replace(fit_of(self, fit.bandwidth, best, fit.evaluations), held_log_likelihood=fit.held_log_likelihood)
 
     def _held(self, fit: Fit) -> Fit:
@@ -276,7 +278,13 @@ class Problem(Objective):
                 attempt(min(vertex, fastest))
         top = best()
         found = trials[top].minimum
-        return top, found if found.converged else self.minimise(found.point, top, 0.0, at_start=found.equations)
+        return top, self._ended(found, top)
+
+    def _ended(self, minimum: Minimum, bandwidth: float) -> Minimum:
+        """A minimum in the exact form that was cut short, brought to its end."""
+        if minimum.converged:
+            return minimum
+        return self.minimise(minimum.point, bandwidth, 0.0, iterations=_PATIENT, at_start=minimum.equations)
 
 
 def _parts(log: Log) -> Log:

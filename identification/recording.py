@@ -31,11 +31,14 @@ class Finding:
 class Recording:
     """One experiment in SI units and the contract's sign conventions, not yet trusted.
 
+    number: place of the experiment among those of its file; its pieces share it.
     time, command, output, servo_gain: (T,) [s], [N m] or [N], [rad] or [m], [N m/rad] or [N/m].
     valid: (T,) False where the output is masked out of the fit.
     rows: (T,) data row of each sample, counted from 1; `first_line` is the line of row 1 in a text file.
     names: what the file calls "command" and "output", for messages.
     others: further channels by their contract name, (T,) each.
+    run: what the run column calls the experiment; its number where there is no such column.
+    start: what the clock shows at the first sample of the file [s].
     """
 
     label: str
@@ -51,6 +54,12 @@ class Recording:
     first_line: int | None = None
     names: dict[str, str] = field(default_factory=dict)
     others: dict[str, Array] = field(default_factory=dict)
+    run: str = ""
+    start: float = 0.0
+
+    def __post_init__(self) -> None:
+        """An experiment that nobody named goes by its number."""
+        object.__setattr__(self, "run", self.run or str(self.number))
 
     def __len__(self) -> int:
         """Number of samples."""
@@ -63,11 +72,12 @@ class Recording:
         return self.names.get(channel, usual.get(channel, channel))
 
     def where(self, index: int) -> str:
-        """File, row, line and time of one sample, for messages."""
+        """File, row, line and time since the file's first sample, for messages."""
         row = int(self.rows[index])
         line = "" if self.first_line is None else f" (line {row + self.first_line - 1})"
-        time = self.time[index]
-        return f"{self.label}, row {row}{line}" + (f", t = {time:.6g} s" if np.isfinite(time) else "")
+        time = self.time[index] - self.start
+        since = " after the start" if self.start else ""
+        return f"{self.label}, row {row}{line}" + (f", t = {time:.6g} s{since}" if np.isfinite(time) else "")
 
     def take(self, index: NDArray[np.bool_] | NDArray[np.int64] | slice, label: str | None = None) -> Recording:
         """The samples that `index` selects, in every channel."""

@@ -22,7 +22,8 @@ class Run:
     has `servo_gain` 0 and a position servo has `command = servo_gain * goal`.
 
     label: where it comes from, "log.csv run 3".
-    number: value of the run column, 0 if there is none.
+    number: place of the experiment in the log, from 0 on; pieces of one experiment share it.
+    run: what the run column calls the experiment; its number where there is no such column.
     time: (T,) strictly increasing [s], from `zero` on the recording's clock on.
     command: (T,) follower torque [N m] or force [N].
     output: (T,) load angle [rad] or position [m]; masked samples hold interpolated values.
@@ -31,6 +32,7 @@ class Run:
     command_limit: largest magnitude of the drive's torque [N m] or force [N].
     velocity, reference, setpoint: (T,) of the load, when logged.
     zero: what the recording's clock shows at time zero [s]; it may have been running since 1970.
+    start: when the file's first sample was taken, on the run's own time [s].
     drive_angles, torques: (T, 2) motor shaft angles [rad] and pinion torques [N m], when logged.
 
     Raises `MalformedLog` when shapes differ, a number is not finite, or time does not increase.
@@ -50,9 +52,12 @@ class Run:
     drive_angles: Array | None = None
     torques: Array | None = None
     zero: float = 0.0
+    run: str = ""
+    start: float = 0.0
 
     def __post_init__(self) -> None:
         """Bring the channels to float arrays and refuse what does not fit together."""
+        object.__setattr__(self, "run", self.run or str(self.number))
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
             ("time", "command", "output", "servo_gain", *_OPTIONAL), (len(self.time),)
         )
@@ -120,6 +125,8 @@ class Run:
             drive_angles=_pair(others, "angle_1", "angle_2"),
             torques=_pair(others, "torque_1", "torque_2"),
             zero=zero,
+            run=recording.run,
+            start=recording.start - zero,
         )
 
 

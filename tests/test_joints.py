@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -143,6 +144,23 @@ def test_pictures_are_no_channels(tmp_path):
     assert list(table.columns) == ["/wrench.torque", *(f"/wrench.axis:{k}" for k in (1, 2, 3))]
 
 
+def test_a_topic_that_cannot_be_decoded_does_not_spoil_the_others(tmp_path):
+    """The decoder knows no wide strings; and a message that ends too early."""
+    path = tmp_path / "bag.mcap"
+    with path.open("wb") as stream, Writer(stream) as writer:
+        states_of = writer.register_msgdef("sensor_msgs/msg/JointState", STATE)
+        wide = writer._writer.register_schema(name="a/msg/Wide", encoding="ros2msg", data=b"wstring text\n")
+        idl = writer._writer.register_schema(name="a/msg/Idl", encoding="ros2idl", data=b"module a {};")
+        for name, schema in (("/wide", wide), ("/idl", idl)):
+            channel = writer._writer.register_channel(topic=name, message_encoding="cdr", schema_id=schema)
+            writer._writer.add_message(channel_id=channel, log_time=0, publish_time=0, data=b"\0\1\0\0\0\0\0\0")
+        for t, message in states()[2]:
+            writer.write_message("/joint_states", states_of, message, log_time=round(1e9 * t))
+    table = read_table(path)
+    same(select_joint(table, "elbow"))
+    assert "'/wide' (cdr, which cannot be decoded), '/idl' (cdr)" in table.notes[0]
+
+
 def test_one_of_several_must_be_chosen_and_exist(tmp_path):
     table = read_table(bag(tmp_path / "bag.mcap", {"/joint_states": states()}))
     with pytest.raises(MalformedLog, match=r"2 joints, choose one with --joint NAME: shoulder, elbow\.$") as caught:
@@ -177,13 +195,35 @@ def test_exports_of_ros_as_text(tmp_path):
     echo += "".join(f"{round(1e9 * t)},0,shoulder,elbow,0.1,{q},0.1,{tau}\n" for t, q, tau in rows)
     plot = "__time,/joint_states/shoulder/position,/joint_states/elbow/position,/joint_states/elbow/effort\n"
     plot += "".join(f"{t},0.1,{q},{tau}\n" for t, q, tau in rows)
-    for content, rest in ((echo, "time"), (plot, "__time")):
+    bagpy = echo.replace("field.", "")
+    bagpy = re.sub(r"(name|position|effort)(\d)", r"\1_\2", bagpy)
+    lists = "Time,name,position,effort\n"
+    lists += "".join(f'{t},"[\'shoulder\', \'elbow\']","[0.1, {q}]","(0.1, {tau})"\n' for t, q, tau in rows)
+    exports = ((echo, "time"), (plot, "__time"), (bagpy, "time"), (lists, "Time"))
+    for content, rest in exports:
         (tmp_path / "log.csv").write_text(content)
         table = read_table(tmp_path / "log.csv")
         assert table.joints == ("shoulder", "elbow")
         one = select_joint(table, "elbow")
         same(one)
         assert rest in one.columns
+
+
+def test_an_encoder_and_a_drive_are_no_joints(tmp_path):
+    (tmp_path / "log.csv").write_text("__time,/axis/encoder/position,/axis/drive/effort\n0,1,2\n1,2,3\n")
+    assert read_table(tmp_path / "log.csv").joints == ()
+
+
+def test_lists_in_the_cells_of_a_text_table(tmp_path):
+    """As NumPy prints them, without commas; what is no list of numbers gives no number."""
+    content = "time,state,label\n" + "".join(
+        f"{t},[0.1  {q}],up\n" for t, q in zip(SOUND["time"], SOUND["angle"], strict=True)
+    )
+    (tmp_path / "log.csv").write_text(content + "2.0,[open],up\n")
+    table = read_table(tmp_path / "log.csv")
+    assert list(table.columns) == ["time", "label", "state:1", "state:2"]
+    np.testing.assert_allclose(table.columns["state:2"][:200], SOUND["angle"])
+    assert np.isnan(table.columns["state:2"][200])
 
 
 def lerobot(folder, names):
@@ -266,6 +306,6 @@ def test_a_definition_that_cannot_be_parsed_is_a_sentence(tmp_path):
         channel = file.register_channel(topic="/x", message_encoding="cdr", schema_id=schema)
         file.add_message(channel_id=channel, log_time=0, publish_time=0, data=b"\0\1\0\0")
         file.finish()
-    with pytest.raises(MalformedLog, match=r"not a readable \.mcap") as caught:
+    with pytest.raises(MalformedLog, match=r"not those of '/x' \(cdr, which cannot be decoded\)") as caught:
         read_table(tmp_path / "bag.mcap")
     check_sentence(str(caught.value))

@@ -84,6 +84,18 @@ def test_a_parameter_without_effect_is_undetermined() -> None:
     assert told_uncertainty(rng.standard_normal(300), twins).undetermined.tolist() == [False, True, True]
 
 
+def test_of_a_parameter_that_overflows_nothing_is_known_and_of_the_others_what_was() -> None:
+    """From a real log there was "Eigenvalues did not converge"."""
+    rng = np.random.default_rng(0)
+    jacobian, residuals = rng.standard_normal((300, 3)), rng.standard_normal(300)
+    sound = told_uncertainty(residuals, jacobian[:, :2])
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = told_uncertainty(residuals, jacobian * [1.0, 1.0, 1e200])
+    assert found.undetermined.tolist() == [False, False, True]
+    assert found.covariance[:2, :2] == pytest.approx(sound.covariance)
+    assert np.isfinite(found.unseen).all()
+
+
 def test_the_likelihood_is_the_gaussian_one() -> None:
     values = np.random.default_rng(0).normal(0.0, 3.0, 50)
     level = np.sqrt(np.mean(values**2))

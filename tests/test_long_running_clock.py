@@ -46,7 +46,7 @@ def test_a_wave_in_time_is_named_whatever_the_clock_shows(start):
     assert cause.effect == "periodic_disturbance"
     assert cause.parameters["frequency"].value == pytest.approx(1.7, rel=1e-3)
     assert cause.parameters["phase"].value == pytest.approx(0.3, abs=0.2)
-    assert f"from {start + 21.0:.10g} s on" in "".join(found.warnings)
+    assert "from 21 s on" in "".join(found.warnings)
 
 
 def test_dry_friction_is_not_called_drift_because_the_clock_began_long_ago():

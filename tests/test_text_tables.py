@@ -59,13 +59,12 @@ LAID_OUT = {
     "blanks as columns": "time    torque  angle   velocity\n" + rows("   "),
     "blanks at both ends": " time torque angle velocity \n" + "".join(" " + r + " \n" for r in rows(" ").splitlines()),
     "MATLAB comment": "%time\ttorque\tangle\tvelocity\n" + rows("\t"),
-    "Fortran exponents": None,
+    "Fortran exponents": NAMES + rows(pattern="{:.9E}").replace("E", "D"),
     "preamble of keys and values": "Model,X\nRecord Length,1000\nSample Interval,0.005,\n" + NAMES + rows(),
     "preamble as wide as the table": "Model,X,,\nDate,2026-01-01,,\nSource,a,b,c\n" + NAMES + rows(),
     "WaveForms": "#Digilent WaveForms Oscilloscope\n#Device Name: X\n#Sample rate: 200Hz\n\n" + NAMES + rows(),
     "a note at the end": NAMES + rows() + "# end of file\n",
 }
-LAID_OUT = {name: content for name, content in LAID_OUT.items() if content}
 
 
 @pytest.mark.parametrize("kind", LAID_OUT)
@@ -175,6 +174,21 @@ def test_a_decimal_comma_far_below_whole_numbers(tmp_path):
 def test_a_comma_that_may_be_either_is_refused_when_it_is_used(tmp_path):
     read = table(tmp_path, "time;torque\n" + "".join(f"{k}.25;1,234\n" for k in range(9)))
     assert read.columns["torque"].dtype == object
+
+
+def test_names_with_blanks_above_columns_with_blanks(tmp_path):
+    read = table(tmp_path, "  Time (s)   Motor torque   Angle (deg)   Speed\n" + rows("   "))
+    same(read, ("Time (s)", "Motor torque", "Angle (deg)", "Speed"))
+
+
+def test_a_header_that_says_where_it_ends(tmp_path):
+    """LabVIEW: what is above looks like data, and the rows lack the cell of the comments."""
+    end = "***End_of_Header***\t\t\t\n"
+    units = "X_Dimension\tTime\tTime\tTime\nDate\t2019/03/01\t2019/03/01\t1\t1\nX0\t0.0\t0.0\t0\t0\n"
+    head = f"Writer_Version\t2\nX_Columns\tOne\n{end}\n{units}{end}"
+    read = table(tmp_path, head + "\t".join(SOUND) + "\tComment\n" + rows("\t"), name="log.lvm")
+    same(read)
+    assert read.notes == ()
 
 
 def test_times_of_day_are_values(tmp_path):

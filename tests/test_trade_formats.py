@@ -140,7 +140,7 @@ def test_what_is_missing_in_one_channel_is_not_bridged(tmp_path):
 def test_the_number_of_a_run_is_held_and_not_interpolated(tmp_path):
     runs = {"time": np.array([0.0, 1.4999]), "run": np.array([3.0, 4.0])}
     log = Log.read(mf4(tmp_path / "log.mf4", runs, SOUND))
-    assert [run.number for run in log.runs] == [3, 4]
+    assert [run.run for run in log.runs] == ["3", "4"]
     assert [len(run) for run in log.runs] == [300, 300]
 
 
@@ -241,8 +241,8 @@ def test_lines_of_a_scope_export_are_counted(tmp_path):
     spoilt[0] = "-1"
     content[first + 7] = "\t".join(spoilt)
     (tmp_path / "scope.csv").write_text("\n".join(content))
-    with pytest.raises(MalformedLog, match=rf"row 8 \(line {first + 8}\)"):
-        Log.read(tmp_path / "scope.csv")
+    (warning,) = [text for text in Log.read(tmp_path / "scope.csv").warnings if "out of its place" in text]
+    assert f"row 8 (line {first + 8})" in warning
 
 
 # MATLAB
@@ -275,11 +275,10 @@ BAD = {
     "mcap cut at once": (lambda p: cut(mcap(p / "log.mcap", {"/servo": SOUND}), 10), "not a readable .mcap"),
     "mcap cut in its data": (lambda p: cut(mcap(p / "log.mcap", {"/servo": SOUND}), 9000), "not a readable .mcap"),
     "mcap of nothing": (lambda p: mcap(p / "log.mcap", {}), "no numeric columns"),
-    "mcap of broken json": (lambda p: garbled(p / "log.mcap"), "not a readable .mcap"),
+    "mcap of broken json": (lambda p: garbled(p / "log.mcap"), "'/servo' (json, which cannot be decoded)"),
     "mf4 without an angle": (lambda p: mf4(p / "log.mf4", SLOW), "'angle'"),
     "mf4 beyond its record": (lambda p: beyond(mf4(p / "log.mf4", SOUND)), "not a readable .mf4"),
     "mf4 with a name that is nowhere": (lambda p: nameless(mf4(p / "log.mf4", SOUND)), "not a readable .mf4"),
-    "clock goes back": (lambda p: mf4(p / "log.mf4", SOUND | {"time": SOUND["time"][::-1]}), "goes back"),
     "clock of another channel goes back": (
         lambda p: mf4(p / "log.mf4", LATE | {"time": LATE["time"][::-1]}, REST),
         "the time of channel 'torque' does not increase",

@@ -35,6 +35,10 @@ class _Topic:
         return len(self.stamped) == len(self.logged) and min(self.stamped) > 0 and not np.any(np.diff(self.stamped) < 0)
 
 
+class _Unknown(Exception):
+    """The messages of a topic are in an encoding that has no decoder."""
+
+
 def read_mcap(content: bytes, name: str, sha256: str) -> Table:
     """The numbers in the messages of each topic, as `/topic.field`; of lists with names, `/topic.position:elbow`.
 
@@ -52,15 +56,14 @@ def _topics(content: bytes, notes: list[str]) -> dict[str, _Topic]:
     unread: dict[str, str] = {}
     factory = DecoderFactory()
     for schema, source, message in make_reader(io.BytesIO(content), validate_crcs=True).iter_messages():
-        if len(message.data) > _LARGEST:
+        if len(message.data) > _LARGEST or source.topic in unread:
             continue
-        if source.message_encoding == "json":
-            said, stamp = json.loads(message.data), 0
-        elif decode := factory.decoder_for(source.message_encoding, schema):
-            said = decode(message.data)
-            stamp = _without_header(said)
-        else:
-            unread[source.topic] = source.message_encoding or "unknown"
+        try:
+            said, stamp = _decoded(message.data, source.message_encoding, schema, factory)
+        except Exception as error:  # whatever a definition beyond the decoder leads it to; the other topics are sound
+            why = "" if isinstance(error, _Unknown) else ", which cannot be decoded"
+            unread[source.topic] = f"{source.message_encoding or 'unknown'}{why}"
+            topics.pop(source.topic, None)
             continue
         topic = topics[source.topic]
         topic.messages.append(said)
@@ -68,12 +71,23 @@ def _topics(content: bytes, notes: list[str]) -> dict[str, _Topic]:
         if stamp:
             topic.stamped.append(stamp)
     if unread:
-        listed = ", ".join(f"'{topic}' ({encoding})" for topic, encoding in unread.items())
+        listed = ", ".join(f"'{topic}' ({why})" for topic, why in unread.items())
         told = f"messages in json, and those of ROS 2 with their definitions, are read, but not those of {listed}"
         if not topics:
             raise MalformedLog(f"{told}; export the log as CSV or with json messages")
         notes.append(told)
     return topics
+
+
+def _decoded(data: bytes, encoding: str, schema: Any, factory: Any) -> tuple[Any, int]:
+    """A message and its stamp [ns], 0 without one; raises `_Unknown` where there is no decoder for the encoding."""
+    if encoding == "json":
+        return json.loads(data), 0
+    decode = factory.decoder_for(encoding, schema)
+    if decode is None:
+        raise _Unknown
+    message = decode(data)
+    return message, _without_header(message)
 
 
 def _without_header(message: Any) -> int:

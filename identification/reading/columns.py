@@ -16,9 +16,10 @@ from identification.reading.inventory import refuse_missing
 from identification.reading.joints import select_joint
 from identification.reading.recognition import Recognition, recognise
 from identification.reading.request import Reading
-from identification.reading.runs import split_runs
+from identification.reading.runs import labels_of, split_runs
 from identification.reading.stated_units import stated_units
 from identification.reading.table import Table
+from identification.reading.time_stamps import seconds_of, with_whole_stamps
 from identification.reading.units import si_factor
 from identification.reading.values import numbers_of
 from identification.recording import Array, Recording
@@ -46,6 +47,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     that do not go together or hold no numbers, `BadParameter` for options that do not fit.
     """
     table = select_joint(table, reading.joint, mapped=list(reading.mapping.values()))
+    table = with_whole_stamps(table)
     known = recognise(table, reading)
     refuse_missing(table, known, reading)
     table, found = on_one_clock(table, known.found)
@@ -58,8 +60,9 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
                 raise BadParameter(f"'{column}' is given a unit or scale, but {table.name} has no such column; map it.")
     stated = stated_units(table, found, known.objects, units=reading.units, scales=reading.scales, axis=axis)
     found = {column: name for column, name in found.items() if column not in stated.left_out}
-    channels = _channels(table, found, reading, stated.units, axis)
-    rows, channels = _rows_with_numbers(table, channels)
+    channels, of_time = _channels(table, found, reading, stated.units, axis)
+    kept, rows = _rows_with_numbers(table, channels)
+    channels = {column: values[kept] for column, values in channels.items()}
     command = command_of(table.name, found, channels, axis, reading)
     output = "angle" if axis == "rotary" else "position"
     whole = Recording(
@@ -74,14 +77,16 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         axis=axis,
         first_line=table.first_line,
         names={**found, "command": command.name, "output": found[output]},
-        others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output, "run")},
+        others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output)},
     )
+    labels = labels_of(table, found["run"])[kept] if "run" in found else None
+    recordings, of_order = split_runs(whole, labels)
     return Recorded(
-        recordings=split_runs(whole, channels.get("run")),
+        recordings=recordings,
         axis=axis,
         command_unit=command.unit,
         notes=command.notes,
-        warnings=(*table.notes, *_by_meaning(table, known), *stated.notes),
+        warnings=(*table.notes, *_by_meaning(table, known), *stated.notes, *of_time, *of_order),
     )
 
 
@@ -105,27 +110,31 @@ def _counted(table: Table, found: Mapping[str, str], rate: float) -> tuple[Table
 
 def _channels(
     table: Table, found: Mapping[str, str], reading: Reading, units: Mapping[str, str], axis: str
-) -> dict[str, Array]:
-    """The columns as numbers in SI."""
-    channels = {}
+) -> tuple[dict[str, Array], tuple[str, ...]]:
+    """The columns as numbers in SI, and what is to be said of the time. The labels of the runs are no numbers."""
+    channels: dict[str, Array] = {}
+    told: tuple[str, ...] = ()
     for column, name in found.items():
-        values = numbers_of(table, name, column)
-        if column in reading.scales:
-            values = values * float(reading.scales[column])
-        if column in units:
-            values = values * si_factor(column, units[column], axis)
-        channels[column] = values
+        if column == "run":
+            continue
+        factor = float(reading.scales.get(column, 1.0))
+        factor *= si_factor(column, units[column], axis) if column in units else 1.0
+        if column == "time":
+            sized = column in units or column in reading.scales
+            channels[column], told = seconds_of(table, name, factor if sized else None)
+        else:
+            channels[column] = numbers_of(table, name, column) * factor
     _same_length(table, found, channels)
-    return channels
+    return channels, told
 
 
-def _rows_with_numbers(table: Table, channels: Mapping[str, Array]) -> tuple[NDArray[np.int64], dict[str, Array]]:
-    """Rows, counted from 1, in which any channel has a number, and the channels there."""
-    kept = ~np.all([np.isnan(values) for column, values in channels.items() if column != "run"], axis=0)
+def _rows_with_numbers(table: Table, channels: Mapping[str, Array]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """(T,) where any channel has a number, and the rows of the file there, counted from 1."""
+    kept = ~np.all([np.isnan(values) for values in channels.values()], axis=0)
     if not kept.any():
         raise MalformedLog(f"{table.name}: there are no rows with numbers, export the log again.")
     rows = np.arange(1, kept.size + 1) if table.rows is None else table.rows
-    return rows[kept], {column: values[kept] for column, values in channels.items()}
+    return kept, rows[kept]
 
 
 def _axis(table: Table, found: Mapping[str, str]) -> str:
@@ -147,9 +156,10 @@ def _axis(table: Table, found: Mapping[str, str]) -> str:
 
 def _same_length(table: Table, found: Mapping[str, str], channels: Mapping[str, Array]) -> None:
     samples = len(channels["time"])
-    for column, values in channels.items():
-        if len(values) != samples:
+    for column, name in found.items():
+        length = len(channels[column] if column in channels else table.columns[name])
+        if length != samples:
             raise MalformedLog(
-                f"{table.name}: the column '{found[column]}' has {len(values)} samples, but the time has {samples}; "
+                f"{table.name}: the column '{name}' has {length} samples, but the time has {samples}; "
                 "export both at the same rate."
             )

@@ -76,4 +76,4 @@ def _inside(key: str, values: NDArray[Any]) -> Gathered | None:
         if same:
             matrix = np.stack(list(values))
             return Gathered(columns={f"{key}:{k + 1}": matrix[:, k] for k in range(matrix.shape[1])})
-    return gathered({key: cell} for cell in values)
+    return gathered([{key: cell} for cell in values])

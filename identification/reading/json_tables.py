@@ -21,6 +21,7 @@ _SUFFIXES = (".json", ".jsonl", ".ndjson")
 _NAMES_OF_ROWS = ("columns", "header", "headers", "fields", "names")
 _ROWS = ("data", "rows", "values")
 _LONGEST_LIST = 256  # of groups
+_DECODER = json.JSONDecoder(parse_int=float)  # no whole number is too large for it
 
 
 def parse_json(content: bytes, name: str, sha256: str) -> Table | None:
@@ -66,17 +67,17 @@ def _constants(said: Any, table: Table) -> dict[str, NDArray[Any]]:
 def _loaded(text: str, name: str) -> tuple[Any, tuple[str, ...]]:
     """What the text says: one value, or a value a line; raises `ValueError` where it is neither."""
     try:
-        return json.loads(text), ()
+        return _DECODER.decode(text.strip()), ()
     except ValueError as error:
         lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
-        first = json.loads(lines[0][1]) if len(lines) > 1 else None
+        first = _DECODER.decode(lines[0][1].strip()) if len(lines) > 1 else None
         if not isinstance(first, dict | list):
             raise error from None
     records: list[Any] = []
     notes: tuple[str, ...] = ()
     for number, line in lines:
         try:
-            records.append(json.loads(line))
+            records.append(_DECODER.decode(line.strip()))
         except ValueError as error:
             if number != lines[-1][0]:
                 raise MalformedLog(
@@ -140,9 +141,11 @@ class _Found:
 
 
 def _listed(said: Any) -> Any:
-    """A mapping of 0, 1, 2, ... to values as a list, which is how pandas writes a column."""
-    if isinstance(said, Mapping) and len(said) > 1 and all(str(key).isdecimal() for key in said):
-        return [said[key] for key in sorted(said, key=int)]
+    """A mapping of numbers to values as a list in its order, which is how pandas writes a column."""
+    if not isinstance(said, Mapping) or len(said) < 2:
+        return said
+    if all(map(str.isdecimal, said)):
+        return list(said.values())
     return said
 
 

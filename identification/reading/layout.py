@@ -15,6 +15,8 @@ COMMENT = ("#", "%", "//")
 SEARCHED_LINES = 200  # no export has a longer preamble
 _SEPARATORS = ("\t", ";", "|", ",", " ")  # the comma late: it may be the decimal point
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)*|[.,]\d+)([eEdD][+-]?\d+)?$")
+_END_OF_HEADER = re.compile(r"\W*end[ _]?of[ _]?header\W*$", re.I)  # as LabVIEW writes it, twice
+_LIST = re.compile(r"[\[(][-+.,;\d\seE]+[\])]$")
 _NO_NUMBER = {"nan", "na", "null", "inf", "-inf", "none"}
 _STAMP = re.compile(r"\d{1,4}([-./])\d{1,2}\1\d{1,4}([T ].*)?$|\d{1,3}:\d\d(:\d\d([.,:]\d+)?)?( ?[ap]m)?$", re.I)
 
@@ -72,7 +74,7 @@ def _quoted(line: str, separator: str) -> list[str]:
 
 
 def _is_value(cell: str) -> bool:
-    return bool(_NUMBER.match(cell) or _STAMP.match(cell)) or cell.lower() in _NO_NUMBER
+    return bool(_NUMBER.match(cell) or _STAMP.match(cell) or _LIST.match(cell)) or cell.lower() in _NO_NUMBER
 
 
 def _is_data(cells: list[str]) -> bool:
@@ -82,9 +84,10 @@ def _is_data(cells: list[str]) -> bool:
 
 def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
     """Separator and index of the first data line: two columns or more, and another such line below it."""
+    begin = _after_header(lines)
     searched = [
         (index, line)
-        for index, line in enumerate(lines[:SEARCHED_LINES])
+        for index, line in enumerate(lines[begin : begin + SEARCHED_LINES], begin)
         if line.strip() and not line.lstrip().startswith(COMMENT)
     ]
     for separator in _SEPARATORS:
@@ -104,6 +107,11 @@ def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
     )
 
 
+def _after_header(lines: Sequence[str]) -> int:
+    """Index of the first line below a header that says where it ends."""
+    return max((k + 1 for k, line in enumerate(lines[:SEARCHED_LINES]) if _END_OF_HEADER.match(line)), default=0)
+
+
 def _counts_columns(cells: list[str]) -> bool:
     """Whether a row numbers the columns, as pandas writes a matrix: 0,1,2 with or without an index before them."""
     named = cells[1:] if not cells[0] else cells
@@ -119,7 +127,7 @@ def _lines_above(lines: Sequence[str], separator: str, start: int, name: str) ->
     second = next((line for line in lines[start + 1 :] if line.strip()), "")
     numbered = first[0] == "1" and split(second, separator)[:1] == ["2"]
     above: list[tuple[int, list[str]]] = []
-    for index in range(start - 1, max(start - SEARCHED_LINES, 0) - 1, -1):
+    for index in range(start - 1, max(start - SEARCHED_LINES, _after_header(lines)) - 1, -1):
         cells = _as_names(lines[index], separator, len(first), width, numbered=numbered)
         if cells:
             above.append((index, cells))
@@ -136,10 +144,12 @@ def _as_names(line: str, separator: str, filled: int, width: int, *, numbered: b
     NumPy writes names with commas above columns with blanks; R has no name above the numbers of its rows.
     """
     bare = line.lstrip("#%/ " if separator == "\t" else "#%/ \t")
-    order = _SEPARATORS if separator == " " else dict.fromkeys((separator, *_SEPARATORS[:-1]))
-    for other in order:
-        cells = split(bare, other)
-        while len(cells) > width and not cells[-1]:
+    order = [separator] if separator != " " else []
+    tried = [split(bare, other) for other in dict.fromkeys((*order, *_SEPARATORS[:-1]))]
+    if separator == " ":  # names may have blanks in them where more than one stand between
+        tried += [re.split(r"\s{2,}", bare.strip()), split(bare, " ")]
+    for cells in tried:
+        while len(cells) > width and cells[-1] in ("", "Comment"):  # LabVIEW has a name for what its rows lack
             cells.pop()
         if len(cells) > 1 and any(cells):
             if filled <= len(cells) <= width:

@@ -7,8 +7,8 @@ same length stands in the message (`name` of a ROS JointState, `joint_names`), `
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 _LISTS_OF_NAMES = ("name", "names", "joint_names", "joints", "motor_names", "motors")
 _LONGEST_LIST = 256  # what is longer is a picture or a scan, and no machine's joints
 _DEEPEST = 20
+_PLAIN = {float, int, bool, str, type(None)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +41,29 @@ class Gathered:
     joint_of: dict[str, tuple[str, str]] = field(default_factory=dict)
 
 
-def gathered(messages: Iterable[Any], *, text: bool = True) -> Gathered:
+def gathered(messages: Sequence[Any], *, text: bool = True) -> Gathered:
     """One column for each value that any of the messages has; without `text`, of numbers only."""
+    plain, rest = _plain_columns(messages)
+    found = _gathered(rest, text=text) if rest else Gathered()
+    return replace(found, columns={key: v for key, v in plain.items() if text or v.dtype.kind == "f"} | found.columns)
+
+
+def _plain_columns(messages: Sequence[Any]) -> tuple[dict[str, NDArray[Any]], list[Any]]:
+    """The columns of what is a number or a text in all messages, and the messages without these, none if nothing is."""
+    if not all(isinstance(message, dict) for message in messages):
+        return {}, list(messages)
+    columns = {}
+    nested = []
+    for key in dict.fromkeys(key for message in messages for key in message):
+        values = [message.get(key) for message in messages]
+        if set(map(type, values)) <= _PLAIN:
+            columns[str(key)] = column_of(values)
+        else:
+            nested.append(key)
+    return columns, [{key: message[key] for key in nested if key in message} for message in messages] if nested else []
+
+
+def _gathered(messages: Iterable[Any], *, text: bool) -> Gathered:
     known: dict[str, list[float | str | None]] = {}
     joint_of: dict[str, tuple[str, str]] = {}
     count = 0

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_EXPONENT = r"([eE][+-]?\d+)?"
+_EXPONENT = r"([eEdD][+-]?\d+)?"  # Fortran writes D
 _COMMA = re.compile(rf"[+-]?\d*,\d+{_EXPONENT}$")
 _POINT = re.compile(rf"[+-]?\d*\.(\d{{1,2}}|\d{{4,}}){_EXPONENT}$")  # three digits might be thousands
 
@@ -52,11 +52,12 @@ def plain_numbers(values: NDArray[Any]) -> NDArray[Any]:
 
     cells = pd.Series(values)
     given = cells[cells.notna()].astype(str)
-    if not len(given) or not given.head(50).str.contains(r"[\d]").any():
-        return values
     for writing in (_ENGLISH, _CONTINENTAL):
+        if not given.head(50).str.fullmatch(writing.any_number()).all():  # dates and labels go at once
+            continue
         if given.str.fullmatch(writing.beyond_doubt()).any() and given.str.fullmatch(writing.any_number()).all():
             bare = given.str.replace(writing.thousands, "", regex=False).str.replace(writing.decimal, ".", regex=False)
+            bare = bare.str.replace("d", "e", case=False, regex=False)
             numbers = np.full(len(values), np.nan)
             numbers[cells.notna().to_numpy()] = pd.to_numeric(bare, errors="coerce").to_numpy(dtype=np.float64)
             return numbers

@@ -2,23 +2,100 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.recording import Array, Recording
+from identification.reading.order import Told, in_order
+from identification.reading.table import Table
+from identification.recording import Array, Recording, counted
 
 
-def split_runs(whole: Recording, run: Array | None) -> tuple[Recording, ...]:
-    """One recording for each value of the run column, in the order in which they come."""
-    if run is None:
-        return (whole,)
-    odd = np.flatnonzero(~(np.isfinite(run) & (np.abs(run) < 2**31)) | (np.nan_to_num(run) % 1 != 0))
-    if len(odd):
-        raise MalformedLog(f"{whole.where(int(odd[0]))}: the run is {run[odd[0]]:g}, number the runs 0, 1, 2, ...")
-    numbers, first = np.unique(run, return_index=True)
-    return tuple(
-        replace(whole.take(run == number, label=f"{whole.label} run {int(number)}"), number=int(number))
-        for number in numbers[np.argsort(first)]
-    )
+def labels_of(table: Table, name: str) -> NDArray[np.object_]:
+    """(T,) the cells of a column as labels of experiments, of any kind, as they are written; "" for an empty one."""
+    import pandas as pd
+
+    raw: NDArray[Any] = np.asarray(table.columns[name])
+    if raw.ndim != 1:
+        raise MalformedLog(f"{table.name}: the column '{name}' has shape {raw.shape}, give one label for each sample.")
+    cells = pd.Series(raw)
+    codes, kinds = pd.factorize(cells.map(_written) if raw.dtype.kind == "O" else cells)
+    labels = np.array([*map(_written, kinds), ""], dtype=object)[codes]  # a code of -1 is an empty cell
+    labels[np.asarray(cells.isna())] = ""
+    return labels
+
+
+def _written(label: Any) -> str:
+    """A label as people write it: 3 for the float of a run column with holes."""
+    return f"{label:.15g}" if isinstance(label, float | np.floating) else str(label).strip()
+
+
+def split_runs(whole: Recording, labels: NDArray[np.object_] | None) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
+    """One recording for each label, in the order in which they come, and for each time that begins anew.
+
+    A label that returns later continues its experiment. Beside the recordings, sentences on what was not in order.
+
+    Raises `MalformedLog` where the labels tell no experiments apart, or the rows are in no order.
+    """
+    whole = replace(whole, start=_start(whole.time))
+    notes: list[str] = []
+    groups = [("", whole)]
+    if labels is not None:
+        whole, labels, notes = _labelled(whole, labels)
+        groups = [(str(label), whole.take(labels == label)) for label in dict.fromkeys(labels)]
+    found: list[Recording] = []
+    told: list[Told] = []
+    for label, group in groups:
+        parts, done = in_order(group)
+        told += done
+        for place, part in enumerate(parts):
+            again = f" ({place + 1})" if place else ""
+            run = label + again if label else str(place)
+            named = f"{whole.label} run {run}" if label or len(parts) > 1 else whole.label
+            found.append(replace(part, number=len(found), run=run, label=named))
+    return tuple(found), (*notes, *_sentences(told))
+
+
+def _start(time: Array) -> float:
+    """The time of the first sample; of a table with the newest on top that is the last."""
+    known = time[np.isfinite(time)]
+    if len(known) == 0:
+        return 0.0
+    return float(known[-1] if np.all(np.diff(known) <= 0) else known[0])
+
+
+def _labelled(whole: Recording, labels: NDArray[np.object_]) -> tuple[Recording, NDArray[np.object_], list[str]]:
+    """The rows that have a label. One that stands in a single row each time begins an experiment."""
+    known = labels != ""
+    if not known.any():
+        raise MalformedLog(f"{whole.label}: the run column '{whole.name('run')}' is empty, leave it out.")
+    different = len(set(labels[known]))
+    if different == known.sum() and different < len(labels):
+        last = np.maximum.accumulate(np.where(known, np.arange(len(labels)), -1))
+        labels = np.where(last >= 0, labels[last], "")
+        known = labels != ""
+    elif different > 1 and 2 * different > len(labels):
+        raise MalformedLog(
+            f"{whole.label}: the run column '{whole.name('run')}' has {different} labels in {len(labels)} rows, so it "
+            "numbers no experiments; leave it out or map another one."
+        )
+    if known.all():
+        return whole, labels, []
+    first = whole.where(int(np.flatnonzero(~known)[0]))
+    note = f"{first}: {counted(int((~known).sum()), 'row')} without a label in '{whole.name('run')}' left out"
+    return whole.take(known), labels[known], [note]
+
+
+def _sentences(told: Iterable[Told]) -> list[str]:
+    """One sentence for each kind of disorder: where it was seen first, and how many times more."""
+    kinds: dict[str, list[Told]] = {}
+    for one in told:
+        kinds.setdefault(one.kind, []).append(one)
+    return [
+        f"{ones[0].where}: {ones[0].text}" + (f"; {len(ones) - 1} more such places" if len(ones) > 1 else "")
+        for ones in kinds.values()
+    ]

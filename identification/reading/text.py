@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from identification.errors import MalformedLog
 from identification.reading.codesys import is_trace, read_trace
 from identification.reading.layout import COMMENT, SEARCHED_LINES, Layout, find_layout, split
+from identification.reading.list_cells import with_lists
 from identification.reading.numerals import has_decimal_comma, plain_numbers
 from identification.reading.scope import find_scope_header, group_starts, read_groups
 from identification.reading.table import Table
@@ -40,7 +41,7 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
     starts = group_starts(layout.names)
     grouped = len(starts) > 1 or scope is not None
     body = _body(lines, layout.start, name)
-    notes = [*_unread(layout, width, name), *body.notes]
+    notes = [*_unread(layout, name), *body.notes]
     ends = {width, *starts} if grouped else {width}  # where the slower groups have ended, rows are shorter
     last = len(split(body.lines[-1], layout.separator))
     if len(body.lines) > 1 and last < width and last not in ends:
@@ -60,14 +61,18 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
             units=groups.units,
         )
     names = _called(layout.names or ("",) * width, columns)
+    if not layout.names:
+        notes.append(f"{name}: no column names stand above the numbers; the columns are called 1 to {len(names)}")
+    spread = with_lists(dict(zip(names, columns, strict=False)))
     return Table(
         name=name,
-        columns=dict(zip(names, columns, strict=False)),
+        columns=spread.columns,
         sha256=sha256,
         first_line=body.first_line,
         rows=body.kept_rows,
         notes=tuple(notes),
         units={column: unit for column, unit in zip(names, layout.units, strict=False) if unit},
+        joint_of=spread.joint_of,
     )
 
 
@@ -130,9 +135,7 @@ def _body(lines: list[str], start: int, name: str) -> _Body:
     return _Body(lines=[lines[k] for k in kept], first_line=start + 1, rows=rows, notes=notes)
 
 
-def _unread(layout: Layout, width: int, name: str) -> list[str]:
-    if not layout.names:
-        return [f"{name}: no column names stand above the numbers; the columns are called 1 to {width}"]
+def _unread(layout: Layout, name: str) -> list[str]:
     if not layout.unread:
         return []
     first, last = layout.unread[0], layout.unread[-1]

@@ -1,4 +1,4 @@
-"""The cells of a column as numbers; of the time, stamps of any kind as seconds."""
+"""The cells of a column as numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from identification.recording import Array
 
 
 def numbers_of(table: Table, name: str, column: str) -> Array:
-    """The column as floats; dates become seconds from the first one."""
+    """The column as floats."""
     raw: NDArray[Any] = np.asarray(table.columns[name])
     if raw.ndim != 1:
         raise MalformedLog(
@@ -23,20 +23,11 @@ def numbers_of(table: Table, name: str, column: str) -> Array:
         return raw.astype(np.float64)
     import pandas as pd
 
-    if column == "time":
-        try:
-            stamps = pd.to_datetime(pd.Series(raw), format="ISO8601" if raw.dtype.kind in "OUT" else None)
-        except (ValueError, TypeError, OverflowError):
-            stamps = pd.Series(raw)
-        if stamps.dtype.kind == "M":
-            return np.asarray((stamps - stamps.iloc[0]).dt.total_seconds(), dtype=np.float64)
-    if raw.dtype.kind == "m":
-        return np.asarray(raw / np.timedelta64(1, "ns"), dtype=np.float64) * 1e-9
     try:
         numbers = np.asarray(pd.to_numeric(pd.Series(raw), errors="coerce"))
     except (ValueError, TypeError):  # cells that are lists, records, ...
         numbers = np.asarray([None])
-    if numbers.dtype.kind not in "fiub" or raw.dtype.kind in "M":
+    if numbers.dtype.kind not in "fiub" or raw.dtype.kind in "mM":
         raise MalformedLog(f"{table.name}: the column '{name}' does not hold plain numbers, export it again.")
     numbers = numbers.astype(np.float64)
     bad = np.flatnonzero(np.isnan(numbers) & ~np.asarray(pd.isna(pd.Series(raw))))

@@ -1,0 +1,47 @@
+"""Lists in the cells of a text table, as pandas and ROS write them: `"[0.1, 0.2]"`, `"(0.1, 0.2)"`, `[0.1 0.2]`."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from numpy.typing import NDArray
+
+from identification.reading.nested import Gathered, gathered
+
+_LIST = re.compile(r"\s*[\[(].*[\])]\s*$", re.DOTALL)
+
+
+def with_lists(columns: Mapping[str, NDArray[Any]]) -> Gathered:
+    """The columns, and in place of those with lists in their cells one for each item, by joint where names tell."""
+    lists = {name: values for name, values in columns.items() if _holds_lists(values)}
+    if not lists:
+        return Gathered(columns=dict(columns))
+    rows = zip(*([_items(cell) for cell in values] for values in lists.values()), strict=True)
+    found = gathered([dict(zip(lists, row, strict=True)) for row in rows])
+    rest = {name: values for name, values in columns.items() if name not in lists}
+    return Gathered(columns={**rest, **found.columns}, joint_of=found.joint_of)
+
+
+def _holds_lists(values: NDArray[Any]) -> bool:
+    if values.dtype.kind != "O":
+        return False
+    given = [cell for cell in values if isinstance(cell, str)]
+    return bool(given) and all(map(_LIST.match, given))
+
+
+def _items(cell: Any) -> list[Any]:
+    """The items of a list in a cell, none where it is no list of numbers or texts."""
+    if not isinstance(cell, str):
+        return []
+    try:
+        said = ast.literal_eval(cell.strip())
+    except (ValueError, SyntaxError, MemoryError, RecursionError):  # NumPy has no commas
+        said = re.split(r"[\s,;]+", cell.strip().strip("[]()").strip())
+        try:
+            return [float(item) for item in said]
+        except ValueError:
+            return []
+    return [item for item in said if isinstance(item, str | int | float)] if isinstance(said, list | tuple) else []

@@ -1,0 +1,190 @@
+"""The times of a table as seconds: a time of day, dates as people write them, epochs in any unit, plain numbers."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.checks.plausibility import FASTEST_SAMPLING, SLOWEST_SAMPLING
+from identification.errors import MalformedLog
+from identification.reading.table import Table
+from identification.reading.values import numbers_of
+from identification.recording import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_DAY = 86400.0
+_OF_DAY = (
+    r"(?:(?P<days>\d+)\s*d(?:ays?)?,?\s+)?(?P<first>\d{1,4}):(?P<second>\d{1,2})(?::(?P<third>\d{1,2}))?"
+    r"(?:[.,:](?P<part>\d{1,9}))?\s*(?P<half>[AaPp])?(?(half)\.?[Mm]\.?)"
+)
+_DATED = (
+    r"^(?P<date>.*\w)[T\s,_]+(?P<time>\d{1,2}:\d{2}(?::\d{2})?(?:[.,:]\d{1,9})?(?:\s*[AaPp]\.?[Mm]\.?)?)"
+    r"(?:\s*(?:Z|UTC|GMT))?$"
+)
+_SECONDS = ("sec", "secs", "second", "seconds")
+_SIZES = {"nano": 1e-9, "micro": 1e-6, "milli": 1e-3, "n": 1e-9, "u": 1e-6, "m": 1e-3}
+_FRACTION = re.compile(rf"(?P<stem>.*?)(?P<size>{'|'.join(_SIZES)})_?(secs?|seconds?)", re.IGNORECASE)
+_EPOCHS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_THIS_CENTURY = (946684800.0, 4102444800.0)  # [s] since 1970: the years 2000 to 2100
+
+
+def seconds_of(table: Table, name: str, factor: float | None) -> tuple[Array, tuple[str, ...]]:
+    """(T,) times [s], and what is to be said of them. Dates count from the first one.
+
+    factor: seconds in one of the column's numbers; None where nobody says, and numbers are seconds or an epoch.
+
+    Raises `MalformedLog` for a cell that is no time.
+    """
+    times, _, told = clock_of(table, name, factor)
+    return times, told
+
+
+def clock_of(table: Table, name: str, factor: float | None) -> tuple[Array, float, tuple[str, ...]]:
+    """(T,) times [s], when dates among them begin [s] since 1970, else 0, and what is to be said; as `seconds_of`."""
+    raw: NDArray[Any] = np.asarray(table.columns[name])
+    if raw.ndim == 1 and raw.dtype.kind in "mMOUST":
+        import pandas as pd
+
+        cells = pd.Series(raw)
+        if raw.dtype.kind == "m":
+            return np.asarray(cells.dt.total_seconds(), dtype=np.float64), 0.0, ()
+        written = cells.map(lambda cell: str(cell).strip(), na_action="ignore").replace("", np.nan)
+        times = _times_of_day(written)
+        if times is None:
+            dates = _dates(cells) if raw.dtype.kind == "M" else _dates(written)
+            if dates is not None:
+                _refuse_others(table, name, written, dates[0])
+                return *dates, ()
+        else:
+            _refuse_others(table, name, written, times)
+            times, told = _over_midnight(table, name, times, whole=bool(written.str.contains("d").any()))
+            return times, 0.0, told
+    numbers = numbers_of(table, name, "time")
+    if factor is not None:
+        return numbers * factor, 0.0, ()
+    unit = _epoch(numbers)
+    if unit is None:
+        return numbers, 0.0, ()
+    note = f"{table.name}: '{name}' counts {unit} since 1970, as in seconds it would lie far in the future"
+    return numbers * _EPOCHS[unit], 0.0, (note,)
+
+
+def _times_of_day(written: pd.Series[str]) -> Array | None:
+    """Seconds of `16:13:10.123`, `4:13:10 PM`, `1 day, 0:00:01` or `13:10.1` (minutes); None if most are no such."""
+    import pandas as pd
+
+    parts = written.str.extract(f"^{_OF_DAY}$")
+    if not 2 * int(parts["first"].notna().sum()) > int(written.notna().sum()):
+        return None
+    fields = {
+        key: np.asarray(pd.to_numeric(parts[key]), dtype=np.float64) for key in ("days", "first", "second", "third")
+    }
+    fraction = np.asarray(pd.to_numeric("0." + parts["part"].fillna("0")), dtype=np.float64)
+    first, second, third = fields["first"], fields["second"], fields["third"]
+    if np.isnan(third).all():
+        seconds = 60 * first + second + fraction
+    else:
+        half = parts["half"].str.lower()
+        hours = np.where(half.notna(), first % 12 + 12 * np.asarray(half == "p"), first)
+        seconds = 3600 * hours + 60 * second + np.nan_to_num(third) + fraction
+    return np.where(parts["first"].notna(), seconds + _DAY * np.nan_to_num(fields["days"]), np.nan)
+
+
+def _over_midnight(table: Table, name: str, times: Array, *, whole: bool) -> tuple[Array, tuple[str, ...]]:
+    """Times of day that fall by more than half a day have passed midnight."""
+    known = np.flatnonzero(np.isfinite(times))
+    nights = np.cumsum(np.diff(times[known], prepend=times[known][:1]) < -_DAY / 2)
+    if whole or len(nights) == 0 or nights[-1] == 0:
+        return times, ()
+    continued = times.copy()
+    continued[known] += _DAY * nights
+    return continued, (f"{table.name}: '{name}' passes midnight and is continued",)
+
+
+def _dates(cells: pd.Series[Any]) -> tuple[Array, float] | None:
+    """Seconds since the first date, NaN for a cell that is none, and that date since 1970; None if most are none.
+
+    Which number is the day and which the month is not asked: the reading in which the log is shorter is taken.
+    """
+    import pandas as pd
+
+    stamps = pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce")
+    if 2 * int(stamps.notna().sum()) > int(cells.notna().sum()):
+        first = stamps.dropna().iloc[0]
+        since = np.asarray((stamps - first).dt.total_seconds(), dtype=np.float64)
+        return since, float((first - pd.Timestamp(0, tz="UTC")).total_seconds())
+    parts = cells.astype(str).str.extract(_DATED)
+    times = _times_of_day(parts["time"]) if parts["time"].notna().any() else None
+    if times is None or not 2 * int(parts["date"].notna().sum()) > int(cells.notna().sum()):
+        return None
+    codes, different = pd.factorize(parts["date"])
+    read = []
+    for day_first in (True, False):
+        days = pd.to_datetime(pd.Series(different), dayfirst=day_first, format="mixed", errors="coerce")
+        if days.notna().all() and len(days):
+            since = np.asarray((days - pd.Timestamp(0)).dt.total_seconds(), dtype=np.float64)
+            read.append(np.where(codes >= 0, since[codes], np.nan) + times)
+    if not read:
+        return None
+    shortest = min(read, key=lambda seconds: float(np.nanmax(seconds) - np.nanmin(seconds)))
+    begin = float(shortest[np.isfinite(shortest)][0])
+    return shortest - begin, begin
+
+
+def _refuse_others(table: Table, name: str, written: pd.Series[str], times: Array) -> None:
+    odd = np.flatnonzero(np.isnan(times) & np.asarray(written.notna()))
+    if len(odd):
+        row = int(odd[0])
+        raise MalformedLog(
+            f"{table.where(row)}, column '{name}': {str(written.iloc[row])[:30]!r} is no time like those of the other "
+            "rows, repair or delete this row."
+        )
+
+
+def with_whole_stamps(table: Table) -> Table:
+    """Whole seconds and what is beyond them in a column beside (`sec` and `nanosec`, as ROS has it) as one time.
+
+    The sum takes the place of the seconds; where it is the only one in a table without a time, it also is the time.
+    """
+    lower = {name.lower(): name for name in table.columns}
+    columns, notes = dict(table.columns), table.notes
+    joined = []
+    for name in table.columns:
+        found = _FRACTION.fullmatch(name)
+        wholes = [lower.get(f"{found['stem']}{word}".lower()) for word in _SECONDS] if found else []
+        whole = next((w for w in wholes if w is not None), None)
+        if found is None or whole is None:
+            continue
+        factor = _SIZES[found["size"].lower()]
+        seconds, part = np.asarray(table.columns[whole]), np.asarray(table.columns[name])
+        if not part.size or seconds.shape != part.shape or not {seconds.dtype.kind, part.dtype.kind} <= set("iuf"):
+            continue
+        if np.any(seconds % 1 > 0) or not (np.nanmin(part) >= 0 and np.nanmax(part) * factor < 1):
+            continue
+        columns[whole] = seconds + factor * part
+        del columns[name]
+        notes += (f"{table.name}: '{whole}' and '{name}' are one time",)
+        joined.append(whole)
+    if len(joined) == 1 and "time" not in lower:
+        columns = {"time": columns[joined[0]], **columns}
+    return replace(table, columns=columns, notes=notes)
+
+
+def _epoch(numbers: Array) -> str | None:
+    """The unit in which numbers that as seconds lie far in the future are times of this century."""
+    finite = numbers[np.isfinite(numbers)]
+    if len(finite) < 2 or float(np.median(finite)) < _THIS_CENTURY[1]:
+        return None
+    steps = np.diff(finite)
+    step = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+    for unit, factor in _EPOCHS.items():
+        dated = _THIS_CENTURY[0] < factor * float(np.median(finite)) < _THIS_CENTURY[1]
+        if dated and FASTEST_SAMPLING <= factor * step <= SLOWEST_SAMPLING:
+            return unit
+    return None

@@ -1,0 +1,116 @@
+"""Two files of one experiment, joined on their clocks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from sample_logs import motion, write
+from test_malformed_logs import check_sentence
+
+from identification.errors import MalformedLog
+from identification.reading.clocks import on_one_clock
+from identification.reading.files import read_table
+from identification.reading.join import join_tables
+from identification.reading.table import Table
+
+SOUND = motion(samples=400)
+SOUND["torque"] = np.sin(3 * SOUND["time"])
+LATE = SOUND["time"][:-1] + 0.0013
+DRIVE = {"time": LATE, "torque": np.sin(3 * LATE), "position": 0 * LATE}
+ENCODER = {"time": SOUND["time"], "angle": SOUND["angle"], "position": 2 * SOUND["angle"]}
+FOUND = {"angle": "angle", "torque": "torque"}
+
+
+def tables(folder, drive=DRIVE, encoder=ENCODER):
+    return [read_table(write(folder / "drive.csv", drive)), read_table(write(folder / "encoder.csv", encoder))]
+
+
+def check(joined, found=FOUND):
+    """On the clock of the encoder the angle is as it was measured, the torque interpolated."""
+    table, found = on_one_clock(joined, found)
+    np.testing.assert_allclose(table.columns[found["angle"]], SOUND["angle"], atol=1e-8)
+    torque = np.asarray(table.columns[found["torque"]])
+    known = np.isfinite(torque)
+    assert known.sum() > 390
+    np.testing.assert_allclose(torque[known], SOUND["torque"][known], atol=1e-4)
+    assert any("joined on their clocks, which have 1.99" in note for note in table.notes)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_two_files_become_channels_with_clocks(tmp_path, order):
+    joined = join_tables(tables(tmp_path)[::order])
+    check(joined)
+    assert set(joined.columns) == {"torque", "angle", "drive/position", "encoder/position"}
+    assert joined.clocks["angle"] is joined.clocks["encoder/position"]
+    assert joined.units["time"] == "s"
+
+
+def test_clocks_in_other_units_and_since_1970(tmp_path):
+    epoch = 1_760_000_000.0
+    drive = {"Time (ms)": 1e3 * (DRIVE["time"] + epoch), "torque": DRIVE["torque"]}
+    stamps = pd.to_datetime(SOUND["time"] + epoch, unit="s").strftime("%Y-%m-%dT%H:%M:%S.%f")
+    pd.DataFrame(drive).to_csv(tmp_path / "drive.csv", index=False)
+    pd.DataFrame({"stamp": stamps, "angle": SOUND["angle"]}).to_csv(tmp_path / "encoder.csv", index=False)
+    joined = join_tables([read_table(tmp_path / "drive.csv"), read_table(tmp_path / "encoder.csv")])
+    check(joined)
+    assert joined.clocks["angle"][0] == 0.0
+
+
+def test_a_file_that_has_clocks_already(tmp_path):
+    channels = Table(
+        name="drive.mf4",
+        columns={"torque": DRIVE["torque"]},
+        sha256="0",
+        clocks={"torque": 1e3 * DRIVE["time"]},
+        units={"time": "ms", "torque": "N m"},
+        notes=("drive.mf4: a word",),
+    )
+    joined = join_tables([channels, tables(tmp_path)[1]])
+    check(joined)
+    assert joined.units["torque"] == "N m"
+    assert joined.notes[0] == "drive.mf4: a word"
+    assert joined.name == "drive.mf4 + encoder.csv"
+
+
+def test_a_time_of_another_name_is_given(tmp_path):
+    renamed = {"moment" if name == "time" else name: values for name, values in ENCODER.items()}
+    with pytest.raises(MalformedLog, match=r"encoder\.csv: no column is called as a time is") as caught:
+        join_tables(tables(tmp_path, encoder=renamed))
+    check_sentence(str(caught.value))
+    check(join_tables(tables(tmp_path, encoder=renamed), time="moment"))
+
+
+def test_clocks_that_do_not_overlap(tmp_path):
+    later = ENCODER | {"time": ENCODER["time"] + 1763.0}
+    with pytest.raises(
+        MalformedLog, match=r"not overlap: drive\.csv runs from 0\.0013 s to 1\.9913 s and enc"
+    ) as caught:
+        join_tables(tables(tmp_path, encoder=later))
+    check_sentence(str(caught.value))
+    assert "1763 s to 1764.995 s" in str(caught.value)
+
+
+def test_times_that_are_text_or_alone(tmp_path):
+    (tmp_path / "words.csv").write_text("time,angle\n2,2\n3,3\nstart,1\n4,4\n")
+    with pytest.raises(MalformedLog, match="'start' is not a number"):
+        join_tables([*tables(tmp_path)[:1], read_table(tmp_path / "words.csv")])
+    (tmp_path / "alone.npz").write_bytes(b"")
+    np.savez(tmp_path / "alone.npz", time=SOUND["time"])
+    with pytest.raises(MalformedLog, match="nothing beside the time"):
+        join_tables([*tables(tmp_path)[:1], read_table(tmp_path / "alone.npz")])
+
+
+def test_times_of_the_day(tmp_path):
+    for name, columns in (("drive", DRIVE), ("encoder", ENCODER)):
+        stamps = [f"09:41:{13 + t:09.6f}".replace(".", ",") for t in columns["time"]]
+        frame = pd.DataFrame({**columns, "time": stamps}).drop(columns="position")
+        frame.to_csv(tmp_path / f"{name}.csv", index=False, sep=";")
+    check(join_tables([read_table(tmp_path / "drive.csv"), read_table(tmp_path / "encoder.csv")]))
+
+
+def test_samples_without_a_time_are_left_out(tmp_path):
+    times = ENCODER["time"].copy()
+    times[7] = np.nan
+    joined = join_tables(tables(tmp_path, encoder=ENCODER | {"time": times}))
+    assert len(joined.columns["angle"]) == len(joined.clocks["angle"]) == 399

@@ -1,0 +1,39 @@
+"""Logs of any scale, with anything wrong, end in a result or in one sentence; see `benchmarks/rough_logs.py`."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from rough_logs import KINDS, rough_log
+from rough_trial import diagnosed, identified
+
+from identification.fit import fit
+
+SAMPLE = tuple(range(2 * len(KINDS)))
+
+
+@pytest.mark.parametrize("seed", SAMPLE)
+def test_a_rough_log_ends_in_a_result_or_a_sentence(seed: int) -> None:
+    rough = rough_log(seed, longest=400)
+    assert identified(rough).faults == ()
+    assert diagnosed(rough).faults == ()
+
+
+def test_rough_logs_are_of_all_kinds_and_scales() -> None:
+    drawn = [rough_log(seed, longest=200) for seed in range(120)]
+    assert {rough.kind for rough in drawn} == set(KINDS)
+    assert {how for rough in drawn for how in rough.spoilt} == {"saturated", "3 % unmodelled", "8 bit"}
+    for values, decades in (([r.inertia for r in drawn], 6.0), ([r.level for r in drawn], 5.0)):
+        assert np.ptp(np.log10(values)) > decades
+    assert all(np.isfinite(rough.angle).all() and np.ptp(rough.time) > 0.2 for rough in drawn)
+
+
+def test_a_fit_of_another_machines_torque_has_failed_and_says_what_to_do() -> None:
+    """No number is made up, and nobody is told that the log were to blame."""
+    log = rough_log(14, longest=600).log()
+    (run,) = log.runs
+    noise = np.random.default_rng(1).standard_normal(len(run))
+    found = fit(type(log)(runs=(type(run)(**{**vars(run), "command": noise}),), axis=log.axis))
+    assert found.failed is not None
+    assert "The fit failed: " in str(found)
+    assert "cannot be told" not in str(found)
