@@ -94,7 +94,6 @@ def diagnose(
     warnings = [*log.warnings, *log.repairs, *log.notes, *said]
     if null.unidentifiable:
         warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
-    warnings.extend(blind_spots(null))
     outcome = forward(null, effects, progress=progress)
     near = only_near(outcome)
     outcome = replace(outcome, additions=()) if near else weighed_again(outcome, progress)
@@ -144,6 +143,7 @@ def diagnose(
     tell("measuring the gain on held-out data")
     gain, squares, replays = measure_gain(held_out, path)
     final = path[-1]
+    warnings.extend(blind_spots(null, final))
     further = goes_further(held_out, log)
     if (refuted := spoken_against(squares[0], squares[-1])) is not None:
         warnings.append(" ".join(filter(None, (refuted, further))))

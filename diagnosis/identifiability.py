@@ -77,8 +77,11 @@ _QUESTIONS = (
 _NOISE = "what it adds to this motion is less than the noise that the fit leaves; record more, or a larger motion"
 
 
-def blind_spots(fit: Fit) -> tuple[str, ...]:
-    """One sentence for each size that the log of a fit cannot tell, with what to do next; none for a telling log."""
+def blind_spots(fit: Fit, extended: Fit | None = None) -> tuple[str, ...]:
+    """One sentence for each size that the log of a fit cannot tell, with what to do next; none for a telling log.
+
+    Of what the fit of an `extended` model to the same log has told nothing is said: what a model lacks is no noise.
+    """
     still = standstill(fit)
     if still is not None:
         return (still,)
@@ -92,6 +95,7 @@ def blind_spots(fit: Fit) -> tuple[str, ...]:
         question
         for question in _QUESTIONS
         if question.about in seen
+        and not _is_told(question, extended or fit)
         and not (question.about == "gravity" and reasons["gravity"] is None)
         and worth.get(question.about, 1.0) * _standard_error(seen, question) > limit
     ]
@@ -138,6 +142,17 @@ def _standard_error(seen: dict[str, Array], question: _Question) -> float:
     others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
     beyond = own - others @ np.linalg.lstsq(others, own, rcond=1e-10)[0]
     return 1.0 / max(float(np.linalg.norm(beyond)), 1e-12 * float(np.linalg.norm(own)), 1e-300)
+
+
+def _is_told(question: _Question, fit: Fit) -> bool:
+    """Whether a fit has told a size beside its companions; of viscous friction one that knows of dry friction."""
+    if question.about == "viscous" and {effect.name for effect in fit.model.effects} <= {"dead_zone"}:
+        return False
+    name = {"inertia": "inertia", "viscous": "viscous_friction"}.get(question.about)
+    if name is None:
+        return False
+    value, std = fit[name].value, fit[name].std
+    return value is not None and std is not None and abs(value) > _SURE * std
 
 
 def _reasons(fit: Fit) -> dict[str, str | None]:

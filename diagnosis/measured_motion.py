@@ -97,10 +97,10 @@ class MeasuredMotion:
 def reading_noise(run: Run) -> float:
     """Standard deviation of what the readings of a run hold beside any smooth motion, its steps at least [rad or m]."""
     output = run.output[run.valid]
-    steps = np.abs(np.diff(output))
-    count = float(steps[steps > 0.0].min()) if steps.any() else 0.0
+    levels = np.unique(output)
+    count = float(np.diff(levels).min()) if levels.size > 1 else 0.0
     sixth = float(np.std(np.diff(output, 6)) / np.sqrt(924.0)) if output.size > 12 else 0.0
-    return max(sixth, count / np.sqrt(12.0))
+    return max(sixth, count / float(np.sqrt(12.0)))
 
 
 def speed_of(run: Run) -> Array:

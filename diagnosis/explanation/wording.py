@@ -18,10 +18,12 @@ _SPOKEN = 12.0  # log odds up to which a number says more than a power of e
 def percent(share: float, std: float | None = None) -> str:
     """A probability or share, with its standard error if it has one; never rounded up to certainty.
 
-    A ratio above one is told as it is, and what could not be measured says so.
+    A ratio above one is told as it is, from ten on without per cent, and what could not be measured says so.
     """
     if not np.isfinite(share):
         return "not measured"
+    if share >= 10.0:
+        return f"{share:.2g} times"
     if 0.9995 <= share < 1.0005:
         return "> 99.9 %"
     if share < 0.0005:
@@ -30,7 +32,7 @@ def percent(share: float, std: float | None = None) -> str:
 
 
 def change(cut: float, std: float | None = None) -> str:
-    """By how much an error fell or rose, from the share that was cut; from the double on, how many times as large."""
+    """By how much an error fell or rose, from the share that was cut; of twice as much and more, how many times."""
     return f"{1.0 - cut:.2g} times" if cut <= -1.0 else percent(abs(cut), std)
 
 
