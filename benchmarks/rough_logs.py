@@ -1,6 +1,6 @@
 """Does every log end in a result or in one sentence? Machines, commands and mishaps drawn from a seed.
 
-    python benchmarks/rough_logs.py [logs] [processes] [fits]
+    python benchmarks/rough_logs.py [logs] [processes] [most samples of a log] [fits]
 
 With `fits` the diagnosis is left out. Prints a line for each log at fault, and the table, which it writes to
 benchmarks/results/rough_logs.txt.
@@ -12,6 +12,7 @@ import multiprocessing
 import subprocess
 import sys
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -21,14 +22,9 @@ from rough_logs import RoughLog, rough_log  # noqa: E402
 from rough_trial import Tried, diagnosed, identified  # noqa: E402
 
 
-def tried(seed: int) -> tuple[RoughLog, Tried, Tried]:
-    rough = rough_log(seed)
-    return rough, identified(rough), diagnosed(rough)
-
-
-def tried_fit(seed: int) -> tuple[RoughLog, Tried]:
-    rough = rough_log(seed)
-    return rough, identified(rough)
+def tried(seed: int, longest: int, both: bool) -> tuple[RoughLog, *tuple[Tried, ...]]:
+    rough = rough_log(seed, longest=longest)
+    return (rough, identified(rough), diagnosed(rough)) if both else (rough, identified(rough))
 
 
 def table(what: str, results: list[tuple[RoughLog, Tried]]) -> str:
@@ -51,10 +47,12 @@ def table(what: str, results: list[tuple[RoughLog, Tried]]) -> str:
 def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     processes = int(sys.argv[2]) if len(sys.argv) > 2 else 2
-    both = "fits" not in sys.argv[3:]
+    longest = int(sys.argv[3]) if len(sys.argv) > 3 else 50_000
+    both = "fits" not in sys.argv[4:]
+    work = partial(tried, longest=longest, both=both)
     results = []
     with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=50) as pool:
-        for done, found in enumerate(pool.imap_unordered(tried if both else tried_fit, range(count)), start=1):
+        for done, found in enumerate(pool.imap_unordered(work, range(count)), start=1):
             results.append(found)
             for what, one in zip(("identify", "diagnose"), found[1:], strict=False):
                 if one.faults:
@@ -63,7 +61,7 @@ def main() -> None:
     parts = [table("identify", [(f[0], f[1]) for f in results])]
     if both:
         parts.append(table("diagnose with two candidates", [(f[0], f[2]) for f in results]))
-    text = "\n".join((f"{count} rough logs on commit {commit.stdout.strip()}", *parts))
+    text = "\n".join((f"{count} rough logs of 50 to {longest} samples on commit {commit.stdout.strip()}", *parts))
     print(text)
     (HERE / "results").mkdir(exist_ok=True)
     (HERE / "results" / "rough_logs.txt").write_text(text + "\n")

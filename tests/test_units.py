@@ -32,7 +32,7 @@ def test_a_fit_is_the_same_in_other_units(seed: int) -> None:
     assert apart(here, there, **scales) < 1e-6
 
 
-@pytest.mark.parametrize("seed", [3, 5, 11])
+@pytest.mark.parametrize("seed", [2, 5, 11])
 def test_a_verdict_is_the_same_in_other_units(seed: int) -> None:
     rough = rough_log(seed, longest=400)
     scales, log = factors(seed, rough.axis), rough.log()
