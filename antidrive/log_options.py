@@ -10,7 +10,6 @@ from typing import TypeVar
 from antidrive.time_left import Parts, Tell
 from identification.log import Log
 from plant.errors import BadParameter
-from plant.gears import GearTrain
 from plant.servo import ServoModel
 
 Value = TypeVar("Value")
@@ -82,7 +81,6 @@ class LogOptions:
             mapping=pairs("--map", self.mapping, str, "angle=qm"),
             units=pairs("--unit", self.units, str, "angle=deg"),
             scales=pairs("--scale", self.scales, float, "torque=35.15"),
-            gears=GearTrain.paper(),
             after=done,
         )
 

@@ -98,7 +98,7 @@ def standstill(fit: Fit) -> str | None:
     resolution = 1e-9 * max(float(np.max(np.abs(run.output[run.valid]))) for run in fit.log.runs)
     if _rms(spread) > max(2.0 * fit.noise_std, resolution):
         return None
-    highest = max(float(np.nanmax(np.abs(run.command - run.servo_gain * run.output))) for run in fit.log.runs)
+    highest = max(float(np.nanmax(np.abs(run.drive))) for run in fit.log.runs)
     return (
         f"The load does not move: a torque of at most {highest:.3g} {fit.log.command_unit} does not leave the dead "
         "zone or dry friction; raise it until the load moves."

@@ -147,7 +147,7 @@ def named_on(variable: str, axis: Axis) -> str:
 def noise_cutoff(fit: Fit) -> float:
     """Cutoff [Hz] at which the encoder's noise makes 3 % of the rms torque, within 0.5 Hz and 1/10 of the rate."""
     dt = fit.log.runs[0].sample_time
-    torque = np.concatenate([run.command - run.servo_gain * run.output for run in fit.log.runs])
+    torque = np.concatenate([run.drive for run in fit.log.runs])
     target = _TORQUE_SHARE * float(np.sqrt(np.mean(torque**2)))
     lowest, highest = min(0.5, 0.05 / dt), 0.1 / dt
     per_unit = _noise_torque(fit, 1.0)

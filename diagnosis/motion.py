@@ -27,11 +27,12 @@ def motion_of(
     runs = problem.log.runs
     velocity = np.concatenate([p.states[1] for p in predictions])
     command = np.concatenate([run.command for run in runs])
-    gain, output = (np.concatenate([getattr(run, name) for run in runs]) for name in ("servo_gain", "output"))
+    gain = np.concatenate([run.servo_gain for run in runs])
+    returned = command - np.concatenate([run.drive for run in runs])
     limit = np.repeat([run.command_limit for run in runs], [len(run) for run in runs])
 
     def law(command: Array) -> Array:
-        return np.asarray(np.clip(command - gain * output, -limit, limit))
+        return np.asarray(np.clip(command - returned, -limit, limit))
 
     dt = runs[0].sample_time
     typical = float(np.quantile(np.abs(velocity), 0.9))

@@ -44,6 +44,5 @@ def fit(
 def base_model(log: Log) -> ServoModel:
     """Where a fit starts that was told nothing: eqs. (4) and (6), without gravity on a linear axis."""
     effects = (DeadZone(half_width=0.0),)
-    if log.axis == "linear":
-        return ServoModel(inertia=1.0, gravity=0.0, viscous_friction=1.0, effects=effects, axis="linear")
-    return ServoModel(inertia=1.0, gravity=0.0, viscous_friction=0.1, effects=effects)
+    friction = 1.0 if log.axis == "linear" else 0.1
+    return ServoModel(inertia=1.0, gravity=0.0, viscous_friction=friction, effects=effects, axis=log.axis)

@@ -81,7 +81,7 @@ def _mean_torque(run: Run, model: ServoModel | None, velocity: Array) -> Array:
     """
     time = np.linspace(run.time[0], run.time[-1], len(run))
     dt, steps = float(time[1] - time[0]), np.diff(run.time)
-    drive = np.clip(run.command - run.servo_gain * run.output, -run.command_limit, run.command_limit)
+    drive = np.clip(run.drive, -run.command_limit, run.command_limit)
     if model is not None:
         drive = actuator_torque(
             model,
@@ -90,6 +90,7 @@ def _mean_torque(run: Run, model: ServoModel | None, velocity: Array) -> Array:
             velocity=velocity,
             angle=run.output,
             servo_gain=run.servo_gain,
+            servo_damping=run.servo_damping,
             command_limit=run.command_limit,
         )
     impulse = np.concatenate(([0.0], np.cumsum(drive[:-1] * steps)))

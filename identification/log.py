@@ -45,7 +45,8 @@ class Log:
 
     runs: at least one.
     warnings: what was found, `repairs`: what was masked, continued or left out; one sentence each.
-    command_unit: "N m", "N", or "V", "A" where the torque's scale is unknown, as `notes` then say.
+    command_unit: "N m", "N", or what the torque is counted in where its scale is unknown, as `notes` then say: "V",
+        "A", or "rad" and "m" of a position servo's error.
     colour: autoregression of the reading's noise, as `identification.colour` finds it; empty for white noise.
     evenly_timed: whether `identification.stamps` put even times in the place of the written ones.
 
@@ -81,6 +82,11 @@ class Log:
     def sample_time(self) -> float:
         """Sample time of the slowest run [s]."""
         return max(run.sample_time for run in self.runs)
+
+    @property
+    def torque_unit(self) -> str | None:
+        """What the torque is counted in where its scale is unknown, as in `ServoModel`; None for N m, or N."""
+        return None if self.command_unit in ("N m", "N") else self.command_unit
 
     @classmethod
     def read(
@@ -139,13 +145,24 @@ class Log:
     ) -> Log:
         """A log from arrays (T,) named as the log contract names them: `time=..., torque=..., angle=...`.
 
-        Arguments and errors as in `read`.
+        Arguments and errors as in `read`; the gains `kp` and `kd` of a position servo are numbers or arrays.
         """
+        gains = {
+            name: float(cast(float, channels.pop(name)))
+            for name in ("kp", "kd")
+            if np.ndim(channels.get(name, ())) == 0
+        }
         for name in channels:
             if ALIASES.get(name, name) not in COLUMNS:
                 raise BadParameter(f"there is no channel '{name}', a log has {', '.join(COLUMNS)}.")
         reading = Reading(
-            units=units or {}, scales=scales or {}, gears=gears, torque_constant=torque_constant, rate=rate
+            units=units or {},
+            scales=scales or {},
+            gears=gears,
+            torque_constant=torque_constant,
+            rate=rate,
+            kp=gains.get("kp"),
+            kd=gains.get("kd"),
         )
         columns = {}
         for name, values in channels.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -19,6 +19,16 @@ from plant.errors import BadParameter
 from plant.servo import ServoModel
 
 _MOST = 100.0  # log of the factor by which a cost may rise, beyond which it would overflow
+
+
+def same_unit(log: Log, model: ServoModel) -> None:
+    """Raise `BadParameter` where a model counts the torque in another unit than a log."""
+    if model.torque_unit != log.torque_unit:
+        usual = "N" if model.axis == "linear" else "N m"
+        raise BadParameter(
+            f"The model is in {model.torque_unit or usual}, the log's command in {log.command_unit}: neither says how "
+            "the two compare; use a model that was identified from a log of the same command."
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,12 +52,18 @@ class Objective:
 
     @classmethod
     def of(cls, log: Log, model: ServoModel, *, fixed: Collection[str] = ()) -> Self:
-        """Of a model's parameters all move but the fixed ones; gravity is fixed on a linear axis."""
+        """Of a model's parameters all move but the fixed ones; gravity is fixed on a linear axis.
+
+        A model in N m is a mere start where the log's torque is counted in another unit; the fit is in that of the log.
+        """
         unknown = set(fixed) - set(model.names)
         if unknown:
             raise BadParameter(f"fixed: {min(unknown)!r} is not a parameter; they are {', '.join(model.names)}.")
         if log.axis != model.axis:
             raise BadParameter(f"The log is of a {log.axis} axis, the model of a {model.axis} one.")
+        if model.torque_unit is not None:
+            same_unit(log, model)
+        model = replace(model, torque_unit=log.torque_unit)
         kept = {*fixed, "gravity"} if model.axis == "linear" else set(fixed)
         free = tuple(place for place, spec in enumerate(model.parameters) if spec.fitted and spec.name not in kept)
         specs = [model.parameters[place] for place in free]

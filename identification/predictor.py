@@ -175,7 +175,7 @@ class Predictor:
             self.model,
             angle=start[0],
             velocity=start[1],
-            torque=first[0] - first[2] * start[0],
+            torque=first[0] - first[2] * start[0] - first[INPUTS.index("servo_damping")] * start[1],
             command=first[0],
             goal=first_goal(run.command, run.servo_gain),
         )
@@ -197,7 +197,7 @@ def _joined(pieces: Sequence[Prediction]) -> Prediction:
 def run_inputs(
     run: Run, model: ServoModel, values: Array, bandwidth: float, width: float, part: slice
 ) -> tuple[Array, Array]:
-    """(k, 10) inputs of the steps of a part of a run, with measurement and gains, and the parameters (P,) for them.
+    """(k, 11) inputs of the steps of a part of a run, with measurement and gains, and the parameters (P,) for them.
 
     Of a delay only the part inside a sample is left in the parameters; whole samples are in the inputs.
     """
@@ -225,6 +225,7 @@ def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: 
         run.time[part],
         dt,
         width,
+        run.servo_damping[part],
         run.output[part],
         *gains,
     )

@@ -12,6 +12,11 @@ Array: TypeAlias = NDArray[np.float64]
 HUGE = 1e12  # no servo's reading in SI units; beyond it squares lose their digits
 
 
+def nothing() -> Array:
+    """A channel that most logs do not have: one zero, to be spread over all samples."""
+    return np.zeros(1)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Finding:
     """What a check found in one recording.
@@ -30,6 +35,7 @@ class Recording:
     """One experiment in SI units and the contract's sign conventions, not yet trusted.
 
     time, command, output, servo_gain: (T,) [s], [N m] or [N], [rad] or [m], [N m/rad] or [N/m].
+    servo_damping: (T,) of a position servo's law [N m s/rad] or [N s/m]; by default there is none.
     valid: (T,) False where the output is masked out of the fit.
     rows: (T,) data row of each sample, counted from 1; `first_line` is the line of row 1 in a text file.
     names: what the file calls "command" and "output", for messages.
@@ -44,15 +50,26 @@ class Recording:
     servo_gain: Array
     valid: NDArray[np.bool_]
     rows: NDArray[np.int64]
+    servo_damping: Array = field(default_factory=nothing)
     axis: str = "rotary"
     command_limit: float = np.inf
     first_line: int | None = None
     names: dict[str, str] = field(default_factory=dict)
     others: dict[str, Array] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Spread a damping that is the same for all samples."""
+        if len(self.servo_damping) != len(self.time):
+            object.__setattr__(self, "servo_damping", np.broadcast_to(self.servo_damping, self.time.shape))
+
     def __len__(self) -> int:
         """Number of samples."""
         return len(self.time)
+
+    @property
+    def drive(self) -> Array:
+        """(T,) torque that the drive's law asks for along the measured motion, without its limit."""
+        return drive_torque(self.command, self.servo_gain, self.servo_damping, self.output, self.time)
 
     def name(self, channel: str) -> str:
         """The name under which the user knows "command", "output" or another channel."""
@@ -76,10 +93,17 @@ class Recording:
             command=self.command[index],
             output=self.output[index],
             servo_gain=self.servo_gain[index],
+            servo_damping=self.servo_damping[index],
             valid=self.valid[index],
             rows=self.rows[index],
             others={name: values[index] for name, values in self.others.items()},
         )
+
+
+def drive_torque(command: Array, servo_gain: Array, servo_damping: Array, output: Array, time: Array) -> Array:
+    """(T,) torque of a drive along a measured motion: command - gain * output - damping * velocity."""
+    torque = command - servo_gain * output
+    return torque - servo_damping * np.gradient(output, time) if servo_damping.any() else torque
 
 
 Checked: TypeAlias = tuple[Recording, list[Finding]]

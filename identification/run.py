@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.recording import Array, Recording
+from identification.recording import Array, Recording, drive_torque, nothing
 
 _OPTIONAL = ("velocity", "reference", "setpoint")
 
@@ -18,8 +18,8 @@ _OPTIONAL = ("velocity", "reference", "setpoint")
 class Run:
     """One experiment with an initial state of its own.
 
-    The drive's torque is `clip(command - servo_gain * output_true, -command_limit, command_limit)`, so a torque log
-    has `servo_gain` 0 and a position servo has `command = servo_gain * goal`.
+    The drive's torque is `command - servo_gain * output - servo_damping * velocity` of the true motion, within
+    `command_limit`, so a torque log has `servo_gain` 0 and a position servo has `command = servo_gain * setpoint`.
 
     label: where it comes from, "log.csv run 3".
     number: value of the run column, 0 if there is none.
@@ -28,6 +28,7 @@ class Run:
     output: (T,) load angle [rad] or position [m]; masked samples hold interpolated values.
     valid: (T,) False where the output is masked out of the fit.
     servo_gain: (T,) torque per output error [N m/rad] or [N/m].
+    servo_damping: (T,) torque per speed of the load [N m s/rad] or [N s/m]; by default there is none.
     command_limit: largest magnitude of the drive's torque [N m] or force [N].
     velocity, reference, setpoint: (T,) of the load, when logged.
     zero: what the recording's clock shows at time zero [s]; it may have been running since 1970.
@@ -43,6 +44,7 @@ class Run:
     output: Array
     valid: NDArray[np.bool_]
     servo_gain: Array
+    servo_damping: Array = field(default_factory=nothing)
     command_limit: float = np.inf
     velocity: Array | None = None
     reference: Array | None = None
@@ -53,8 +55,10 @@ class Run:
 
     def __post_init__(self) -> None:
         """Bring the channels to float arrays and refuse what does not fit together."""
+        if len(self.servo_damping) == 1:
+            object.__setattr__(self, "servo_damping", np.full(len(self.time), self.servo_damping[0]))
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
-            ("time", "command", "output", "servo_gain", *_OPTIONAL), (len(self.time),)
+            ("time", "command", "output", "servo_gain", "servo_damping", *_OPTIONAL), (len(self.time),)
         )
         shapes |= dict.fromkeys(("drive_angles", "torques"), (len(self.time), 2))
         for name, shape in shapes.items():
@@ -95,9 +99,24 @@ class Run:
         """Whether the drive closes a position loop at some time: the log gives its goal and not its torque."""
         return bool(np.any(self.servo_gain))
 
+    @cached_property
+    def drive(self) -> Array:
+        """(T,) torque that the drive's law asks for along the measured motion, without its limit."""
+        return drive_torque(self.command, self.servo_gain, self.servo_damping, self.output, self.time)
+
     def slice(self, start: int | None, stop: int | None) -> Run:
         """The samples `start` to `stop` (by index, as in `a[start:stop]`), with their times unchanged."""
-        names = ("time", "command", "output", "valid", "servo_gain", *_OPTIONAL, "drive_angles", "torques")
+        names = (
+            "time",
+            "command",
+            "output",
+            "valid",
+            "servo_gain",
+            "servo_damping",
+            *_OPTIONAL,
+            "drive_angles",
+            "torques",
+        )
         cut = {name: getattr(self, name)[start:stop] for name in names if getattr(self, name) is not None}
         return replace(self, **cut)
 
@@ -113,6 +132,7 @@ class Run:
             output=recording.output,
             valid=recording.valid,
             servo_gain=recording.servo_gain,
+            servo_damping=recording.servo_damping,
             command_limit=recording.command_limit,
             velocity=others.get("velocity"),
             reference=others.get("reference"),

@@ -48,6 +48,7 @@ class ModelFile:
         return {
             "schema": SCHEMA,
             "axis": model.axis,
+            "torque_unit": model.torque_unit or {"rotary": "N m", "linear": "N"}[model.axis],
             "parameters": {spec.name: entries[spec.name] for spec in parameters_of(type(model))},
             "effects": effects,
             "sample_time": self.sample_time,
@@ -101,7 +102,12 @@ def _parse(content: Any) -> ModelFile:
         kind = known[name]
         given = _mapping(entry.get("parameters"), f"{where}.parameters")
         effects.append(kind(**_numbers(given, kind.parameters(), where, f"{name}.", std)))
-    model = ServoModel(**own, effects=tuple(effects), axis=content.get("axis", "rotary"))
+    model = ServoModel(
+        **own,
+        effects=tuple(effects),
+        axis=content.get("axis", "rotary"),
+        torque_unit=content.get("torque_unit"),  # of an older file it is not known to be another than N m
+    )
     sample_time = content.get("sample_time")
     if sample_time is not None and not (_is_number(sample_time) and sample_time > 0.0):
         raise BadModelFile(f"sample_time must be a positive number, not {sample_time!r}.")

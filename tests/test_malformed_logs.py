@@ -115,7 +115,7 @@ BAD = {
     # columns
     "no-time": (".csv", spoilt(time=None), ["'time' is missing", "--map time="]),
     "no-output": (".csv", spoilt(angle=None), ["'angle'", "'position'", "--map angle="]),
-    "no-command": (".csv", spoilt(torque=None), ["'torque'", "'goal'", "--map torque="]),
+    "no-command": (".csv", spoilt(torque=None), ["'torque'", "'setpoint'", "--map torque="]),
     "foreign-names": (".csv", {"t": TIME, "vir": SOUND["torque"], "qm": SOUND["angle"]}, ["'qm'", "--map angle="]),
     "angle-and-position": (".csv", spoilt(position=SOUND["angle"]), ["both an angle and a position"]),
     "force-on-a-rotary-axis": (
@@ -166,11 +166,9 @@ BAD = {
     "impossible-angle": (".csv", spoilt(angle={50: -1e30}), ["row 51 (line 52)", "-1e+30"]),
     "nothing-happens": (".csv", spoilt(torque=0 * TIME, angle=0 * TIME), ["'torque' nor 'angle' ever changes"]),
     "held-still": (".csv", spoilt(torque=0 * TIME + 2.0, angle=0 * TIME + 1.0), ["ever changes", "moves the load"]),
-    "two-pinions-no-gears": (
-        ".csv",
-        spoilt(torque=None, torque_1=SOUND["torque"], torque_2=SOUND["torque"]),
-        ["gear train"],
-    ),
+    "one-pinion": (".csv", spoilt(torque=None, torque_1=SOUND["torque"]), ["'torque_1' and 'torque_2'"]),
+    "a-negative-gain": (".csv", spoilt(torque=None, setpoint=SOUND["angle"], kp=0 * TIME - 2.0), ["negative gain"]),
+    "a-gain-of-nothing": (".csv", spoilt(torque=None, setpoint=SOUND["angle"], kp=0 * TIME), ["zero throughout"]),
     # units
     "degrees-beside-rad/s": (".csv", SOUND | {"angle": np.rad2deg(SOUND["angle"])}, ["57.3", "--unit angle=deg"]),
     "deg/s-beside-radians": (".csv", SOUND | {"velocity": np.rad2deg(SOUND["velocity"])}, ["--unit velocity=deg/s"]),

@@ -72,7 +72,11 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     command = command_of(table.name, found, channels, axis, reading)
     if command is None:
         direct = "torque" if axis == "rotary" else "force"
-        raise _missing(table, direct, f"the column '{direct}' (or 'torque_1' and 'torque_2', or 'setpoint')")
+        raise _missing(
+            table,
+            direct,
+            f"the column '{direct}' (or 'torque_1' and 'torque_2', 'current', 'voltage', 'duty', or 'setpoint')",
+        )
     output = "angle" if axis == "rotary" else "position"
     whole = Recording(
         label=table.name,
@@ -81,6 +85,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         command=command.values,
         output=channels[output],
         servo_gain=command.servo_gain,
+        servo_damping=command.servo_damping,
         valid=np.ones(len(rows), dtype=bool),
         rows=rows,
         axis=axis,
