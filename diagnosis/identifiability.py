@@ -94,8 +94,8 @@ def blind_spots(fit: Fit) -> tuple[str, ...]:
 
 def standstill(fit: Fit) -> str | None:
     """That the load does not move and what to do, where noise alone accounts for what the sensor has shown."""
-    spread = np.concatenate([(run.output - run.output[run.valid].mean())[run.valid] for run in fit.log.runs])
-    resolution = 1e-9 * max(float(np.max(np.abs(run.output[run.valid]))) for run in fit.log.runs)
+    spread = np.concatenate([(run.measured - run.measured[run.valid].mean())[run.valid] for run in fit.log.runs])
+    resolution = 1e-9 * max(float(np.max(np.abs(run.measured[run.valid]))) for run in fit.log.runs)
     if _rms(spread) > max(2.0 * fit.noise_std, resolution):
         return None
     highest = max(float(np.nanmax(np.abs(run.drive))) for run in fit.log.runs)

@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 
 from identification.fit_result import Fit
-from identification.predictor import Prediction, observer_gain
+from identification.observer_gain import correcting_gain
+from identification.predictor import Prediction
 from identification.problem import Problem
 from identification.run import Run
 from plant.discrete import Structure
@@ -72,6 +73,6 @@ def _settled(structure: Structure) -> Recursion:
 def _acceleration(run: Run, prediction: Prediction, bandwidth: float) -> Array:
     """(T,) acceleration of the model over each sample [rad/s^2], without the jumps of the observer's corrections."""
     dt = np.diff(run.time)
-    corrected = prediction.states[1] + observer_gain(bandwidth, np.append(dt, dt[-1]))[1] * prediction.errors
+    corrected = prediction.states[1] + correcting_gain(run, bandwidth, np.append(dt, dt[-1]))[1] * prediction.errors
     steps = (prediction.states[1, 1:] - corrected[:-1]) / dt
     return np.append(steps, steps[-1])

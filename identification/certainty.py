@@ -134,7 +134,7 @@ def _around(
 def _nothing_moves(objective: Objective, minimum: Minimum) -> bool:
     """Whether an output that never changes explains the log as well as the fitted motion: nothing can be told."""
     runs = objective.log.runs
-    still = sum(float(np.sum((run.output - run.output[run.valid].mean())[run.valid] ** 2)) for run in runs)
+    still = sum(float(np.sum((run.measured - run.measured[run.valid].mean())[run.valid] ** 2)) for run in runs)
     return still < 1.1 * minimum.equations.cost
 
 

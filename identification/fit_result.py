@@ -136,8 +136,7 @@ def fit_report(fit: Fit, *, correlated: float = 0.5) -> str:
     """The fit as text: one line a parameter, then the correlations above `correlated`."""
     process = "output error" if fit.bandwidth == 0.0 else f"observer bandwidth {fit.bandwidth:.3g} rad/s"
     lines = [f"Fit of {len(fit.log.runs)} run(s), {fit.samples} samples: {process}"]
-    unit = "m" if fit.log.axis == "linear" else "rad"
-    lines += [f"  noise {fit.noise_std:.4g} {unit}, log-likelihood {fit.log_likelihood:.1f}", ""]
+    lines += [f"  noise {fit.noise_std:.4g} {fit.log.measured_unit}, log-likelihood {fit.log_likelihood:.1f}", ""]
     width = max(len(p.name) for p in fit.parameters)
     lines += [f"  {p.name:<{width}}  {_value(p)}" for p in fit.parameters]
     pairs = correlations(fit, correlated)

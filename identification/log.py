@@ -18,8 +18,9 @@ from identification.reading.columns import read_recordings
 from identification.reading.files import columns_of, read_table
 from identification.reading.request import ALIASES, COLUMNS, Gears, How, Reading
 from identification.reading.table import Table
-from identification.recording import Finding, Recording
+from identification.recording import Finding, Recording, Response
 from identification.run import Run
+from plant.effects import Effect
 from plant.errors import BadParameter
 
 if TYPE_CHECKING:
@@ -82,6 +83,20 @@ class Log:
     def sample_time(self) -> float:
         """Sample time of the slowest run [s]."""
         return max(run.sample_time for run in self.runs)
+
+    @property
+    def response(self) -> Response:
+        """What was measured: the "angle" (or position), or the "velocity" alone."""
+        return self.runs[0].response
+
+    @property
+    def measured_unit(self) -> str:
+        """The unit of what was measured."""
+        return {"rotary": "rad", "linear": "m"}[self.axis] + "/s" * (self.response == "velocity")
+
+    def shows(self, kind: type[Effect]) -> bool:
+        """Whether an effect can be seen in it: it is one of its axis, and needs no angle where there is none."""
+        return self.axis in kind.axes and not (kind.needs_angle and self.response == "velocity")
 
     @property
     def torque_unit(self) -> str | None:
@@ -233,6 +248,11 @@ class Log:
             raise MalformedLog("there are no logs to merge, give at least one.")
         first = logs[0]
         for log in logs[1:]:
+            if log.response != first.response:
+                raise MalformedLog(
+                    f"{log.runs[0].label}: a log of the {log.response} does not go with {first.runs[0].label}, one "
+                    f"of the {first.response}; treat them one by one."
+                )
             if (log.axis, log.command_unit) != (first.axis, first.command_unit):
                 raise MalformedLog(
                     f"{log.runs[0].label}: a {log.axis} axis driven in {log.command_unit} does not go with "

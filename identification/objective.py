@@ -52,7 +52,7 @@ class Objective:
 
     @classmethod
     def of(cls, log: Log, model: ServoModel, *, fixed: Collection[str] = ()) -> Self:
-        """Of a model's parameters all move but the fixed ones; gravity is fixed on a linear axis.
+        """Of a model's parameters all move but the fixed ones; gravity is zero where no angle is known or has a part.
 
         A model in N m is a mere start where the log's torque is counted in another unit; the fit is in that of the log.
         """
@@ -64,7 +64,9 @@ class Objective:
         if model.torque_unit is not None:
             same_unit(log, model)
         model = replace(model, torque_unit=log.torque_unit)
-        kept = {*fixed, "gravity"} if model.axis == "linear" else set(fixed)
+        if log.response == "velocity":
+            model = replace(model, gravity=0.0)
+        kept = {*fixed, "gravity"} if model.axis == "linear" or log.response == "velocity" else set(fixed)
         free = tuple(place for place, spec in enumerate(model.parameters) if spec.fitted and spec.name not in kept)
         specs = [model.parameters[place] for place in free]
         substeps = integration_steps(model, log.sample_time)

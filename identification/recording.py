@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
+Response: TypeAlias = Literal["angle", "velocity"]
 HUGE = 1e12  # no servo's reading in SI units; beyond it squares lose their digits
 
 
@@ -37,6 +38,7 @@ class Recording:
     time, command, output, servo_gain: (T,) [s], [N m] or [N], [rad] or [m], [N m/rad] or [N/m].
     servo_damping: (T,) of a position servo's law [N m s/rad] or [N s/m]; by default there is none.
     valid: (T,) False where the output is masked out of the fit.
+    response: what `output` measures, an "angle" (or position), or a "velocity" [rad/s] or [m/s].
     rows: (T,) data row of each sample, counted from 1; `first_line` is the line of row 1 in a text file.
     names: what the file calls "command" and "output", for messages.
     others: further channels by their contract name, (T,) each.
@@ -52,6 +54,7 @@ class Recording:
     rows: NDArray[np.int64]
     servo_damping: Array = field(default_factory=nothing)
     axis: str = "rotary"
+    response: Response = "angle"
     command_limit: float = np.inf
     first_line: int | None = None
     names: dict[str, str] = field(default_factory=dict)
@@ -75,6 +78,8 @@ class Recording:
         """The name under which the user knows "command", "output" or another channel."""
         rotary = self.axis == "rotary"
         usual = {"command": "torque" if rotary else "force", "output": "angle" if rotary else "position"}
+        if self.response == "velocity":
+            usual["output"] = "velocity"
         return self.names.get(channel, usual.get(channel, channel))
 
     def where(self, index: int) -> str:

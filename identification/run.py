@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.recording import Array, Recording, drive_torque, nothing
+from identification.recording import Array, Recording, Response, drive_torque, nothing
 
 _OPTIONAL = ("velocity", "reference", "setpoint")
 
@@ -25,8 +25,10 @@ class Run:
     number: value of the run column, 0 if there is none.
     time: (T,) strictly increasing [s], from `zero` on the recording's clock on.
     command: (T,) follower torque [N m] or force [N].
-    output: (T,) load angle [rad] or position [m]; masked samples hold interpolated values.
-    valid: (T,) False where the output is masked out of the fit.
+    output: (T,) load angle [rad] or position [m]; masked samples hold interpolated values. Where only the velocity was
+        logged it is the integral of that, from zero on: good for a start, and never fitted.
+    valid: (T,) False where the measurement is masked out of the fit.
+    response: what was measured and is fitted, the "angle" or the "velocity".
     servo_gain: (T,) torque per output error [N m/rad] or [N/m].
     servo_damping: (T,) torque per speed of the load [N m s/rad] or [N s/m]; by default there is none.
     command_limit: largest magnitude of the drive's torque [N m] or force [N].
@@ -45,6 +47,7 @@ class Run:
     valid: NDArray[np.bool_]
     servo_gain: Array
     servo_damping: Array = field(default_factory=nothing)
+    response: Response = "angle"
     command_limit: float = np.inf
     velocity: Array | None = None
     reference: Array | None = None
@@ -99,6 +102,15 @@ class Run:
         """Whether the drive closes a position loop at some time: the log gives its goal and not its torque."""
         return bool(np.any(self.servo_gain))
 
+    @property
+    def measured(self) -> Array:
+        """(T,) what was measured and is fitted: the output, or the velocity alone [rad or m; rad/s or m/s]."""
+        if self.response == "angle":
+            return self.output
+        if self.velocity is None:
+            raise MalformedLog(f"{self.label}: a run of the velocity alone has no velocity.")
+        return self.velocity
+
     @cached_property
     def drive(self) -> Array:
         """(T,) torque that the drive's law asks for along the measured motion, without its limit."""
@@ -123,13 +135,18 @@ class Run:
     @classmethod
     def from_recording(cls, recording: Recording, zero: float = 0.0) -> Run:
         """A checked recording as a run whose time counts from `zero` on the recording's clock."""
-        others = recording.others
+        others, output = recording.others, recording.output
+        if recording.response == "velocity":
+            others = others | {"velocity": output}
+            steps = 0.5 * (output[1:] + output[:-1]) * np.diff(recording.time)
+            output = np.concatenate(([0.0], np.cumsum(steps)))
         return cls(
             label=recording.label,
             number=recording.number,
             time=recording.time - zero,
             command=recording.command,
-            output=recording.output,
+            output=output,
+            response=recording.response,
             valid=recording.valid,
             servo_gain=recording.servo_gain,
             servo_damping=recording.servo_damping,

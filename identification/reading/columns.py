@@ -12,14 +12,15 @@ import numpy as np
 from identification.errors import MalformedLog
 from identification.reading.cia402 import find_objects
 from identification.reading.clocks import on_one_clock
-from identification.reading.command import command_of
+from identification.reading.command import Command, command_of
 from identification.reading.request import ALIASES, COLUMNS, Reading
 from identification.reading.runs import split_runs
 from identification.reading.stated_units import stated_units
 from identification.reading.table import Table
 from identification.reading.units import si_factor
 from identification.reading.values import numbers_of
-from identification.recording import Array, Recording
+from identification.recording import Array, Recording, Response
+from plant.effects import catalogue
 from plant.errors import BadParameter
 
 
@@ -78,6 +79,10 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
             f"the column '{direct}' (or 'torque_1' and 'torque_2', 'current', 'voltage', 'duty', or 'setpoint')",
         )
     output = "angle" if axis == "rotary" else "position"
+    response: Response = "angle"
+    if output not in channels:
+        output = response = "velocity"
+    notes = command.notes + _without_angle(table, found[output], response, command)
     whole = Recording(
         label=table.name,
         number=0,
@@ -89,6 +94,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         valid=np.ones(len(rows), dtype=bool),
         rows=rows,
         axis=axis,
+        response=response,
         first_line=table.first_line,
         names={**found, "command": command.name, "output": found[output]},
         others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output, "run")},
@@ -97,7 +103,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         recordings=split_runs(whole, channels.get("run")),
         axis=axis,
         command_unit=command.unit,
-        notes=command.notes,
+        notes=notes,
         warnings=table.notes + stated.notes,
     )
 
@@ -123,10 +129,13 @@ def _find_columns(table: Table, mapping: Mapping[str, str]) -> dict[str, str]:
 
 def _axis(table: Table, found: Mapping[str, str]) -> str:
     rotary, linear = "angle" in found, "position" in found
+    if not rotary and not linear and "velocity" in found:
+        linear = "force" in found
+        rotary = not linear
     if rotary and linear:
         raise MalformedLog(f"{table.name}: both an angle and a position are given, leave out one of them.")
     if not rotary and not linear:
-        raise _missing(table, "angle", "the column 'angle' (or 'position' on a linear axis)")
+        raise _missing(table, "angle", "the column 'angle' (or 'position' on a linear axis, or 'velocity')")
     if "time" not in found:
         raise _missing(table, "time", "the column 'time'")
     wrong = ("force",) if rotary else ("torque", "torque_1", "torque_2")
@@ -137,6 +146,25 @@ def _axis(table: Table, found: Mapping[str, str]) -> str:
                 "torque and angle, a linear one force and position."
             )
     return "rotary" if rotary else "linear"
+
+
+def _without_angle(table: Table, name: str, response: Response, command: Command) -> tuple[str, ...]:
+    """What is said of a log of the velocity alone.
+
+    Raises `MalformedLog` where the command needs the angle.
+    """
+    if response == "angle":
+        return ()
+    if command.servo_gain.any():
+        raise MalformedLog(
+            f"{table.name}: a set-point of the angle needs the angle, which is not among the columns; name it with "
+            "--map angle=NAME, or name the torque or the current as the command."
+        )
+    titles = [kind.title for kind in catalogue.values() if kind.needs_angle]
+    return (
+        f"{table.name} has the velocity '{name}' and no angle: the model is fitted to the velocity; gravity and what "
+        f"else needs the angle ({', '.join(titles)}) is left out",
+    )
 
 
 def _missing(table: Table, column: str, what: str) -> MalformedLog:

@@ -76,8 +76,8 @@ def command_of(
     per = {"A": "per ampere", "V": "per volt", "duty": "per unit of duty"}[own]
     help_by = "; give the motor's with --torque-constant" if own == "A" else ""
     note = (
-        f"torque scale unknown: the command of {file} is the {kind} '{found[kind]}', so all parameters are {per} "
-        f"and none is in {unit}{help_by}"
+        f"torque scale unknown: the command of {file} is the {kind} '{found[kind]}', so all parameters are "
+        f"{per}{help_by}"
     )
     return _plain(channels[kind], found[kind], own, note)
 
