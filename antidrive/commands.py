@@ -63,7 +63,7 @@ def identify(options: LogOptions, *, base: Path | None, out: Path, seed: int, vo
         write_json(draft / "fit.json", content)
         page = report.fit_page(found, simulated, provenance, notes=measured.notes, warnings=unseen)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [fit_report(found), *_data_lines(measured.log, unseen), _written(out, "model.json, fit.json, report.html")]
+    lines = [fit_report(found), *_data_lines(found.log, unseen), _written(out, "model.json, fit.json, report.html")]
     voice.result("\n".join(lines), content)
 
 

@@ -161,7 +161,7 @@ def _value(p: FittedParameter) -> str:
 
 def correlations(fit: Fit, above: float) -> list[tuple[str, str, float]]:
     """Pairs of fitted parameters whose correlation is above a threshold in size, the largest first."""
-    names = [fit.parameters[place].name for place in fit.free]
+    names = [fit.model.names[place] for place in fit.free]
     table = fit.correlation
     pairs = [
         (names[i], names[j], float(table[i, j]))

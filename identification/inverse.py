@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import optimize, signal
 
 from identification.log import Log, Run
+from identification.run_parameters import own_model
 from identification.side_by_side import side_by_side
 from plant.discrete import Structure
 from plant.effects import DeadZone, Moment, State
@@ -124,6 +125,7 @@ def _regression(
     rows = []
     for run, m in zip(log.runs, motions, strict=True):
         torque = _smooth(_mean_torque(run, model, m.velocity), cutoff, float(m.time[1] - m.time[0]))
+        torque = torque - run.own.get("inertia", 0.0) * m.acceleration - run.own.get("gravity", 0.0) * np.cos(m.angle)
         gravity = np.cos(m.angle) if model.axis == "rotary" else np.zeros_like(m.angle)
         edge = min(m.time.size // 10, 100)
         rows.append(np.column_stack((m.acceleration, gravity, m.velocity, torque))[edge : m.time.size - edge])
@@ -159,7 +161,7 @@ def torque_misses(log: Log, model: ServoModel, *, cutoff: float) -> tuple[Array,
         m = filtered_motion(run, cutoff, model)
         edge = min(m.time.size // 10, int(2.0 / (cutoff * run.sample_time)))
         inner = slice(edge, m.time.size - edge)
-        misses.append((m.torque - needed_torque(model, m))[inner])
+        misses.append((m.torque - needed_torque(own_model(run, model), m))[inner])
         torques.append(m.torque[inner])
     return np.concatenate(misses), np.concatenate(torques)
 

@@ -20,6 +20,7 @@ from identification.reading.request import ALIASES, COLUMNS, Gears, How, Reading
 from identification.reading.table import Table
 from identification.recording import Finding, Recording, Response
 from identification.run import Run
+from identification.run_parameters import payload_of
 from plant.effects import Effect
 from plant.errors import BadParameter
 
@@ -217,7 +218,7 @@ class Log:
                 "record a log in which the drive moves the load."
             )
         return cls(
-            runs=tuple(Run.from_recording(recording, _zero(usable)) for recording in usable),
+            runs=tuple(Run.from_recording(recording, _zero(usable), payload_of(recording)) for recording in usable),
             axis=axis,
             warnings=_told(finding for finding in findings if not finding.repaired),
             repairs=_told(finding for finding in findings if finding.repaired),

@@ -25,6 +25,7 @@ from identification.log import Run
 from identification.noise import Whitening
 from identification.observer_gain import correcting_gain
 from identification.recording import Response
+from identification.run_parameters import own_slopes, own_values
 from plant.discrete import INPUTS, Structure, sample_reading
 from plant.effects import State
 from plant.effects.effect import Array
@@ -122,11 +123,14 @@ class Predictor:
         for place, (run, start) in enumerate(zip(self.runs, initial, strict=True)):
             carried = self._beginning(run, values, start, sensitivities)
             whitened = Whitening(self.colour)
+            own = own_slopes(run, self.model, values, self.free) if sensitivities else None
             for first in range(0, len(run), PIECE):
                 part = slice(first, min(first + PIECE, len(run)))
                 rows, moved = run_inputs(run, self.model, values, bandwidth, width, part)
                 carried, (errors, jacobian, states) = follow(carried, rows, moved)
                 output = rows[:, len(INPUTS)] - errors[:, 0]
+                if own is not None:
+                    jacobian = np.hstack((jacobian[:, :-2] @ own, jacobian[:, -2:]))
                 masked = ~run.valid[part]
                 errors[masked], jacobian[masked] = 0.0, 0.0  # not times zero: a simulation that overflows is infinite
                 white = whitened(np.hstack((errors, jacobian))) if self.colour else None
@@ -175,11 +179,11 @@ def _joined(pieces: Sequence[Prediction]) -> Prediction:
 def run_inputs(
     run: Run, model: ServoModel, values: Array, bandwidth: float, width: float, part: slice
 ) -> tuple[Array, Array]:
-    """(k, 11) inputs of the steps of a part of a run, with measurement and gains, and the parameters (P,) for them.
+    """(k, 11) inputs of the steps of a part of a run, with measurement and gains, and its own parameters (P,) for them.
 
     Of a delay only the part inside a sample is left in the parameters; whole samples are in the inputs.
     """
-    whole = 0
+    values, whole = own_values(run, model, values), 0
     if "input_delay.time" in model.names:
         delay, values = model.names.index("input_delay.time"), values.copy()
         whole, values[delay] = whole_samples(float(values[delay]), run.sample_time)

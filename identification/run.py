@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -33,6 +34,7 @@ class Run:
     servo_damping: (T,) torque per speed of the load [N m s/rad] or [N s/m]; by default there is none.
     command_limit: largest magnitude of the drive's torque [N m] or force [N].
     velocity, reference, setpoint: (T,) of the load, when logged.
+    own: by how much parameters of this run differ from those of the model, by their name: a payload's inertia.
     zero: what the recording's clock shows at time zero [s]; it may have been running since 1970.
     drive_angles, torques: (T, 2) motor shaft angles [rad] and pinion torques [N m], when logged.
 
@@ -54,6 +56,7 @@ class Run:
     setpoint: Array | None = None
     drive_angles: Array | None = None
     torques: Array | None = None
+    own: Mapping[str, float] = field(default_factory=dict)
     zero: float = 0.0
 
     def __post_init__(self) -> None:
@@ -133,7 +136,7 @@ class Run:
         return replace(self, **cut)
 
     @classmethod
-    def from_recording(cls, recording: Recording, zero: float = 0.0) -> Run:
+    def from_recording(cls, recording: Recording, zero: float = 0.0, own: Mapping[str, float] | None = None) -> Run:
         """A checked recording as a run whose time counts from `zero` on the recording's clock."""
         others, output = recording.others, recording.output
         if recording.response == "velocity":
@@ -156,6 +159,7 @@ class Run:
             setpoint=others.get("setpoint"),
             drive_angles=_pair(others, "angle_1", "angle_2"),
             torques=_pair(others, "torque_1", "torque_2"),
+            own=own or {},
             zero=zero,
         )
 
