@@ -98,9 +98,10 @@ def standstill(fit: Fit) -> str | None:
     resolution = 1e-9 * max(float(np.max(np.abs(run.measured[run.valid]))) for run in fit.log.runs)
     if _rms(spread) > max(2.0 * fit.noise_std, resolution):
         return None
+    what = {"N m": "torque", "N": "force"}.get(fit.log.command_unit, "command")
     highest = max(float(np.nanmax(np.abs(run.drive))) for run in fit.log.runs)
     return (
-        f"The load does not move: a torque of at most {highest:.3g} {fit.log.command_unit} does not leave the dead "
+        f"The load does not move: a {what} of at most {highest:.3g} {fit.log.command_unit} does not leave the dead "
         "zone or dry friction; raise it until the load moves."
     )
 
@@ -118,7 +119,7 @@ def _columns(motion: Motion, fit: Fit) -> dict[str, Array]:
     zone = fit.model.effect("dead_zone")
     if zone is not None:
         columns["zone"] = -np.sign(motion.torque) * (np.abs(motion.torque) > zone.values[0])
-    if fit.model.axis == "rotary":
+    if fit.model.axis == "rotary" and fit.log.response == "angle":
         columns |= {"gravity": -np.cos(motion.angle), "quadrature": -np.sin(motion.angle)}
     return columns
 

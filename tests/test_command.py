@@ -11,6 +11,7 @@ from identification import fit
 from identification.errors import MalformedLog
 from identification.log import Log
 from identification.simulation import free_simulation
+from mpc import Controller
 from plant import ServoModel, read_model
 from plant.errors import BadParameter
 from plant.gears import GearTrain, Ratios
@@ -90,6 +91,11 @@ def test_parameters_are_per_unit_of_a_command_whose_scale_nobody_knows(in_torque
         fit(in_torque.log, again)
     with pytest.raises(BadParameter, match=f"model is in N m, the log's command in {unit}"):
         free_simulation(log, in_torque.model)
+
+
+def test_a_controller_in_newton_metres_takes_no_model_in_volts():
+    with pytest.raises(BadParameter, match="the model is in V"):
+        Controller(ServoModel(torque_unit="V"), GearTrain.paper())
 
 
 def test_a_duty_may_be_in_per_cent():
