@@ -102,6 +102,18 @@ def test_a_duty_may_be_in_per_cent():
     share = Log.from_arrays(time=TIME, duty=TORQUE, angle=ANGLE).runs[0].command
     percent = Log.from_arrays(time=TIME, duty=100 * TORQUE, angle=ANGLE, units={"duty": "%"}).runs[0].command
     np.testing.assert_allclose(percent, share)
+    counted = Log.from_arrays(time=TIME, duty=255 * TORQUE, angle=ANGLE, units={"duty": "1/255"}).runs[0].command
+    np.testing.assert_allclose(counted, share)
+    with pytest.raises(BadParameter, match="--unit duty=1/255"):
+        Log.from_arrays(time=TIME, duty=255 * TORQUE, angle=ANGLE, units={"duty": "count"})
+
+
+@pytest.mark.parametrize("unit", ["Nms/rad", "N m s/rad", "Nm*s/rad"])
+def test_units_of_gains_as_people_write_them(unit):
+    given = {"time": TIME, "angle": ANGLE, "setpoint": TORQUE, "kp": TIME + 1.0, "kd": 0.1 * TIME}
+    run = Log.from_arrays(**given, units={"kp": "Nm/deg", "kd": unit}).runs[0]
+    np.testing.assert_allclose(run.servo_gain, np.rad2deg(TIME + 1.0))
+    np.testing.assert_allclose(run.servo_damping, 0.1 * TIME)
 
 
 def test_what_is_mapped_comes_before_what_has_the_right_name(tmp_path):

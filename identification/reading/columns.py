@@ -49,7 +49,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     )
     guessed = find_objects(table.name, table.columns, found, linear=linear)
     table, found = on_one_clock(table, found | guessed)
-    axis = _axis(table, found)
+    axis = _axis(table, found, mapped="velocity" in reading.mapping)
     for option in (reading.units, reading.scales):
         for column in option:
             if column not in found:
@@ -127,9 +127,10 @@ def _find_columns(table: Table, mapping: Mapping[str, str]) -> dict[str, str]:
     return found
 
 
-def _axis(table: Table, found: Mapping[str, str]) -> str:
+def _axis(table: Table, found: Mapping[str, str], *, mapped: bool) -> str:
+    """Of the output; a velocity takes its place if the user `mapped` it, or no column has the name of an angle."""
     rotary, linear = "angle" in found, "position" in found
-    if not rotary and not linear and "velocity" in found:
+    if not rotary and not linear and "velocity" in found and (mapped or not _has_angle(table)):
         linear = "force" in found
         rotary = not linear
     if rotary and linear:
@@ -146,6 +147,11 @@ def _axis(table: Table, found: Mapping[str, str]) -> str:
                 "torque and angle, a linear one force and position."
             )
     return "rotary" if rotary else "linear"
+
+
+def _has_angle(table: Table) -> bool:
+    """Whether a column's name has an angle or a position in it, which the user may mean."""
+    return any(word in name.lower() for name in table.columns for word in ("angle", "position"))
 
 
 def _without_angle(table: Table, name: str, response: Response, command: Command) -> tuple[str, ...]:

@@ -40,13 +40,19 @@ AXIS_UNITS = {
 }
 
 # What pint would read as something else: a number_meter, a frequency, an enzyme_unit.
-_NEWTON_METRES = re.compile(r"(?<![A-Za-z])([mk]?)N([cm]?)m(?![A-Za-z])")
+_NEWTON_METRES = re.compile(r"(?<![A-Za-z])([mk]?)N([cm]?)m(s?)(?![A-Za-z])")
 _PER_MINUTE = re.compile(r"(?<![A-Za-z0-9])((1|U|r|rev|Umdr\.?)/min|min(\^|\*\*)?-1|min⁻¹)(?![A-Za-z0-9])")
 
 # These are numbers for pint, so it would take them for radians; how much they are is known to the user alone.
 _BARE_NUMBERS = {"count", "percent", "permille", "ppm", "dimensionless", "bit", "byte"}
+_SHARES = {"percent", "permille", "ppm", "dimensionless"}  # how much these are of a whole is known
 
-_WORTH = {"rad": "turn/131072", "rad/s": "turn/131072/s", "N m": "2.4Nm/1000"}  # of one step of the drive's number
+_WORTH = {
+    "rad": "turn/131072",
+    "rad/s": "turn/131072/s",
+    "N m": "2.4Nm/1000",
+    "1": "1/255",
+}  # of one step of the drive's number
 _LONGEST = 40  # characters; beyond it, this is no unit but an accident
 _POWER = re.compile(r"(?<=[A-Za-z])(\^|\*\*)-?\d(?![\d.])")  # of a unit, small: pint would compute 9**9**9 for hours
 
@@ -114,12 +120,15 @@ def _factor(unit: str, wanted: str) -> tuple[float, bool]:
         raise ValueError(unit)
     if wanted == "1":
         unit = unit.replace("%", "percent")
-    unit = _NEWTON_METRES.sub(r"\1N*\2m", _PER_MINUTE.sub("rpm", unit))
+    unit = _NEWTON_METRES.sub(
+        lambda found: f"{found[1]}N*{found[2]}m{'*s' * bool(found[3])}", _PER_MINUTE.sub("rpm", unit)
+    )
     if re.search(r"\^|\*\*|\d\s*[⁰¹²³⁴⁵⁶⁷⁸⁹]", _POWER.sub("", unit)):
         raise ValueError(unit)
     registry = _registry()
     quantity = registry.Quantity(1.0, "") * registry.parse_expression(unit)
-    if wanted != "1" and {str(name) for name in quantity.units._units} <= _BARE_NUMBERS:
+    names = {str(name) for name in quantity.units._units}
+    if names <= _BARE_NUMBERS and not (wanted == "1" and names <= _SHARES):
         return 1.0, False
     factor = float(quantity.to("" if wanted == "1" else wanted).magnitude)
     if not (np.isfinite(factor) and factor > 0):
