@@ -46,11 +46,12 @@ class Bench:
         return simulate(model, command=self.command, dt=SAMPLE_TIME, servo_gain=self.servo_gain, state=begin)
 
     def step_inputs(self, model: ServoModel) -> tuple[Array, Array]:
-        """(P,) parameters and (7, T) inputs that a step of a model takes, see `plant.discrete.INPUTS`."""
+        """(P,) parameters and (8, T) inputs that a step of a model takes, see `plant.discrete.INPUTS`."""
         steps = np.full(self.command.size, SAMPLE_TIME)
         now, before, switch = held_commands(self.command, steps, float(model.delay()))
         given: dict[str, Array | float] = {"command": now, "previous_command": before, "time": self.motion.time}
         given |= {"servo_gain": self.servo_gain, "command_limit": np.inf, "dt": SAMPLE_TIME, "width": 0.0}
+        given |= {"servo_damping": 0.0}
         rows = np.stack([np.broadcast_to(given[name], now.shape) for name in INPUTS])
         return at_switch(model, switch), rows
 

@@ -159,9 +159,9 @@ def predict(
         log = measured.log if measured.holdout is None else Log.merge([measured.log, measured.holdout])
         with voice.progress("predicting") as progress:
             simulated = write_prediction(draft, log, servo, window=window, tell=progress)
-    unit = "rad" if log.axis == "rotary" else "m"
+    unit = log.measured_unit
     errors = [
-        {"run": run.run, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.output)[run.valid] ** 2)))}
+        {"run": run.run, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.measured)[run.valid] ** 2)))}
         for run, y in zip(log.runs, simulated, strict=True)
     ]
     lines = [f"{entry['label']}: rms error {entry['rms']:.4g} {unit}" for entry in errors]

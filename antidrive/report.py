@@ -50,11 +50,11 @@ def fit_page(
     warnings: Sequence[str] = (),
 ) -> str:
     """The page of a fit; `simulated` holds one free simulation (T,) a run, `warnings` what the log cannot show."""
-    unit = "rad" if fit.log.axis == "rotary" else "m"
+    unit = fit.log.measured_unit
     runs = list(zip(fit.log.runs, simulated, strict=True))
-    worst = sorted(runs, key=lambda pair: -_rms((pair[0].output - pair[1])[pair[0].valid]))[:_RUNS_DRAWN]
+    worst = sorted(runs, key=lambda pair: -_rms((pair[0].measured - pair[1])[pair[0].valid]))[:_RUNS_DRAWN]
     drawn = [
-        (run.label, figure_json(figures.fit_figure(run.time, np.where(run.valid, run.output, np.nan), y, unit)))
+        (run.label, figure_json(figures.fit_figure(run.time, np.where(run.valid, run.measured, np.nan), y, unit)))
         for run, y in worst
     ]
     content = {
@@ -129,7 +129,7 @@ def demo_page(told: Demo, provenance: Provenance) -> str:
 def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanation) -> dict[str, Any]:
     """What the template of a diagnosis shows."""
     extended = diagnosis.extended is not diagnosis.base
-    unit = "rad" if diagnosis.base.log.axis == "rotary" else "m"
+    unit = diagnosis.base.log.measured_unit
     after = {curve.variable: curve for curve in diagnosis.missing_after.curves} if extended else {}
     curves = [
         (

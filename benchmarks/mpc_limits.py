@@ -51,7 +51,7 @@ def timed(horizon: int, options: dict[str, Any]) -> tuple[Array, int, int]:
             pushed += bool(np.any(controller._arrays["forces"].reshape(horizon, -1)[:, 1:]))
             degraded += control.status != "optimal"
             torque = float(GEARS.follower_torque(control.torques))
-            inputs = np.array([torque, last, 0.0, np.inf, 0.0, SAMPLE_TIME, 0.0])
+            inputs = np.array([torque, last, 0.0, np.inf, 0.0, SAMPLE_TIME, 0.0, 0.0])
             state, last = np.asarray(step(state, inputs, PAPER.values))[:, 0], torque
     return np.array(times), pushed, degraded
 

@@ -58,7 +58,7 @@ def closed_loop(controller: Controller, model: ServoModel, reference: Callable[[
         torque = float(GEARS.follower_torque(control.torques))
         cost += (state[0] - wanted[k]) ** 2 + controller._rate_weight * (torque - last) ** 2
         last = torque
-        inputs = np.array([torque, torque, 0.0, np.inf, 0.0, SAMPLE_TIME, 0.0])
+        inputs = np.array([torque, torque, 0.0, np.inf, 0.0, SAMPLE_TIME, 0.0, 0.0])
         state = np.asarray(step(state, inputs, model.values))[:, 0]
     return Run(times=times[1:], cost=cost, degraded=degraded, beyond=max(beyond, 0.0))
 

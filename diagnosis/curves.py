@@ -34,7 +34,7 @@ def unnamed_dependence(
     fit: Fit, kinds: Mapping[str, type[Unnamed]] = plain, *, bar: float = _CLEARS
 ) -> tuple[tuple[Unnamed, float], ...]:
     """What without a name would explain more than chance, the best of each kind with its score, the highest first."""
-    asked = [kind for kind in kinds.values() if kind.beside(fit.model)]
+    asked = [kind for kind in kinds.values() if kind.beside(fit.model) and fit.log.shows(kind)]
     found: dict[str, tuple[Unnamed, float]] = {}
     for screen, loss in Screen.views(fit):
         for start, value in chain(*side_by_side(partial(_asked, screen), asked)):

@@ -132,7 +132,7 @@ def scoring_window(*path: Fit) -> float | None:
     holds = model.axis == "rotary" and abs(model.gravity) > 0.02 * float(np.sqrt(np.mean(torque**2)))
     if not (holds or any(run.positioned for run in log.runs)):
         return restart_window(log)
-    spread = np.concatenate([(run.output - run.output[run.valid].mean())[run.valid] for run in log.runs])
+    spread = np.concatenate([(run.measured - run.measured[run.valid].mean())[run.valid] for run in log.runs])
     squares, _ = squared_errors(log, model, None)
     return None if float(np.mean(squares)) < float(np.mean(spread**2)) else restart_window(log)
 
@@ -141,7 +141,7 @@ def squared_errors(log: Log, model: ServoModel, window: float | None) -> tuple[A
     """(T,) square of measured less simulated for all valid samples, and the simulations; what overflows is huge."""
     settle = _STARTS * (restart_window(log) if window is None else window)
     simulated = free_simulation(log, model, window=window, settle=settle)
-    errors = np.concatenate([(r.output - s)[r.valid] for r, s in zip(log.runs, simulated, strict=True)])
+    errors = np.concatenate([(r.measured - s)[r.valid] for r, s in zip(log.runs, simulated, strict=True)])
     return bounded(errors) ** 2, simulated
 
 
@@ -188,12 +188,12 @@ def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[Array], tup
         held_out_rms_after=float(np.sqrt(np.mean(squares[-1]))),
         noise_floor=path[-1].noise_floor,
         floor_name=_floor_name(path[-1]),
-        unit="m" if held_out.axis == "linear" else "rad",
+        unit=held_out.measured_unit,
         window=window,
         runs=tuple(run.label for run in held_out.runs),
     )
     replays = tuple(
-        Replay(label=run.label, time=run.time, measured=run.output, before=before, after=after, valid=run.valid)
+        Replay(label=run.label, time=run.time, measured=run.measured, before=before, after=after, valid=run.valid)
         for run, before, after in zip(held_out.runs, scored[0][1], scored[-1][1], strict=True)
     )
     return gain, squares, replays

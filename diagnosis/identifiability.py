@@ -106,13 +106,14 @@ def blind_spots(fit: Fit, extended: Fit | None = None) -> tuple[str, ...]:
 
 def standstill(fit: Fit) -> str | None:
     """That the load does not move and what to do, where noise alone accounts for what the sensor has shown."""
-    spread = np.concatenate([(run.output - run.output[run.valid].mean())[run.valid] for run in fit.log.runs])
-    resolution = 1e-9 * max(float(np.max(np.abs(run.output[run.valid]))) for run in fit.log.runs)
+    spread = np.concatenate([(run.measured - run.measured[run.valid].mean())[run.valid] for run in fit.log.runs])
+    resolution = 1e-9 * max(float(np.max(np.abs(run.measured[run.valid]))) for run in fit.log.runs)
     if _rms(spread) > max(2.0 * fit.noise_std, resolution):
         return None
-    highest = max(float(np.nanmax(np.abs(run.command - run.servo_gain * run.output))) for run in fit.log.runs)
+    what = {"N m": "torque", "N": "force"}.get(fit.log.command_unit, "command")
+    highest = max(float(np.nanmax(np.abs(run.drive))) for run in fit.log.runs)
     return (
-        f"The load does not move: a torque of at most {highest:.3g} {fit.log.command_unit} does not leave the dead "
+        f"The load does not move: a {what} of at most {highest:.3g} {fit.log.command_unit} does not leave the dead "
         "zone or dry friction; raise it until the load moves."
     )
 
@@ -130,7 +131,7 @@ def _columns(motion: Motion, fit: Fit) -> dict[str, Array]:
     zone = fit.model.effect("dead_zone")
     if zone is not None:
         columns["zone"] = -np.sign(motion.torque) * (np.abs(motion.torque) > zone.values[0])
-    if fit.model.axis == "rotary":
+    if fit.model.axis == "rotary" and fit.log.response == "angle":
         columns |= {"gravity": -np.cos(motion.angle), "quadrature": -np.sin(motion.angle)}
     return columns
 

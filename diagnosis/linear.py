@@ -16,8 +16,9 @@ import numpy as np
 
 from identification.log import Run
 from identification.noise import whiten
-from identification.predictor import PIECE, Prediction, forgetful, moves_with, run_inputs
-from plant.discrete import INPUTS, Structure, sample_reading
+from identification.predictor import PIECE, Prediction, forgetful, moves_with, run_inputs, sample_shown
+from identification.recording import Response
+from plant.discrete import INPUTS, Structure
 from plant.effects.effect import Array, Effect, Expression, Moment, parameter
 from plant.recursion import Recursion
 from plant.sensitivity import step_with_slopes
@@ -161,7 +162,7 @@ def linearised(
         gain = rows[:, len(INPUTS) + 1 :] @ moves_with(probe).T
         corrected = prediction.states[:, part].T + gain * prediction.errors[part, None]
         inputs = np.hstack((corrected, rows[:, : len(INPUTS)]))
-        _, (slopes, seen[part]) = _slopes(Structure(probe), substeps, run.positioned)((), inputs, values)
+        _, (slopes, seen[part]) = _slopes(Structure(probe), substeps, run.positioned, run.response)((), inputs, values)
         transition = slopes[:, n:].reshape(-1, n, n).transpose(0, 2, 1)
         by_torque[part], by_reading[part] = slopes[:, :n], -np.einsum("kij,kj->ki", transition, gain)
         closed_loop[part] = transition + by_reading[part, :, None] * seen[part, None, :]
@@ -177,7 +178,7 @@ def linearised(
 
 @one_at_a_time
 @lru_cache(maxsize=128)
-def _slopes(structure: Structure, substeps: int, positioned: bool) -> Recursion:
+def _slopes(structure: Structure, substeps: int, positioned: bool, response: Response) -> Recursion:
     """(state, inputs) at each sample, parameters -> derivative of the next state by torque and state, of the reading.
 
     It carries nothing: each sample stands alone.
@@ -190,6 +191,6 @@ def _slopes(structure: Structure, substeps: int, positioned: bool) -> Recursion:
     followed = forgetful(probe, kind(np.hstack((np.zeros((n, 1)), np.eye(n)))))
     _, slopes = step(row[:n], followed, row[n:], parameters)
     state, own = ca.SX.sym("state", n), ca.SX.sym("parameters", len(probe.names))
-    shown = ca.densify(ca.jacobian(sample_reading(probe)(state, own), state))
+    shown = ca.densify(ca.jacobian(sample_shown(probe, response)(state, own), state))
     seen = ca.Function("seen", [state, own], [shown])(row[:n], parameters)
     return Recursion(ca.Function("slopes", [row, parameters], [slopes, seen]), carried=0)

@@ -51,7 +51,7 @@ class MeasuredMotion:
         size = np.abs(speed)
         fastest = float(np.quantile(size, 0.99))
         moving = size[size > _FEW * fastest] if fastest > 0.0 else size
-        torque = np.concatenate([run.command - run.servo_gain * run.output for run in log.runs])
+        torque = np.concatenate([run.drive for run in log.runs])
         rms, signs = float(np.sqrt(np.mean(speed**2))), np.sign(torque[torque != 0.0])
         return cls(
             turned=max(float(np.ptp(run.output[run.valid])) for run in log.runs),

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from diagnosis.jackknife import jackknife
 from identification.fit_result import Fit
 from identification.inverse import filtered_motion, needed_torque
+from identification.run_parameters import own_model
 from plant.effects.effect import Array, Axis
 
 _TORQUE_SHARE = 0.03  # noise that the band may have, of the rms torque command
@@ -111,7 +112,7 @@ def missing_torque(fit: Fit, cutoff: float | None = None) -> MissingTorque:
         motion = filtered_motion(run, cutoff, fit.model)
         edge = min(motion.time.size // 10, int(1.0 / (cutoff * run.sample_time)))
         inner = slice(edge, motion.time.size - edge)
-        missing = needed_torque(fit.model, motion) - motion.torque
+        missing = needed_torque(own_model(run, fit.model), motion) - motion.torque
         parts.append([a[inner] for a in (motion.time, missing, motion.angle, motion.velocity, motion.torque)])
     time, torque, angle, velocity, command = (np.concatenate(column) for column in zip(*parts, strict=True))
     run_index = np.repeat(np.arange(len(parts)), [part[0].size for part in parts])
@@ -147,7 +148,7 @@ def named_on(variable: str, axis: Axis) -> str:
 def noise_cutoff(fit: Fit) -> float:
     """Cutoff [Hz] at which the encoder's noise makes 3 % of the rms torque, within 0.5 Hz and 1/10 of the rate."""
     dt = fit.log.runs[0].sample_time
-    torque = np.concatenate([run.command - run.servo_gain * run.output for run in fit.log.runs])
+    torque = np.concatenate([run.drive for run in fit.log.runs])
     target = _TORQUE_SHARE * float(np.sqrt(np.mean(torque**2)))
     lowest, highest = min(0.5, 0.05 / dt), 0.1 / dt
     per_unit = _noise_torque(fit, 1.0)

@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 
 from identification.fit_result import Fit
-from identification.predictor import Prediction, observer_gain
+from identification.observer_gain import correcting_gain
+from identification.predictor import Prediction
 from identification.problem import Problem
 from identification.run import Run
 from plant.discrete import Structure
@@ -27,11 +28,12 @@ def motion_of(
     runs = problem.log.runs
     velocity = np.concatenate([p.states[1] for p in predictions])
     command = np.concatenate([run.command for run in runs])
-    gain, output = (np.concatenate([getattr(run, name) for run in runs]) for name in ("servo_gain", "output"))
+    gain = np.concatenate([run.servo_gain for run in runs])
+    returned = command - np.concatenate([run.drive for run in runs])
     limit = np.repeat([run.command_limit for run in runs], [len(run) for run in runs])
 
     def law(command: Array) -> Array:
-        return np.asarray(np.clip(command - gain * output, -limit, limit))
+        return np.asarray(np.clip(command - returned, -limit, limit))
 
     dt = runs[0].sample_time
     typical = float(np.quantile(np.abs(velocity), 0.9))
@@ -71,6 +73,6 @@ def _settled(structure: Structure) -> Recursion:
 def _acceleration(run: Run, prediction: Prediction, bandwidth: float) -> Array:
     """(T,) acceleration of the model over each sample [rad/s^2], without the jumps of the observer's corrections."""
     dt = np.diff(run.time)
-    corrected = prediction.states[1] + observer_gain(bandwidth, np.append(dt, dt[-1]))[1] * prediction.errors
+    corrected = prediction.states[1] + correcting_gain(run, bandwidth, np.append(dt, dt[-1]))[1] * prediction.errors
     steps = (prediction.states[1, 1:] - corrected[:-1]) / dt
     return np.append(steps, steps[-1])

@@ -52,7 +52,7 @@ def parameter_cost(fit: Fit, than: Fit) -> float:
     more = [row for row, place in enumerate(fit.free) if fit.model.names[place] not in than.model.names]
     fewer = sum(name not in fit.model.names for name in than.model.names)
     schwarz = schwarz_cost(len(more) - fewer, fit.samples)
-    ranges = [plausible_range(fit.model.parameters[fit.free[row]].unit, fit) for row in more]
+    ranges = [plausible_range(fit.model.quantities[fit.free[row]], fit) for row in more]
     settled = all(fit.parameters[fit.free[row]].std and not fit.parameters[fit.free[row]].at_bound for row in more)
     if fewer or not settled or any(r is None for r in ranges):
         return schwarz
@@ -96,9 +96,12 @@ def typical_speed(fit: Fit) -> float:
     return float(np.quantile(np.abs(speed), 0.9))
 
 
-def plausible_range(unit: str, fit: Fit) -> float | None:
-    """How far a parameter of that unit may plausibly reach on this log; None where the search itself is the range."""
-    torque = np.concatenate([run.command - run.servo_gain * run.output for run in fit.log.runs])
+def plausible_range(quantity: str, fit: Fit) -> float | None:
+    """How far a parameter of that kind (`ServoModel.quantities`) may plausibly reach on this log.
+
+    None where the search itself is the range.
+    """
+    torque = np.concatenate([run.drive for run in fit.log.runs])
     level = float(np.sqrt(np.mean(torque**2)))
     fast = typical_speed(fit)
     return {
@@ -111,7 +114,7 @@ def plausible_range(unit: str, fit: Fit) -> float | None:
         "N s/m": level / fast,
         "N m s^2/rad^2": level / fast**2,
         "N s^2/m^2": level / fast**2,
-    }.get(unit)
+    }.get(quantity)
 
 
 def visibility_cost(parameters: int) -> float:

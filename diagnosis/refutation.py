@@ -51,7 +51,7 @@ def _why_not(cause: Cause, log: Log, *, refuted: bool) -> str | None:
     torques = {name: value for name, value in cause.parameters.items() if value.unit == log.command_unit}
     if torques and all(_is_zero(value) for value in torques.values()):
         return f"its {_said(torques)} {'is' if len(torques) == 1 else 'are'} zero within the standard error"
-    most = max(float(np.max(np.abs(run.command - run.servo_gain * run.output))) for run in log.runs)
+    most = max(float(np.max(np.abs(run.drive))) for run in log.runs)
     beyond = {name: value for name, value in torques.items() if abs(value.value) > most}
     if beyond:
         return f"its {_said(beyond)} is beyond all that the log commands, {most:.3g} {log.command_unit}"

@@ -60,7 +60,9 @@ def _same_command(a: Run, b: Run) -> bool:
     count = min(len(a), len(b))
     level = float(np.sqrt(np.mean(a.command[:count] ** 2)))
     apart = float(np.sqrt(np.mean((a.command[:count] - b.command[:count]) ** 2)))
-    same_loop = np.allclose(a.servo_gain[:count], b.servo_gain[:count])
+    same_loop = all(
+        np.allclose(getattr(a, law)[:count], getattr(b, law)[:count]) for law in ("servo_gain", "servo_damping")
+    )
     return bool(same_loop and np.std(a.command) > 0.0 and apart <= _ALIKE * level)
 
 

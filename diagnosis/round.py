@@ -249,5 +249,5 @@ def _reduced_leaders(
 
 
 def _would_add(fit: Fit, kind: type[Effect]) -> bool:
-    """Whether an effect makes sense on this axis and is neither in the model nor a special case of one that is."""
-    return not fit.model.holds(kind.name) and fit.model.axis in kind.axes
+    """Whether an effect can be seen in this log and is neither in the model nor a special case of one that is."""
+    return not fit.model.holds(kind.name) and fit.log.shows(kind)

@@ -137,7 +137,7 @@ def _around(
 def _nothing_moves(objective: Objective, minimum: Minimum) -> bool:
     """Whether an output that never changes explains the log as well as the fitted motion: nothing can be told."""
     runs = objective.log.runs
-    still = sum(float(np.sum((run.output - run.output[run.valid].mean())[run.valid] ** 2)) for run in runs)
+    still = sum(float(np.sum((run.measured - run.measured[run.valid].mean())[run.valid] ** 2)) for run in runs)
     return still <= 1.1 * minimum.equations.cost
 
 
@@ -159,7 +159,7 @@ def _without_weight(objective: Objective, values: Array, std: Array) -> NDArray[
         scale = max(
             abs(values[place]),
             level / worth[name] if worth.get(name) else 0.0,
-            natural.get(objective.model.parameters[place].unit, 0.0),
+            natural.get(objective.model.quantities[place], 0.0),
         )
         lost[row] = std[row] > scale and not _at_bound(objective, row, values[place])
     return lost
@@ -178,7 +178,7 @@ def _lines(
             name=spec.name,
             value=float(value),
             std=None,
-            unit=_in_command_units(spec.unit, objective.log.command_unit),
+            unit=spec.unit,
             start=float(objective.model.values[place]),
             fixed=place not in objective.free,
         )
@@ -193,10 +193,3 @@ def _lines(
             )
         lines.append(line)
     return tuple(lines)
-
-
-def _in_command_units(unit: str, command_unit: str) -> str:
-    """A parameter's unit where the log's command is not a torque but volts or amperes of unknown scale."""
-    if command_unit in ("N m", "N"):
-        return unit
-    return unit.replace("kg m^2", "N m s^2/rad").replace("kg", "N s^2/m").replace("N m", command_unit)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from itertools import chain
 
 import numpy as np
 
 from identification.colour import with_its_colour
+from identification.disagreement import disagreement
 from identification.fit_result import Fit
 from identification.known import Fixed, Known, Pairs
 from identification.log import Log
 from identification.log_like import LogLike, log_of
+from identification.per_run import fit_apart
 from identification.problem import Problem
 from identification.side_by_side import without_blas_threads
 from identification.stamps import with_its_clock
@@ -32,17 +34,21 @@ def fit(
     fixed: Fixed = (),
     bounds: Pairs | None = None,
     prior: Pairs | None = None,
+    per_run: Sequence[str] = (),
     force: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Fit:
     """Estimate the parameters of a model from a log.
 
     Args:
-        log: one or more runs, also as a path, a DataFrame or arrays by name; a run's initial state is estimated.
+        log: one or more runs, also as a path, a DataFrame or arrays by name; a run's initial state is estimated. Where
+            runs disagree about a parameter, the log of the result has a warning that says so.
         model: structure and start; by default eqs. (4) and (6) of the paper, J, alpha, K and gamma.
         fixed: names of parameters that keep the model's value, or values by name: `{"inertia": 0.2}`.
         bounds: least and greatest value by name: `{"inertia": (0.1, 0.3)}`.
         prior: mean and standard deviation by name, of a Gaussian: `{"inertia": (0.2, 0.05)}`.
+        per_run: names of parameters that have a value of their own in each run; the others are fitted to all of them.
+            The result has a line for each run, such as "inertia[log.csv run 3]", and in its model the mean.
         force: fit also a log that is unusable (`Log.faults`).
         progress: called with a line of text at each stage.
 
@@ -58,7 +64,20 @@ def fit(
     log = log_of(log).usable(force=force)
     start = base_model(log) if model is None else model
     known = known_of(fixed, bounds, prior, start, stated=model is not None)
-    return fit_knowing(log, start, known, progress)
+    _check(Problem.of(log, known.begun(start), known=known), per_run, known.fixed)
+    found = fit_knowing(log, start, known, progress)
+    if per_run and len(log.runs) > 1:
+        return fit_apart(found, tuple(dict.fromkeys(per_run)))
+    said = disagreement(found)
+    return found if said is None else replace(found, log=replace(found.log, warnings=(*found.log.warnings, said)))
+
+
+def _check(problem: Problem, per_run: Sequence[str], fixed: Collection[str]) -> None:
+    moving = [problem.model.names[place] for place in problem.free]
+    for name in per_run:
+        if name not in moving:
+            why = "is fixed" if name in fixed else "is no parameter that is fitted"
+            raise BadParameter(f"per_run: {name!r} {why}; they are {', '.join(moving)}.")
 
 
 def fit_knowing(log: Log, model: ServoModel, known: Known, progress: Callable[[str], None] | None = None) -> Fit:
@@ -137,7 +156,7 @@ def base_model(log: Log) -> ServoModel:
     torque, angle, speed = (
         float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
         for values in (
-            [run.command - run.servo_gain * run.output for run in log.runs],
+            [run.drive for run in log.runs],
             [run.output - run.output.mean() for run in log.runs],
             [np.gradient(run.output, run.time) for run in log.runs],
         )

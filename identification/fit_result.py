@@ -158,8 +158,7 @@ def fit_report(fit: Fit, *, correlated: float = 0.5) -> str:
     """The fit as text: one line a parameter, then the correlations above `correlated`."""
     process = "output error" if fit.bandwidth == 0.0 else f"observer bandwidth {fit.bandwidth:.3g} rad/s"
     lines = [f"Fit of {len(fit.log.runs)} run(s), {fit.samples} samples: {process}"]
-    unit = "m" if fit.log.axis == "linear" else "rad"
-    lines += [f"  noise {fit.noise_std:.4g} {unit}, log-likelihood {fit.log_likelihood:.1f}", ""]
+    lines += [f"  noise {fit.noise_std:.4g} {fit.log.measured_unit}, log-likelihood {fit.log_likelihood:.1f}", ""]
     width = max(len(p.name) for p in fit.parameters)
     if fit.failed is not None:
         lines += [f"  The fit failed: {fit.failed}", ""]
@@ -192,7 +191,7 @@ def _said_before(fit: Fit) -> list[str]:
 
 def correlations(fit: Fit, above: float) -> list[tuple[str, str, float]]:
     """Pairs of fitted parameters whose correlation is above a threshold in size, the largest first."""
-    names = [fit.parameters[place].name for place in fit.free]
+    names = [fit.model.names[place] for place in fit.free]
     table = fit.correlation
     pairs = [
         (names[i], names[j], float(table[i, j]))

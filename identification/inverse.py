@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from identification.log import Log, Run
+from identification.run_parameters import own_model
 from plant.discrete import Structure
 from plant.effects import Moment, State
 from plant.effects.effect import Array
@@ -81,7 +82,7 @@ def mean_torque(run: Run, model: ServoModel | None, velocity: Array) -> Array:
     """
     time = np.linspace(run.time[0], run.time[-1], len(run))
     dt, steps = float(time[1] - time[0]), np.diff(run.time)
-    drive = np.clip(run.command - run.servo_gain * run.output, -run.command_limit, run.command_limit)
+    drive = np.clip(run.drive, -run.command_limit, run.command_limit)
     if model is not None:
         drive = actuator_torque(
             model,
@@ -90,6 +91,7 @@ def mean_torque(run: Run, model: ServoModel | None, velocity: Array) -> Array:
             velocity=velocity,
             angle=run.output,
             servo_gain=run.servo_gain,
+            servo_damping=run.servo_damping,
             command_limit=run.command_limit,
         )
     impulse = np.concatenate(([0.0], np.cumsum(drive[:-1] * steps)))
@@ -116,7 +118,7 @@ def torque_misses(log: Log, model: ServoModel, *, cutoff: float) -> tuple[Array,
         m = filtered_motion(run, cutoff, model)
         edge = min(m.time.size // 10, int(2.0 / (cutoff * run.sample_time)))
         inner = slice(edge, m.time.size - edge)
-        misses.append((m.torque - needed_torque(model, m))[inner])
+        misses.append((m.torque - needed_torque(own_model(run, model), m))[inner])
         torques.append(m.torque[inner])
     return np.concatenate(misses), np.concatenate(torques)
 

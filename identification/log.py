@@ -21,8 +21,10 @@ from identification.reading.frames import columns_of
 from identification.reading.recognition import joined_if_needed
 from identification.reading.request import ALIASES, COLUMNS, Gears, How, Reading
 from identification.reading.table import Table
-from identification.recording import Finding, Recording, counted
+from identification.recording import Finding, Recording, Response, counted
 from identification.run import Run
+from identification.run_parameters import payload_of
+from plant.effects import Effect
 from plant.errors import BadParameter
 
 if TYPE_CHECKING:
@@ -49,7 +51,8 @@ class Log:
     runs: at least one.
     warnings: what was found, `repairs`: what was masked, continued or left out; one sentence each.
     faults: why no model can be fitted to it as it is, and the option that helps; one sentence each.
-    command_unit: "N m", "N", or "V", "A" where the torque's scale is unknown, as `notes` then say.
+    command_unit: "N m", "N", or what the torque is counted in where its scale is unknown, as `notes` then say: "V",
+        "A", or "rad" and "m" of a position servo's error.
     colour: autoregression of the reading's noise, as `identification.colour` finds it; empty for white noise.
     evenly_timed: whether `identification.stamps` put even times in the place of the written ones.
 
@@ -99,6 +102,25 @@ class Log:
     def sample_time(self) -> float:
         """Sample time of the slowest run [s]."""
         return max(run.sample_time for run in self.runs)
+
+    @property
+    def response(self) -> Response:
+        """What was measured: the "angle" (or position), or the "velocity" alone."""
+        return self.runs[0].response
+
+    @property
+    def measured_unit(self) -> str:
+        """The unit of what was measured."""
+        return {"rotary": "rad", "linear": "m"}[self.axis] + "/s" * (self.response == "velocity")
+
+    def shows(self, kind: type[Effect]) -> bool:
+        """Whether an effect can be seen in it: it is one of its axis, and needs no angle where there is none."""
+        return self.axis in kind.axes and not (kind.needs_angle and self.response == "velocity")
+
+    @property
+    def torque_unit(self) -> str | None:
+        """What the torque is counted in where its scale is unknown, as in `ServoModel`; None for N m, or N."""
+        return None if self.command_unit in ("N m", "N") else self.command_unit
 
     @classmethod
     def read(
@@ -170,13 +192,24 @@ class Log:
     ) -> Log:
         """A log from arrays (T,) named as the log contract names them: `time=..., torque=..., angle=...`.
 
-        Arguments and errors as in `read`.
+        Arguments and errors as in `read`; the gains `kp` and `kd` of a position servo are numbers or arrays.
         """
+        gains = {
+            name: float(cast(float, channels.pop(name)))
+            for name in ("kp", "kd")
+            if np.ndim(channels.get(name, ())) == 0
+        }
         for name in channels:
             if ALIASES.get(name, name) not in COLUMNS:
                 raise BadParameter(f"there is no channel '{name}', a log has {', '.join(COLUMNS)}.")
         reading = Reading(
-            units=units or {}, scales=scales or {}, gears=gears, torque_constant=torque_constant, rate=rate
+            units=units or {},
+            scales=scales or {},
+            gears=gears,
+            torque_constant=torque_constant,
+            rate=rate,
+            kp=gains.get("kp"),
+            kd=gains.get("kd"),
         )
         columns = {}
         for name, values in channels.items():
@@ -219,7 +252,7 @@ class Log:
             findings = [replace(found, unusable=found.unusable or found.kind == "never turns") for found in findings]
         usable, findings = leave_idle(usable, findings)
         return cls(
-            runs=tuple(Run.from_recording(recording, _zero(usable)) for recording in usable),
+            runs=tuple(Run.from_recording(recording, _zero(usable), payload_of(recording)) for recording in usable),
             axis=axis,
             warnings=_told(finding for finding in findings if not finding.repaired and not finding.unusable),
             faults=_told(finding for finding in findings if finding.unusable),
@@ -252,6 +285,11 @@ class Log:
             raise MalformedLog("there are no logs to merge, give at least one.")
         first = logs[0]
         for log in logs[1:]:
+            if log.response != first.response:
+                raise MalformedLog(
+                    f"{log.runs[0].label}: a log of the {log.response} does not go with {first.runs[0].label}, one "
+                    f"of the {first.response}; treat them one by one."
+                )
             if (log.axis, log.command_unit) != (first.axis, first.command_unit):
                 raise MalformedLog(
                     f"{log.runs[0].label}: a {log.axis} axis driven in {log.command_unit} does not go with "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -20,6 +20,16 @@ from plant.errors import BadParameter
 from plant.servo import ServoModel
 
 _MOST = 100.0  # log of the factor by which a cost may rise, beyond which it would overflow
+
+
+def same_unit(log: Log, model: ServoModel) -> None:
+    """Raise `BadParameter` where a model counts the torque in another unit than a log."""
+    if model.torque_unit != log.torque_unit:
+        usual = "N" if model.axis == "linear" else "N m"
+        raise BadParameter(
+            f"The model is in {model.torque_unit or usual}, the log's command in {log.command_unit}: neither says how "
+            "the two compare; use a model that was identified from a log of the same command."
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,7 +55,9 @@ class Objective:
 
     @classmethod
     def of(cls, log: Log, model: ServoModel, *, fixed: Collection[str] = (), known: Known | None = None) -> Self:
-        """Of a model's parameters all move but the fixed ones; gravity is fixed on a linear axis.
+        """Of a model's parameters all move but the fixed ones; gravity is zero where no angle is known or has a part.
+
+        A model in N m is a mere start where the log's torque is counted in another unit; the fit is in that of the log.
 
         Args:
             log: to be explained.
@@ -60,7 +72,13 @@ class Objective:
             raise BadParameter(f"fixed: {min(unknown)!r} is not a parameter; they are {', '.join(model.names)}.")
         if log.axis != model.axis:
             raise BadParameter(f"The log is of a {log.axis} axis, the model of a {model.axis} one.")
-        kept = {*fixed, *known.fixed, *(("gravity",) if model.axis == "linear" else ())}
+        if model.torque_unit is not None:
+            same_unit(log, model)
+        model = replace(model, torque_unit=log.torque_unit)
+        if log.response == "velocity":
+            model = replace(model, gravity=0.0)
+        grounded = model.axis == "linear" or log.response == "velocity"
+        kept = {*fixed, *known.fixed, *(("gravity",) if grounded else ())}
         free = tuple(place for place, spec in enumerate(model.parameters) if spec.fitted and spec.name not in kept)
         specs = [model.parameters[place] for place in free]
         moving = {spec.name for spec in specs}

@@ -1,7 +1,8 @@
 """Sums over the runs of a log: its runs share the parameters, and each has an initial state of its own.
 
-A point of a fit is (F + 2R,): the parameters, then angle and velocity at the first sample of each run. Of the Jacobian
-of a run only F + 2 columns are not zero; these sums are all that is needed of it.
+A point of a fit is (F + 2R,): the parameters, then angle and velocity at the first sample of each run. Where M of the
+parameters have a value of their own in each run it is (F - M + R M + 2R,): the shared ones, those of each run, then the
+initial states. Of the Jacobian of a run only F + 2 columns are not zero; these sums are all that is needed of it.
 """
 
 from __future__ import annotations
@@ -17,38 +18,55 @@ from identification.predictor import Prediction
 from plant.effects.effect import Array
 
 
-def normal_equations(pieces: Iterable[tuple[int, Prediction]], runs: int) -> NormalEquations:
-    """The normal equations of a log from pieces of its runs, each with the place of its run."""
+def normal_equations(pieces: Iterable[tuple[int, Prediction]], runs: int, own: Sequence[int] = ()) -> NormalEquations:
+    """The normal equations of a log from pieces of its runs, each with the place of its run.
+
+    Args:
+        pieces: of all runs.
+        runs: R, how many there are.
+        own: (M,) rows of the parameters that have a value of their own in each run.
+    """
     cost, gradient, information = 0.0, np.zeros(0), np.zeros((0, 0))
     for run, piece in pieces:
         if not gradient.size:
-            size = piece.jacobian.shape[1] + 2 * (runs - 1)
+            size = point_size(piece.jacobian.shape[1] - 2, runs, own)
             gradient, information = np.zeros(size), np.zeros((size, size))
-        own, part = _places(piece, run), NormalEquations.of(piece.innovations, piece.jacobian)
+        at = places(piece.jacobian.shape[1] - 2, run, runs, own)
+        part = NormalEquations.of(piece.innovations, piece.jacobian)
         cost += part.cost
         with np.errstate(over="ignore", invalid="ignore"):
-            gradient[own] += part.gradient
-            information[np.ix_(own, own)] += part.information
+            gradient[at] += part.gradient
+            information[np.ix_(at, at)] += part.information
     if not np.isfinite(cost):
         cost = np.inf
     return NormalEquations(cost=cost, gradient=gradient, information=information)
 
 
-def informations(predictions: Sequence[Prediction]) -> tuple[Array, Array]:
-    """(F + 2R, F + 2R) J'J and J'RJ, with R the covariance of the innovations, which ends where a run does."""
+def informations(predictions: Sequence[Prediction], own: Sequence[int] = ()) -> tuple[Array, Array]:
+    """J'J and J'RJ, with R the covariance of the innovations, which ends where a run does; `own` as above."""
     coefficients, variance = colouring(np.concatenate([p.innovations for p in predictions]))
-    size = predictions[0].jacobian.shape[1] + 2 * (len(predictions) - 1)
+    free, runs = predictions[0].jacobian.shape[1] - 2, len(predictions)
+    size = point_size(free, runs, own)
     white, coloured = np.zeros((size, size)), np.zeros((size, size))
     for run, p in enumerate(predictions):
-        own = np.ix_(_places(p, run), _places(p, run))
+        at = places(free, run, runs, own)
+        block = np.ix_(at, at)
         with np.errstate(over="ignore", invalid="ignore"):  # of a model that all but runs off nothing is known
-            white[own] += p.jacobian.T @ p.jacobian
+            white[block] += p.jacobian.T @ p.jacobian
             backwards = colour(p.jacobian[::-1], coefficients)
-            coloured[own] += variance * (backwards.T @ backwards)
+            coloured[block] += variance * (backwards.T @ backwards)
     return white, coloured
 
 
-def _places(prediction: Prediction, run: int) -> NDArray[np.intp]:
+def point_size(free: int, runs: int, own: Sequence[int]) -> int:
+    """Length of a point of so many parameters, of which some have a value of their own in each run."""
+    return free + len(own) * (runs - 1) + 2 * runs
+
+
+def places(free: int, run: int, runs: int, own: Sequence[int] = ()) -> NDArray[np.intp]:
     """(F + 2,) places of a run's columns among those of the log."""
-    free = prediction.jacobian.shape[1] - 2
-    return np.append(np.arange(free), free + 2 * run + np.arange(2))
+    found, shared = np.empty(free + 2, dtype=np.intp), free - len(own)
+    found[[row for row in range(free) if row not in own]] = np.arange(shared)
+    found[list(own)] = shared + len(own) * run + np.arange(len(own))
+    found[free:] = shared + len(own) * runs + 2 * run + np.arange(2)
+    return found

@@ -8,6 +8,7 @@ with the gain of the stationary Kalman filter for a load torque that fluctuates 
 (Kalata 1984, alpha-beta filter) in one number, here the observer's bandwidth w in rad/s: the square root of the ratio
 of the acceleration noise to the measurement noise. At w = 0 nothing is corrected and e is the error of a free
 simulation (output error); above it nothing drifts, so that closed-loop logs and integrating plants are harmless.
+A log of the velocity alone is compared in velocity, and corrects the velocity alone.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ import numpy as np
 
 from identification.log import Run
 from identification.noise import Whitening
+from identification.observer_gain import correcting_gain
+from identification.recording import Response
+from identification.run_parameters import own_slopes, own_values
 from plant.discrete import INPUTS, Structure, sample_reading
 from plant.effects import State
 from plant.effects.effect import Array
@@ -33,46 +37,6 @@ from plant.simulation import beginning, whole_samples
 from plant.symbolic import one_at_a_time
 
 PIECE = 4096  # samples after which the same memory is used again
-_DIGITS = 9  # of a time step: what is below is the clock's rounding
-
-
-def observer_gain(bandwidth: float, dt: Array, *, wandering: bool = False) -> Array:
-    """(2, T) gain on angle [-] and velocity [1/s] of the alpha-beta filter (Kalata 1984, eqs. for the tracking index).
-
-    Args:
-        bandwidth: square root of acceleration noise [rad/s^2] over measurement noise [rad]: [rad/s].
-        dt: (T,) time step of each sample [s].
-        wandering: the acceleration wanders instead, which is the alpha-beta-gamma filter; then (3, T), with the gain on
-            the acceleration [1/s^2].
-    """
-    # each by itself: a run in pieces has the gains of the run in one
-    dt = np.round(dt, _DIGITS - int(np.floor(np.log10(np.median(dt)))))
-    steps = dt[:1] if (dt == dt[0]).all() else dt
-    gains = _third_order_gain(bandwidth, steps) if wandering else _second_order_gain(bandwidth, steps)
-    return np.repeat(gains, dt.size, axis=1) if steps.size < dt.size else gains
-
-
-def _second_order_gain(bandwidth: float, dt: Array) -> Array:
-    index = (bandwidth * dt) ** 2
-    r = (4.0 + index - np.sqrt(8.0 * index + index**2)) / 4.0
-    alpha = 1.0 - r**2
-    beta = 2.0 * (2.0 - alpha) - 4.0 * np.sqrt(1.0 - alpha)
-    return np.stack((alpha, beta / np.maximum(dt, 1e-15)))
-
-
-def _third_order_gain(bandwidth: float, dt: Array) -> Array:
-    """Gray and Murray (1993): alpha = 1 - s^2 with 2 (1 - s)^3 = index s (1 + s), by bisection."""
-    steps, place = np.unique(dt, return_inverse=True)
-    index, low, high = (bandwidth * steps) ** 3, np.zeros(steps.size), np.ones(steps.size)
-    for _ in range(50):
-        s = 0.5 * (low + high)
-        above = 2.0 * (1.0 - s) ** 3 > index * s * (1.0 + s)
-        low, high = np.where(above, s, low), np.where(above, high, s)
-    s = high  # one where the bandwidth is zero
-    alpha, beta = 1.0 - s**2, 2.0 * (1.0 - s) ** 2
-    gamma = beta**2 / np.maximum(2.0 * alpha, 1e-300)
-    least = np.maximum(steps, 1e-15)
-    return np.asarray(np.stack((alpha, beta / least, gamma / least**2))[:, place])
 
 
 FADING = 0.15
@@ -82,16 +46,29 @@ HELD = 0.5 * FADING
 """Bandwidth of an observer behind which a chaotic model stays with the log [rad/sample]."""
 
 
+def sample_shown(model: ServoModel, response: Response) -> Any:
+    """What is measured: Function of (n,) state and (P,) parameters; of a velocity it is that of the load."""
+    if response == "angle":
+        return sample_reading(model)
+    return _sample_velocity(len(model.states), len(model.names))
+
+
+@one_at_a_time
+def _sample_velocity(states: int, parameters: int) -> Any:
+    state, values = ca.SX.sym("state", states), ca.SX.sym("parameters", parameters)
+    return ca.Function("sample_velocity", [state, values], [state[1]])
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
     """Innovations of one run.
 
     Attributes:
-        errors: (T,) measured less predicted output; zero where the sample is masked.
+        errors: (T,) measured less predicted angle, or velocity where that is measured; zero where masked.
         innovations: (T,) what of the errors the colour of the reading's noise does not predict.
         jacobian: (T, F + 2) their derivative with respect to the free parameters and the initial angle and velocity.
         states: (n, T) predicted states, before the measurement is used.
-        output: (T,) predicted output.
+        output: (T,) predicted angle, or velocity.
     """
 
     errors: Array
@@ -140,16 +117,20 @@ class Predictor:
         self, values: Array, initial: Array, *, bandwidth: float, width: float, sensitivities: bool = True
     ) -> Iterator[tuple[int, Prediction]]:
         """The same piece by piece with the place of its run: a pass over a long log that need not be kept."""
+        free = self.free if sensitivities else None
         positioned = any(run.positioned for run in self.runs)
-        follow = _prediction(Structure(self.model), self.free if sensitivities else None, self.substeps, positioned)
+        follow = _prediction(Structure(self.model), free, self.substeps, positioned, self.runs[0].response)
         for place, (run, start) in enumerate(zip(self.runs, initial, strict=True)):
             carried = self._beginning(run, values, start, sensitivities)
             whitened = Whitening(self.colour)
+            own = own_slopes(run, self.model, values, self.free) if sensitivities else None
             for first in range(0, len(run), PIECE):
                 part = slice(first, min(first + PIECE, len(run)))
                 rows, moved = run_inputs(run, self.model, values, bandwidth, width, part)
                 carried, (errors, jacobian, states) = follow(carried, rows, moved)
                 output = rows[:, len(INPUTS)] - errors[:, 0]
+                if own is not None:
+                    jacobian = np.hstack((jacobian[:, :-2] @ own, jacobian[:, -2:]))
                 masked = ~run.valid[part]
                 errors[masked], jacobian[masked] = 0.0, 0.0  # not times zero: a simulation that overflows is infinite
                 white = whitened(np.hstack((errors, jacobian))) if self.colour else None
@@ -176,7 +157,7 @@ class Predictor:
             self.model,
             angle=start[0],
             velocity=start[1],
-            torque=first[0] - first[2] * start[0],
+            torque=first[0] - first[2] * start[0] - first[INPUTS.index("servo_damping")] * start[1],
             command=first[0],
             goal=first_goal(run.command, run.servo_gain),
         )
@@ -198,11 +179,11 @@ def _joined(pieces: Sequence[Prediction]) -> Prediction:
 def run_inputs(
     run: Run, model: ServoModel, values: Array, bandwidth: float, width: float, part: slice
 ) -> tuple[Array, Array]:
-    """(k, 10) inputs of the steps of a part of a run, with measurement and gains, and the parameters (P,) for them.
+    """(k, 11) inputs of the steps of a part of a run, with measurement and gains, and its own parameters (P,) for them.
 
     Of a delay only the part inside a sample is left in the parameters; whole samples are in the inputs.
     """
-    whole = 0
+    values, whole = own_values(run, model, values), 0
     if "input_delay.time" in model.names:
         delay, values = model.names.index("input_delay.time"), values.copy()
         whole, values[delay] = whole_samples(float(values[delay]), run.sample_time)
@@ -216,7 +197,7 @@ def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: 
     dt = np.diff(run.time[start : stop + 1])
     if stop == len(run):
         dt = np.append(dt, run.time[-1] - run.time[-2])
-    gains = observer_gain(bandwidth, dt, wandering=wandering)
+    gains = correcting_gain(run, bandwidth, dt, wandering=wandering)
     rows = np.empty((dt.size, len(INPUTS) + 1 + len(gains)))
     columns = (
         _delayed(run.command, whole, part),
@@ -226,7 +207,8 @@ def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: 
         run.time[part],
         dt,
         width,
-        run.output[part],
+        run.servo_damping[part],
+        run.measured[part],
         *gains,
     )
     for place, column in enumerate(columns):
@@ -255,7 +237,9 @@ def moves_with(model: ServoModel) -> Array:
 
 @one_at_a_time
 @lru_cache(maxsize=512)
-def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: int, positioned: bool) -> Recursion:
+def _prediction(
+    structure: Structure, free: tuple[int, ...] | None, substeps: int, positioned: bool, response: Response
+) -> Recursion:
     """(state, slopes), rows of `run_inputs`, parameters -> innovation, its slopes, predicted state, at each sample.
 
     Without `free` there are no slopes, and where no run is `positioned` no servo gain is asked for.
@@ -266,7 +250,7 @@ def _prediction(structure: Structure, free: tuple[int, ...] | None, substeps: in
     state, slopes = ca.SX.sym("state", n), ca.SX.sym("slopes", n, columns)
     moved_by = moves_with(model)
     row, parameters = ca.SX.sym("row", len(INPUTS) + 1 + moved_by.shape[1]), ca.SX.sym("parameters", len(model.names))
-    shown = sample_reading(model)(state, parameters)
+    shown = sample_shown(model, response)(state, parameters)
     error = row[len(INPUTS)] - shown
     error_slopes = -ca.mtimes(ca.jacobian(shown, state), slopes)
     if free is not None:

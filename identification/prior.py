@@ -21,8 +21,8 @@ _BENT = 0.1  # variance of a knot beside those about it, over that of them all
 
 
 def natural_scales(log: Log) -> dict[str, float]:
-    """By unit, the size that a parameter of an effect that may well be zero can have on a log."""
-    torque = np.concatenate([run.command - run.servo_gain * run.output for run in log.runs])
+    """By the kind of quantity (`ServoModel.quantities`), the size that one of an effect can have on a log."""
+    torque = np.concatenate([run.drive for run in log.runs])
     level = float(np.sqrt(np.nanmean(torque**2)))
     speeds = np.concatenate([np.gradient(run.output, run.time) for run in log.runs])
     speed = float(np.sqrt(np.nanmean(speeds**2)))
@@ -64,6 +64,6 @@ def _smoothness(log: Log, model: ServoModel, free: tuple[int, ...], rows: dict[s
         names = [f"{curve.name}.{spec.name}" for spec in curve.parameters()]
         at = [rows[name] for name in names if name in rows and name not in curve.shape()]
         if len(at) == len(curve.prior):
-            size = scales.get(model.parameters[free[at[0]]].unit) or 1.0
+            size = scales.get(model.quantities[free[at[0]]]) or 1.0
             known[np.ix_(at, at)] = np.linalg.inv(curve.prior + _BENT * np.eye(len(at))) / size**2
     return known

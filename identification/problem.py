@@ -304,6 +304,9 @@ def first_states(log: Log) -> Array:
     states = np.zeros((len(log.runs), 2))
     for row, run in enumerate(log.runs):
         early = np.flatnonzero(run.valid)[:10]
+        if run.response == "velocity":
+            states[row] = run.output[0], np.mean(run.measured[early])
+            continue
         slope, level = np.polyfit(run.time[early] - run.time[0], run.output[early], 1) if early.size > 1 else (0, 0)
         states[row] = level, slope
     return states

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
+Response: TypeAlias = Literal["angle", "velocity"]
 HUGE = 1e12  # no servo's reading in SI units; beyond it squares lose their digits
+
+
+def nothing() -> Array:
+    """A channel that most logs do not have: one zero, to be spread over all samples."""
+    return np.zeros(1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +39,9 @@ class Recording:
 
     number: place of the experiment among those of its file; its pieces share it.
     time, command, output, servo_gain: (T,) [s], [N m] or [N], [rad] or [m], [N m/rad] or [N/m].
+    servo_damping: (T,) of a position servo's law [N m s/rad] or [N s/m]; by default there is none.
     valid: (T,) False where the output is masked out of the fit.
+    response: what `output` measures, an "angle" (or position), or a "velocity" [rad/s] or [m/s].
     rows: (T,) data row of each sample, counted from 1; `first_line` is the line of row 1 in a text file.
     names: what the file calls "command" and "output", for messages.
     others: further channels by their contract name, (T,) each.
@@ -49,7 +57,9 @@ class Recording:
     servo_gain: Array
     valid: NDArray[np.bool_]
     rows: NDArray[np.int64]
+    servo_damping: Array = field(default_factory=nothing)
     axis: str = "rotary"
+    response: Response = "angle"
     command_limit: float = np.inf
     first_line: int | None = None
     names: dict[str, str] = field(default_factory=dict)
@@ -58,17 +68,26 @@ class Recording:
     start: float = 0.0
 
     def __post_init__(self) -> None:
-        """An experiment that nobody named goes by its number."""
+        """Name an experiment that nobody named by its number; spread a damping that is the same for all samples."""
         object.__setattr__(self, "run", self.run or str(self.number))
+        if len(self.servo_damping) != len(self.time):
+            object.__setattr__(self, "servo_damping", np.broadcast_to(self.servo_damping, self.time.shape))
 
     def __len__(self) -> int:
         """Number of samples."""
         return len(self.time)
 
+    @property
+    def drive(self) -> Array:
+        """(T,) torque that the drive's law asks for along the measured motion, without its limit."""
+        return drive_torque(self.command, self.servo_gain, self.servo_damping, self.output, self.time)
+
     def name(self, channel: str) -> str:
         """The name under which the user knows "command", "output" or another channel."""
         rotary = self.axis == "rotary"
         usual = {"command": "torque" if rotary else "force", "output": "angle" if rotary else "position"}
+        if self.response == "velocity":
+            usual["output"] = "velocity"
         return self.names.get(channel, usual.get(channel, channel))
 
     def where(self, index: int) -> str:
@@ -88,10 +107,17 @@ class Recording:
             command=self.command[index],
             output=self.output[index],
             servo_gain=self.servo_gain[index],
+            servo_damping=self.servo_damping[index],
             valid=self.valid[index],
             rows=self.rows[index],
             others={name: values[index] for name, values in self.others.items()},
         )
+
+
+def drive_torque(command: Array, servo_gain: Array, servo_damping: Array, output: Array, time: Array) -> Array:
+    """(T,) torque of a drive along a measured motion: command - gain * output - damping * velocity."""
+    torque = command - servo_gain * output
+    return torque - servo_damping * np.gradient(output, time) if servo_damping.any() else torque
 
 
 Checked: TypeAlias = tuple[Recording, list[Finding]]

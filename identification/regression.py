@@ -60,7 +60,7 @@ def _cutoffs(log: Log) -> list[float]:
 def _alike(log: Log, one: Array, other: Array) -> bool:
     """Whether two starts differ by a small share of the torque over a log's motion."""
     speed = np.concatenate([np.gradient(run.output, run.time) for run in log.runs])
-    torque = np.concatenate([run.command - run.servo_gain * run.output for run in log.runs])
+    torque = np.concatenate([run.drive for run in log.runs])
     level = float(np.sqrt(np.mean(torque**2)))
     worth = np.ones(one.size)
     worth[0], worth[2] = level / one[0], np.sqrt(np.mean(speed**2))
@@ -125,8 +125,9 @@ def _columns(run: Run, model: ServoModel, cutoff: float) -> Array:
     acceleration = np.zeros_like(motion.angle)
     acceleration[1:-1] = np.diff(motion.angle, 2) / dt**2  # the mean over the same two samples as that of the torque
     torque = smooth(mean_torque(run, model, motion.velocity), cutoff, dt)
+    own = run.own.get("inertia", 0.0) * acceleration + run.own.get("gravity", 0.0) * np.cos(motion.angle)
     sign = np.where(motion.still, 0.0, np.sign(motion.velocity))
     gravity = np.cos(motion.angle) if model.axis == "rotary" else np.zeros_like(motion.angle)
-    columns = (acceleration, gravity, motion.velocity, torque, smooth(sign, cutoff, dt), np.ones_like(sign))
+    columns = (acceleration, gravity, motion.velocity, torque - own, smooth(sign, cutoff, dt), np.ones_like(sign))
     edge = max(1, min(motion.time.size // 10, int(1.0 / (cutoff * dt))))
     return np.column_stack((*columns, np.gradient(torque, dt)))[edge:-edge]

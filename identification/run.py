@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.recording import Array, Recording
+from identification.recording import Array, Recording, Response, drive_torque, nothing
 
 _OPTIONAL = ("velocity", "reference", "setpoint")
 
@@ -18,19 +19,23 @@ _OPTIONAL = ("velocity", "reference", "setpoint")
 class Run:
     """One experiment with an initial state of its own.
 
-    The drive's torque is `clip(command - servo_gain * output_true, -command_limit, command_limit)`, so a torque log
-    has `servo_gain` 0 and a position servo has `command = servo_gain * goal`.
+    The drive's torque is `command - servo_gain * output - servo_damping * velocity` of the true motion, within
+    `command_limit`, so a torque log has `servo_gain` 0 and a position servo has `command = servo_gain * setpoint`.
 
     label: where it comes from, "log.csv run 3".
     number: place of the experiment in the log, from 0 on; pieces of one experiment share it.
     run: what the run column calls the experiment; its number where there is no such column.
     time: (T,) strictly increasing [s], from `zero` on the recording's clock on.
     command: (T,) follower torque [N m] or force [N].
-    output: (T,) load angle [rad] or position [m]; masked samples hold interpolated values.
-    valid: (T,) False where the output is masked out of the fit.
+    output: (T,) load angle [rad] or position [m]; masked samples hold interpolated values. Where only the velocity was
+        logged it is the integral of that, from zero on: good for a start, and never fitted.
+    valid: (T,) False where the measurement is masked out of the fit.
+    response: what was measured and is fitted, the "angle" or the "velocity".
     servo_gain: (T,) torque per output error [N m/rad] or [N/m].
+    servo_damping: (T,) torque per speed of the load [N m s/rad] or [N s/m]; by default there is none.
     command_limit: largest magnitude of the drive's torque [N m] or force [N].
     velocity, reference, setpoint: (T,) of the load, when logged.
+    own: by how much parameters of this run differ from those of the model, by their name: a payload's inertia.
     zero: what the recording's clock shows at time zero [s]; it may have been running since 1970.
     start: when the file's first sample was taken, on the run's own time [s].
     drive_angles, torques: (T, 2) motor shaft angles [rad] and pinion torques [N m], when logged.
@@ -45,12 +50,15 @@ class Run:
     output: Array
     valid: NDArray[np.bool_]
     servo_gain: Array
+    servo_damping: Array = field(default_factory=nothing)
+    response: Response = "angle"
     command_limit: float = np.inf
     velocity: Array | None = None
     reference: Array | None = None
     setpoint: Array | None = None
     drive_angles: Array | None = None
     torques: Array | None = None
+    own: Mapping[str, float] = field(default_factory=dict)
     zero: float = 0.0
     run: str = ""
     start: float = 0.0
@@ -58,8 +66,10 @@ class Run:
     def __post_init__(self) -> None:
         """Bring the channels to float arrays and refuse what does not fit together."""
         object.__setattr__(self, "run", self.run or str(self.number))
+        if len(self.servo_damping) == 1:
+            object.__setattr__(self, "servo_damping", np.full(len(self.time), self.servo_damping[0]))
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
-            ("time", "command", "output", "servo_gain", *_OPTIONAL), (len(self.time),)
+            ("time", "command", "output", "servo_gain", "servo_damping", *_OPTIONAL), (len(self.time),)
         )
         shapes |= dict.fromkeys(("drive_angles", "torques"), (len(self.time), 2))
         for name, shape in shapes.items():
@@ -100,30 +110,61 @@ class Run:
         """Whether the drive closes a position loop at some time: the log gives its goal and not its torque."""
         return bool(np.any(self.servo_gain))
 
+    @property
+    def measured(self) -> Array:
+        """(T,) what was measured and is fitted: the output, or the velocity alone [rad or m; rad/s or m/s]."""
+        if self.response == "angle":
+            return self.output
+        if self.velocity is None:
+            raise MalformedLog(f"{self.label}: a run of the velocity alone has no velocity.")
+        return self.velocity
+
+    @cached_property
+    def drive(self) -> Array:
+        """(T,) torque that the drive's law asks for along the measured motion, without its limit."""
+        return drive_torque(self.command, self.servo_gain, self.servo_damping, self.output, self.time)
+
     def slice(self, start: int | None, stop: int | None) -> Run:
         """The samples `start` to `stop` (by index, as in `a[start:stop]`), with their times unchanged."""
-        names = ("time", "command", "output", "valid", "servo_gain", *_OPTIONAL, "drive_angles", "torques")
+        names = (
+            "time",
+            "command",
+            "output",
+            "valid",
+            "servo_gain",
+            "servo_damping",
+            *_OPTIONAL,
+            "drive_angles",
+            "torques",
+        )
         cut = {name: getattr(self, name)[start:stop] for name in names if getattr(self, name) is not None}
         return replace(self, **cut)
 
     @classmethod
-    def from_recording(cls, recording: Recording, zero: float = 0.0) -> Run:
+    def from_recording(cls, recording: Recording, zero: float = 0.0, own: Mapping[str, float] | None = None) -> Run:
         """A checked recording as a run whose time counts from `zero` on the recording's clock."""
-        others = recording.others
+        others, output = recording.others, recording.output
+        if recording.response == "velocity":
+            others = others | {"velocity": output}
+            steps = 0.5 * (output[1:] + output[:-1]) * np.diff(recording.time)
+            output = np.concatenate(([0.0], np.cumsum(steps)))
         return cls(
             label=recording.label,
             number=recording.number,
             time=recording.time - zero,
             command=recording.command,
-            output=recording.output,
+            output=output,
+            response=recording.response,
             valid=recording.valid,
             servo_gain=recording.servo_gain,
+            servo_damping=recording.servo_damping,
             command_limit=recording.command_limit,
             velocity=others.get("velocity"),
             reference=others.get("reference"),
             setpoint=others.get("setpoint"),
             drive_angles=_pair(others, "angle_1", "angle_2"),
             torques=_pair(others, "torque_1", "torque_2"),
+            own=own or {},
             zero=zero,
             run=recording.run,
             start=recording.start - zero,

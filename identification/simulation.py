@@ -9,6 +9,7 @@ import numpy as np
 
 from identification.least_squares import NormalEquations, minimise
 from identification.log import Log, Run
+from identification.objective import same_unit
 from identification.predictor import Predictor
 from identification.problem import first_states
 from plant.discrete import integration_steps
@@ -41,12 +42,13 @@ def free_simulation(
         One (T,) simulated output a run [rad or m].
 
     Raises:
-        BadParameter: the window is not longer than `settle`, or the model's axis is not the log's.
+        BadParameter: the window is not longer than `settle`, or the model's axis or unit of torque is not the log's.
     """
     if window is not None and not window > settle:
         raise BadParameter(f"The window is {window:g} s; it must be longer than the {settle:g} s that find its start.")
     if log.axis != model.axis:
         raise BadParameter(f"The log is of a {log.axis} axis, the model of a {model.axis} one.")
+    same_unit(log, model)
     done = after or (lambda samples: None)
     return [_simulate_run(log, run, model, window, settle, done) for run in log.runs]
 

@@ -129,6 +129,11 @@ class Controller:
         """Check every number, lay out what is remembered, and compile the step if there is a compiler."""
         if self.model.axis != "rotary":
             raise BadParameter("The controller drives a load through gears; give it a model of a rotary axis.")
+        if self.model.torque_unit is not None:
+            raise BadParameter(
+                f"The controller gives torques in N m, the model is in {self.model.torque_unit}: identify it from a "
+                "log of the torque, or of the current with its torque constant."
+            )
         for name in ("sample_time", "bandwidth"):
             value = getattr(self, name)
             if not np.isfinite(value) or value <= 0:

@@ -108,7 +108,7 @@ def stage(structure: Structure, substeps: int) -> Any:
     model = structure.model
     z, torques = ca.SX.sym("z", len(model.states)), ca.SX.sym("torques", 2)
     p = ca.SX.sym("p", len(model.names) + 2)
-    inputs = ca.vertcat(torques, 0.0, np.inf, 0.0, p[-2:])
+    inputs = ca.vertcat(torques, 0.0, np.inf, 0.0, p[-2:], 0.0)
     z_next = sample_step(model, substeps=substeps)(z, inputs, p[:-2])
     derivatives = [ca.densify(ca.jacobian(z_next, z)), ca.densify(ca.jacobian(z_next, torques))]
     return ca.Function("stage", [z, torques, p], [ca.densify(z_next), *derivatives], {"cse": True})

@@ -258,7 +258,7 @@ def _interval(structure: Structure, substeps: int) -> Any:
     z, p = ca.SX.sym("z", len(model.states)), ca.SX.sym("p", len(model.names))
     torque, h = ca.SX.sym("torque"), ca.SX.sym("h")
     step = sample_step(model, substeps=substeps)
-    inputs = ca.vertcat(torque, torque, 0.0, np.inf, 0.0, h / 2, 0.0)
+    inputs = ca.vertcat(torque, torque, 0.0, np.inf, 0.0, h / 2, 0.0, 0.0)
     half = step(z, inputs, p)
     end = step(half, inputs, p)
     early, late = (half[1] - z[1]) / (h / 2), (end[1] - half[1]) / (h / 2)

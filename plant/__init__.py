@@ -7,7 +7,7 @@ from plant.effects import Effect, catalogue
 from plant.errors import AntidriveError, BadModelFile, BadParameter
 from plant.fleet import Fleet
 from plant.fmu import Fmu
-from plant.gears import GearTrain
+from plant.gears import GearTrain, Ratios
 from plant.linear import linearise
 from plant.model_file import ModelFile, read_model
 from plant.rig import Rig
@@ -24,6 +24,7 @@ __all__ = [
     "Fmu",
     "GearTrain",
     "ModelFile",
+    "Ratios",
     "Rig",
     "ServoModel",
     "catalogue",

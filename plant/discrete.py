@@ -22,7 +22,7 @@ from plant.symbolic import one_at_a_time
 Method: TypeAlias = Literal["rk4", "backward_difference"]
 _INSTANT = 1e-15  # [s]
 
-INPUTS = ("command", "previous_command", "servo_gain", "command_limit", "time", "dt", "width")
+INPUTS = ("command", "previous_command", "servo_gain", "command_limit", "time", "dt", "width", "servo_damping")
 """What a step takes besides state and parameters.
 
 command:           torque command from now on [N m]; of a position servo: servo gain times goal
@@ -32,6 +32,7 @@ command_limit:     bound on the drive's torque [N m]; inf if there is none
 time:              at the start of the sample, on the log's clock [s]
 dt:                time step [s]
 width:             velocity over which dry friction is smoothed [rad/s]; 0 is the exact form, in which stiction holds
+servo_damping:     by how much the drive's torque falls with the velocity of the load [N m s/rad]
 """
 
 
@@ -46,7 +47,7 @@ def sample_step(model: ServoModel, *, substeps: int = 1, method: Method = "rk4")
             dry friction or state.
 
     Returns:
-        Function of (n,) state [rad, rad/s, effect states], (7,) inputs (see `INPUTS`), (P,) parameters.
+        Function of (n,) state [rad, rad/s, effect states], (8,) inputs (see `INPUTS`), (P,) parameters.
 
     Raises:
         BadParameter: unknown method, or eq. (5) asked for a model that it cannot express.
@@ -96,13 +97,13 @@ def _build(structure: Structure, substeps: int, method: Method) -> Any:
     inputs = ca.SX.sym("inputs", len(INPUTS))
     parameters = ca.SX.sym("parameters", len(template.names))
     model = template.bound(parameters)
-    _, _, gain, limit, time, _, width = ca.vertsplit(inputs)
+    _, _, gain, limit, time, _, width, damping = ca.vertsplit(inputs)
 
     one_step = advance if method == "rk4" else _backward_difference
     end = state
     for held, length in stretches(model, inputs):
         for h in division(model, end, held, inputs, length, substeps):
-            step = Step(command=held, gain=gain, limit=limit, time=time, length=h, width=width)
+            step = Step(command=held, gain=gain, damping=damping, limit=limit, time=time, length=h, width=width)
             end, time = one_step(model, end, step), time + h
     names = (["state", "inputs", "parameters"], ["next_state"])
     return ca.Function("sample_step", [state, inputs, parameters], [end], *names, {"cse": True})
@@ -150,7 +151,7 @@ def _backward_difference(model: ServoModel, state: Any, step: Step) -> Any:
     alpha T^2 / (J + K T) is far below 1. The state's velocity stands for (x[k-1] - x[k-2]) / T.
     """
     before, velocity, h = state[0], state[1], step.length
-    torque = actuated(model, {}, step.drive(model, {}, before), h, velocity)[0].end
+    torque = actuated(model, {}, step.drive(model, {}, before, velocity), h, velocity)[0].end
     guess = before + h * velocity
     x = ca.SX.sym("x")
     v = (x - before) / h

@@ -22,22 +22,23 @@ class Step:
 
     Attributes:
         command: held torque command; of a position servo servo gain times goal [N m].
-        gain, limit: the drive's law, see `plant.discrete.INPUTS`.
+        gain, damping, limit: the drive's law, see `plant.discrete.INPUTS`.
         time, length: where the step begins and how long it is [s].
         width: smoothing of dry friction [rad/s].
     """
 
     command: Expression
     gain: Expression
+    damping: Expression
     limit: Expression
     time: Expression
     length: Expression
     width: Expression
 
-    def drive(self, model: ServoModel, own: Own, angle: Expression) -> Course:
-        """Torque that the drive's law asks for at an angle."""
+    def drive(self, model: ServoModel, own: Own, angle: Expression, velocity: Expression) -> Course:
+        """Torque that the drive's law asks for at an angle and a velocity of the load."""
         course, _ = played(model, own, self.command, self.gain, self.length)
-        return course.moved(1.0, -self.gain * angle).limited(self.limit)
+        return course.moved(1.0, -self.gain * angle - self.damping * velocity).limited(self.limit)
 
 
 def advance(model: ServoModel, state: Any, step: Step) -> Any:
@@ -60,7 +61,7 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
 
     def arriving(motion: list[Any], part: str) -> tuple[Any, Any]:
         """Torque behind the actuator and behind the drivetrain, at the start, middle or end of the step."""
-        course, _ = actuated(model, own, step.drive(model, own, motion[0]), h, motion[-1])
+        course, _ = actuated(model, own, step.drive(model, own, motion[0], motion[1]), h, motion[-1])
         torque = getattr(course, part)
         if motor is None:
             return torque, torque
@@ -86,14 +87,16 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
     if model.slides:
         at = moment([x, (v + end[1]) / 2, *half[2:]], arriving(half, "middle")[1], h / 2)
         end[:2] = _stop_and_go(model, x, v, end[0], end[1], at, step)
-    return ca.vertcat(end[0], end[1], *_own_after(model, own, step, (x, half[0], end[0]), end))
+    return ca.vertcat(end[0], end[1], *_own_after(model, own, step, (x, half[0], end[0]), half[1], end))
 
 
-def _own_after(model: ServoModel, own: Own, step: Step, angles: tuple[Any, Any, Any], end: list[Any]) -> list[Any]:
-    """The states of the effects after a step, given the angle at its start, middle and end."""
+def _own_after(
+    model: ServoModel, own: Own, step: Step, angles: tuple[Any, Any, Any], velocity: Any, end: list[Any]
+) -> list[Any]:
+    """The states of the effects after a step, given the angle at its start, middle and end, the velocity in between."""
     h = step.length
     on_the_way = played(model, own, step.command, step.gain, h)[1]
-    on_the_way |= actuated(model, own, step.drive(model, own, angles[1]), h, end[-1])[1]
+    on_the_way |= actuated(model, own, step.drive(model, own, angles[1], velocity), h, end[-1])[1]
     before, after = angles[0], angles[2]  # what enters the sensor
     states: list[Any] = []
     for effect in model.effects:

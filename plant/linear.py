@@ -107,7 +107,7 @@ def operating_point(
 
 def _inputs(torque: float, sample_time: float, width: float) -> Array:
     """See `INPUTS`."""
-    return np.array([torque, torque, 0.0, np.inf, 0.0, sample_time, width])
+    return np.array([torque, torque, 0.0, np.inf, 0.0, sample_time, width, 0.0])
 
 
 @one_at_a_time

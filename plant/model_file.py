@@ -54,6 +54,7 @@ class ModelFile:
         return {
             "schema": SCHEMA,
             "axis": model.axis,
+            "torque_unit": model.torque_unit or {"rotary": "N m", "linear": "N"}[model.axis],
             "parameters": {spec.name: entries[spec.name] for spec in parameters_of(type(model))},
             "effects": effects,
             "sample_time": finite(self.sample_time),
@@ -98,7 +99,10 @@ def _parse(content: Any, known: Mapping[str, type[Effect]]) -> ModelFile:
     axis = content.get("axis", "rotary")
     if axis not in get_args(Axis):
         raise BadModelFile(f"axis must be 'rotary' or 'linear', not {axis!r}.")
-    group = _Group(where="parameters", prefix="", axis=axis)
+    unit = content.get("torque_unit")  # of an older file it is not known to be another than N m
+    if unit is not None and not isinstance(unit, str):
+        raise BadModelFile(f"torque_unit must be a unit such as 'N m' or 'V', not {unit!r}.")
+    group = _Group(where="parameters", prefix="", axis=axis, torque_unit=unit)
     own, std = group.numbers(_mapping(content.get("parameters"), "parameters"), parameters_of(ServoModel))
     effects: list[Effect] = []
     listed = content.get("effects", [])
@@ -113,12 +117,12 @@ def _parse(content: Any, known: Mapping[str, type[Effect]]) -> ModelFile:
                 f"{where}: unknown effect {name!r}; `antidrive effects` lists the known ones, and one of your own is "
                 "read with --effects FILE.py (in Python: read_model(path, effects=[...]))."
             )
-        group = _Group(where=where, prefix=f"{name}.", axis=axis)
+        group = _Group(where=where, prefix=f"{name}.", axis=axis, torque_unit=unit)
         given = _mapping(entry.get("parameters"), f"{where}.parameters")
         values, errors = group.numbers(given, known[name].parameters())
         effects.append(known[name](**values))
         std |= errors
-    model = ServoModel(**own, effects=tuple(effects), axis=axis)
+    model = ServoModel(**own, effects=tuple(effects), axis=axis, torque_unit=unit)
     sample_time = content.get("sample_time")
     if sample_time is not None and not (finite(sample_time) or 0.0) > 0.0:
         raise BadModelFile(f"sample_time must be a positive number, not {sample_time!r}.")
@@ -139,6 +143,7 @@ class _Group:
     where: str
     prefix: str
     axis: Axis
+    torque_unit: str | None
 
     def numbers(
         self, given: Mapping[str, Any], specs: tuple[Parameter, ...]
@@ -168,7 +173,7 @@ class _Group:
         if unit is None:
             return 1.0
         try:
-            return factor(unit, spec.unit_on(self.axis), "N" if self.axis == "linear" else "N m")
+            return factor(unit, spec.unit_on(self.axis, self.torque_unit))
         except BadModelFile as error:
             raise BadModelFile(f"{self.where}: {spec.name}: {error}.") from None
 

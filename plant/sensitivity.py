@@ -34,7 +34,7 @@ def step_with_slopes(
             depend on the angle, and is worked out once a step instead of at each stage of the integration.
 
     Returns:
-        Function of (n,) state, (n, C) its derivatives, (7,) inputs (see `plant.discrete.INPUTS`), (P,) parameters.
+        Function of (n,) state, (n, C) its derivatives, (8,) inputs (see `plant.discrete.INPUTS`), (P,) parameters.
     """
     kind: Any = ca.SX
     state, slopes = kind.sym("state", len(model.states)), kind.sym("slopes", len(model.states), columns)
@@ -45,7 +45,8 @@ def step_with_slopes(
         """(m, C) derivatives of an expression (m,) of state and parameters."""
         return ca.mtimes(ca.jacobian(end, state), slopes) + _beside(ca.jacobian(end, moving), columns)
 
-    gain, limit, width = inputs[2] if positioned else ca.SX(0), inputs[3], inputs[6]
+    gain, damping = (inputs[2], inputs[7]) if positioned else (ca.SX(0), ca.SX(0))
+    limit, width = inputs[3], inputs[6]
     parts = []
     for command, stretch in stretches(bound, inputs):
         lengths = ca.vertcat(*division(bound, state, command, inputs, stretch, substeps))
@@ -55,7 +56,7 @@ def step_with_slopes(
 
     held, clock = kind.sym("held"), kind.sym("clock", 2)
     clock_slopes = kind.sym("clock_slopes", ca.Sparsity.dense(2, columns) if clocked else ca.Sparsity(2, columns))
-    step = Step(command=held, gain=gain, limit=limit, time=clock[0], length=clock[1], width=width)
+    step = Step(command=held, gain=gain, damping=damping, limit=limit, time=clock[0], length=clock[1], width=width)
     end = ca.cse(advance(bound, state, step))  # what occurs twice is differentiated once
     after = along(end) + ca.mtimes(ca.jacobian(end, clock), clock_slopes)
     given = [state, slopes, inputs, parameters, held, clock, clock_slopes]

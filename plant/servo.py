@@ -41,6 +41,7 @@ class ServoModel:
         viscous_friction: K [N m s/rad; N s/m].
         effects: what acts besides; at most one of a kind.
         axis: "rotary" (rad, N m) or "linear" (m, N).
+        torque_unit: what the torque is counted in where its scale is unknown, such as "V" or "A"; None is N m, or N.
 
     Raises:
         BadParameter: a parameter is not finite or out of its bounds, or an effect appears twice.
@@ -51,6 +52,7 @@ class ServoModel:
     viscous_friction: float = parameter("{torque} s/{angle}", "viscous friction K", lower=0.0, default=0.8)
     effects: tuple[Effect, ...] = ()
     axis: Axis = "rotary"
+    torque_unit: str | None = None
 
     def __post_init__(self) -> None:
         """Validate everything; effects are kept in the catalogue's order."""
@@ -60,6 +62,12 @@ class ServoModel:
             raise BadParameter(f"ServoModel: axis must be 'rotary' or 'linear', not {self.axis!r}.")
         for spec in parameters_of(type(self)):
             object.__setattr__(self, spec.name, spec.check("ServoModel", getattr(self, spec.name)))
+        if self.torque_unit is not None and not (isinstance(self.torque_unit, str) and self.torque_unit.strip()):
+            raise BadParameter(
+                f"ServoModel: torque_unit must be a unit such as 'V', or None, not {self.torque_unit!r}."
+            )
+        if self.torque_unit == {"rotary": "N m", "linear": "N"}[self.axis]:
+            object.__setattr__(self, "torque_unit", None)
         if self.axis == "linear" and self.gravity != 0.0:
             raise BadParameter("ServoModel: a linear axis has no gravity cos x; set gravity to 0.")
         if sum(effect.flexible for effect in self.effects) > 1:
@@ -81,7 +89,7 @@ class ServoModel:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """All parameters in order; those of an effect are named `effect.parameter`."""
-        own = tuple(replace(spec, unit=spec.unit_on(self.axis)) for spec in parameters_of(type(self)))
+        own = tuple(replace(spec, unit=spec.unit_on(self.axis, self.torque_unit)) for spec in parameters_of(type(self)))
         theirs = (
             replace(spec, fitted=spec.fitted or effect.freed)
             for effect in self.effects
@@ -92,9 +100,15 @@ class ServoModel:
     def parameters_with(self, effect: type[Effect]) -> tuple[Parameter, ...]:
         """The parameters that come with an effect of that kind, named `effect.parameter`."""
         return tuple(
-            replace(spec, name=f"{effect.name}.{spec.name}", unit=spec.unit_on(self.axis))
+            replace(spec, name=f"{effect.name}.{spec.name}", unit=spec.unit_on(self.axis, self.torque_unit))
             for spec in effect.parameters()
         )
+
+    @cached_property
+    def quantities(self) -> tuple[str, ...]:
+        """(P,) units that the parameters have where torque is in N m, or N: what kind of quantity each of them is."""
+        specs = replace(self, torque_unit=None).parameters if self.torque_unit else self.parameters
+        return tuple(spec.unit for spec in specs)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

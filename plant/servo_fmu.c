@@ -49,7 +49,7 @@ static void machine_end(struct machine *machine, double *values)
     whole = (int)fmin(fmax(floor(numbers[DELAY] / SAMPLE_TIME + 1e-9), 0), PAST - 2);
     numbers[DELAY] -= whole * SAMPLE_TIME;
   }
-  const double inputs[] = {machine->past[whole], machine->past[whole + 1], 0, INFINITY, machine->time, SAMPLE_TIME, 0};
+  const double inputs[] = {machine->past[whole], machine->past[whole + 1], 0, INFINITY, machine->time, SAMPLE_TIME, 0, 0};
   const double *arg[STEP_ARG + 1] = {machine->state, inputs, numbers};
   double *res[STEP_RES + 1] = {next};
   sample_step(arg, res, places, work, 0);

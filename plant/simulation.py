@@ -48,6 +48,7 @@ def simulate(
     dt: Array | float,
     state: Array | None = None,
     servo_gain: Array | float = 0.0,
+    servo_damping: Array | float = 0.0,
     command_limit: float = np.inf,
     substeps: int | None = None,
     width: float = 0.0,
@@ -60,7 +61,7 @@ def simulate(
         command: (T,) torque command, each held for its time step [N m].
         dt: time steps [s], one or (T,).
         state: (n,) state at the first sample; at rest at angle zero by default, an internal goal at the first one.
-        servo_gain: see `INPUTS`, one or (T,).
+        servo_gain, servo_damping: see `INPUTS`, one or (T,).
         command_limit: see `INPUTS`.
         substeps: integration steps in one sample; by default as many as the effects need, or the one of eq. (5).
         width: smoothing of dry friction [rad/s]; 0 is exact.
@@ -77,7 +78,8 @@ def simulate(
     begin = beginning(model, goal=first_goal(command, gain)) if state is None else np.asarray(state, dtype=float)
     constant = np.ones_like(steps)
     time = np.concatenate(([0.0], np.cumsum(steps[:-1])))
-    inputs = np.stack((now, before, gain, command_limit * constant, time, steps, width * constant))
+    damping = np.broadcast_to(np.asarray(servo_damping, dtype=float), command.shape)
+    inputs = np.stack((now, before, gain, command_limit * constant, time, steps, width * constant, damping))
     needed = 1 if method == "backward_difference" else integration_steps(model, float(steps.max()))
     count = needed if substeps is None else substeps
     step = sample_step(model, substeps=count, method=method)
@@ -98,6 +100,7 @@ def actuator_torque(
     velocity: Array,
     angle: Array,
     servo_gain: Array,
+    servo_damping: Array,
     command_limit: float = np.inf,
 ) -> Array:
     """Torque behind the drive's law and the actuator's effects along a known motion, as its mean over each sample.
@@ -106,16 +109,17 @@ def actuator_torque(
         model: the servo.
         command: (T,) torque command; of a position servo servo gain times goal [N m].
         dt: (T,) time that each is held [s].
-        velocity: (T,) of the motor [rad/s].
+        velocity: (T,) of the load, and of the motor alike [rad/s].
         angle: (T,) of the load [rad].
-        servo_gain, command_limit: the drive's law, see `INPUTS`; the gain (T,).
+        servo_gain, servo_damping, command_limit: the drive's law, see `INPUTS`; gain and damping (T,).
     """
     now, before, switch = held_commands(command, dt, float(model.delay()))
     entering = before * np.minimum(switch / dt, 1.0) + now * (1.0 - np.minimum(switch / dt, 1.0))
     goal = first_goal(command, servo_gain)
-    first = float(np.clip(entering[0] - servo_gain[0] * angle[0], -command_limit, command_limit))
+    first = entering[0] - servo_gain[0] * angle[0] - servo_damping[0] * velocity[0]
+    first = float(np.clip(first, -command_limit, command_limit))
     begin = beginning(model, torque=first, command=float(entering[0]), goal=goal)
-    rows = np.column_stack((entering, servo_gain, angle, velocity, dt))
+    rows = np.column_stack((entering, servo_gain, angle, velocity, dt, servo_damping))
     _, (torque,) = _actuator(Structure(model))((begin,), rows, model.values, np.array([command_limit]))
     return torque[:, 0]
 
@@ -123,15 +127,15 @@ def actuator_torque(
 @one_at_a_time
 @lru_cache(maxsize=128)
 def _actuator(structure: Structure) -> Recursion:
-    """(state), rows of command, gain, angle, velocity and time step, parameters, limit -> mean torque."""
+    """(state), rows of command, gain, angle, velocity, time step and damping, parameters, limit -> mean torque."""
     template = structure.model
     state, parameters = ca.SX.sym("state", len(template.states)), ca.SX.sym("parameters", len(template.names))
-    row, limit = ca.SX.sym("row", 5), ca.SX.sym("limit")
-    torque, gain, x, v, h = ca.vertsplit(row)
+    row, limit = ca.SX.sym("row", 6), ca.SX.sym("limit")
+    torque, gain, x, v, h, damping = ca.vertsplit(row)
     model = template.bound(parameters)
     own = model.own_states(state)
-    step = Step(command=torque, gain=gain, limit=limit, time=0.0, length=h, width=0.0)
-    course, behind = actuated(model, own, step.drive(model, own, x), h, v)
+    step = Step(command=torque, gain=gain, damping=damping, limit=limit, time=0.0, length=h, width=0.0)
+    course, behind = actuated(model, own, step.drive(model, own, x, v), h, v)
     following = {**own, **played(model, own, torque, gain, h)[1], **behind}
     kept = [value for effect in model.effects for value in following[effect.name]]
     outputs: list[Any] = [ca.densify(ca.vertcat(state[:2], *kept)), ca.densify(course.mean)]

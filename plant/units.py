@@ -9,18 +9,16 @@ from typing import Any
 from plant.errors import BadModelFile
 
 _NEWTON_METRES = re.compile(r"(?<![A-Za-z])([mk]?)N([cm]?)m(?![A-Za-z])")  # pint would read a number_meter
-_ELECTRIC = re.compile(r"(?<![A-Za-z])[VA](?![A-Za-z])")  # what a model has in place of a torque of unknown scale
 _LONGEST = 40  # characters; beyond it, this is no unit but an accident
 _POWER = re.compile(r"(?<=[A-Za-z])(\^|\*\*)-?\d(?![\d.])")  # of a unit, small: pint would compute 9**9**9 for hours
 
 
-def factor(unit: Any, own: str, torque: str) -> float:
+def factor(unit: Any, own: str) -> float:
     """Factor that takes a number in `unit` to a parameter's own unit.
 
     Args:
         unit: as the file has it.
         own: of the parameter.
-        torque: what the axis is driven with, N m or N; a model may have volts or amperes in its place.
 
     Raises:
         BadModelFile: the unit is unknown, or measures something else.
@@ -30,7 +28,7 @@ def factor(unit: Any, own: str, torque: str) -> float:
     if unit.strip() == own:
         return 1.0
     try:
-        return _converted(_ELECTRIC.sub(torque, unit.strip()), own)
+        return _converted(unit.strip(), own)
     except Exception:  # pint raises a dozen different types on odd text
         raise BadModelFile(f"the unit {unit[:_LONGEST]!r} cannot be converted to {own!r}") from None
 

@@ -23,7 +23,7 @@ from identification.certainty import fit_of
 from identification.errors import MalformedLog
 from identification.fit_result import Fit
 from identification.log import Log
-from identification.predictor import observer_gain
+from identification.observer_gain import observer_gain
 from identification.problem import Problem
 from identification.reading.files import read_table
 from plant import BadParameter, ServoModel, catalogue, simulate

@@ -150,7 +150,7 @@ def test_both_close_the_loop_of_python(tmp_path: Path) -> None:
         assert controller.get("margin", "disturbance") == [control.margin, control.disturbance]
         plant.sample(torque_1=first, torque_2=second)
         torque = ratios[0] * first + ratios[1] * second
-        state = np.array(step(state, [torque, torque, 0, np.inf, 0, DT, 0], model.values)).ravel()
+        state = np.array(step(state, [torque, torque, 0, np.inf, 0, DT, 0, 0], model.values)).ravel()
         assert plant.get("load_angle", "velocity") == state[:2].tolist()
     assert plant.get("angle")[0] == pytest.approx(0.2, abs=2e-3)
     plant.close()

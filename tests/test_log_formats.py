@@ -238,8 +238,10 @@ def test_pinion_torques_become_the_followers():
     run = Log.from_arrays(**channels, gears=gears).runs[0]
     np.testing.assert_allclose(run.command, -8.05 * (first + second))
     np.testing.assert_array_equal(run.torques, np.column_stack([first, second]))
-    with pytest.raises(MalformedLog, match="gear train"):
-        Log.from_arrays(**channels)
+    added = Log.from_arrays(**channels)  # nobody has said a gear train: none is taken for granted
+    np.testing.assert_allclose(added.runs[0].command, first + second)
+    assert "no gear train is given" in added.notes[0]
+    assert "--gears 20,20:161" in added.notes[0]
 
 
 def test_linear_axis():
@@ -269,12 +271,12 @@ def test_goal_of_a_position_servo():
     assert (run.servo_gain == 1.0).all()
     np.testing.assert_array_equal(run.command, run.servo_gain * run.setpoint)
     assert "scale unknown" in log.notes[0]
-    assert log.command_unit == "unknown"
+    assert log.command_unit == "rad"
     torque = Log.from_arrays(**SOUND, goal=SOUND["angle"] + 0.1)
     assert torque.command_unit == "N m"
     np.testing.assert_array_equal(torque.runs[0].command, SOUND["torque"])
     assert (torque.runs[0].servo_gain == 0.0).all()
-    with pytest.raises(MalformedLog, match="driven in unknown"):
+    with pytest.raises(MalformedLog, match="driven in rad"):
         Log.merge([torque, log])
 
 

@@ -125,7 +125,6 @@ BAD = {
         ["'force' does not go with 'angle'"],
     ),
     "lengths-differ": (".npz", npz(SOUND | {"torque": SOUND["torque"][:-7]}), ["'torque' has 593", "time has 600"]),
-    "column-of-lists": (".parquet", parquet({**SOUND, "angle": [[1.0, 2.0]] * N}), ["'angle'", "'angle:1'"]),
     "column-of-words": (".parquet", parquet({**SOUND, "angle": ["far"] * N}), ["'angle'", "'far' is not a number"]),
     "angle-as-dates": (
         ".parquet",
@@ -168,11 +167,9 @@ BAD = {
     "impossible-angle": (".csv", spoilt(angle={50: -1e30}), ["row 51 (line 52)", "-1e+30"]),
     "nothing-happens": (".csv", spoilt(torque=0 * TIME, angle=0 * TIME), ["'torque' nor 'angle' ever changes"]),
     "held-still": (".csv", spoilt(torque=0 * TIME + 2.0, angle=0 * TIME + 1.0), ["ever changes", "moves the load"]),
-    "two-pinions-no-gears": (
-        ".csv",
-        spoilt(torque=None, torque_1=SOUND["torque"], torque_2=SOUND["torque"]),
-        ["gear train"],
-    ),
+    "one-pinion": (".csv", spoilt(torque=None, torque_1=SOUND["torque"]), ["'torque_1' and 'torque_2'"]),
+    "a-negative-gain": (".csv", spoilt(torque=None, setpoint=SOUND["angle"], kp=0 * TIME - 2.0), ["negative gain"]),
+    "a-gain-of-nothing": (".csv", spoilt(torque=None, setpoint=SOUND["angle"], kp=0 * TIME), ["zero throughout"]),
     # units
     "degrees-beside-rad/s": (".csv", SOUND | {"angle": np.rad2deg(SOUND["angle"])}, ["57.3", "--unit angle=deg"]),
     "deg/s-beside-radians": (".csv", SOUND | {"velocity": np.rad2deg(SOUND["velocity"])}, ["--unit velocity=deg/s"]),

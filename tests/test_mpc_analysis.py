@@ -42,7 +42,7 @@ def injected(model: ServoModel, frequency: float) -> complex:
         added[k] = 0.02 * np.sin(2 * np.pi * frequency * k * dt)
         total[k] = float(PAPER.follower_torque(control_.torques)) + added[k]
         under_way.append(total[k])
-        inputs = np.array([under_way[1], under_way[0], 0.0, np.inf, 0.0, dt, 0.0])
+        inputs = np.array([under_way[1], under_way[0], 0.0, np.inf, 0.0, dt, 0.0, 0.0])
         state = np.asarray(step(state, inputs, values))[:, 0]
     wave = np.exp(-2j * np.pi * frequency * dt * np.arange(count, 2 * count))
     return complex(np.sum((total[count:] - np.mean(total[count:])) * wave) / np.sum(added[count:] * wave))

@@ -101,7 +101,7 @@ def exact_servo(plant: ServoModel) -> Callable[[Array, Array], Array]:
 
     def advance(state: Array, torques: Array) -> Array:
         commands.append(float(PAPER.follower_torque(torques)))
-        inputs = np.array([commands[1], commands[0], 0.0, np.inf, 0.0, 0.005, 0.0])
+        inputs = np.array([commands[1], commands[0], 0.0, np.inf, 0.0, 0.005, 0.0, 0.0])
         return np.asarray(step(state, inputs, values))[:, 0]
 
     return advance

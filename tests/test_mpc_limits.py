@@ -44,7 +44,7 @@ def follow(
         states.append(state)
         controls.append(control)
         torque = float(PAPER.follower_torque(control.torques))
-        inputs = np.array([torque, last, 0.0, np.inf, 0.0, 0.005, 0.0])
+        inputs = np.array([torque, last, 0.0, np.inf, 0.0, 0.005, 0.0, 0.0])
         state, last = np.asarray(step(state, inputs, RIGID.values))[:, 0], torque
     return np.array(states), controls
 

@@ -122,7 +122,7 @@ def test_derivatives_of_the_step_are_those_of_finite_differences(name: str, widt
         state = np.concatenate((rng.uniform(-3, 3, 1), rng.choice([-1, 1], 1) * rng.uniform(0.3, 3, 1)))
         state = np.append(state, rng.uniform(1, 5, sizes[0] - 2))
         drive = DRIVE.get(name, {}).get("servo_gain", 0.0)
-        inputs = np.array([rng.uniform(2, 6), rng.uniform(2, 6), drive, np.inf, 1.0, 0.02, width])
+        inputs = np.array([rng.uniform(2, 6), rng.uniform(2, 6), drive, np.inf, 1.0, 0.02, width, 0.0])
         values = model.values
         if name == "input_delay":
             values[-1] = 0.004
@@ -145,7 +145,7 @@ def test_a_dead_zone_can_open_from_nothing() -> None:
     model = ServoModel(effects=(catalogue["dead_zone"](half_width=0.0),))
     step, z = sample_step(model), ca.SX.sym("z", 4)
     for torque in (3.0, -3.0):
-        inputs = np.array([torque, torque, 0.0, np.inf, 1.0, 0.02, 0.0])
+        inputs = np.array([torque, torque, 0.0, np.inf, 1.0, 0.02, 0.0, 0.0])
         slope = ca.Function("slope", [z], [ca.jacobian(step(np.zeros(2), inputs, z), z[3])])(model.values)
         assert float(slope[1]) == pytest.approx(-np.sign(torque) * 0.02 / model.inertia, rel=0.01)
 
@@ -199,7 +199,7 @@ def test_steps_of_integration_cover_the_sample_and_are_as_few_as_will_do(
     )
     model, gain, substeps = ServoModel(effects=effects), 40.0, 8
     state = beginning(model, angle=0.0, velocity=0.0, torque=0.0, goal=shown)
-    row = np.array([gain * goal, gain * shown, gain, np.inf, 0.0, dt, 0.0])
+    row = np.array([gain * goal, gain * shown, gain, np.inf, 0.0, dt, 0.0, 0.0])
     sample = [(command, np.array(float(length))) for command, length in stretches(model, row)]
     assert sum(length for _, length in sample) == pytest.approx(dt, abs=1e-18)
     for command, length in sample:

@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.predictor import Predictor, observer_gain, run_inputs
+from identification.observer_gain import observer_gain
+from identification.predictor import Predictor, run_inputs
 from identification.run import Run
 from plant import ServoModel
+from plant.discrete import INPUTS
 from plant.effects import GoalRateLimit, InputDelay
 
-COMMAND, PREVIOUS, MEASURED, GAINS = 0, 1, 7, slice(8, None)
+COMMAND, PREVIOUS, MEASURED, GAINS = 0, 1, len(INPUTS), slice(len(INPUTS) + 1, None)
 
 
 def run_of(count: int = 12, **channels: np.ndarray) -> Run:

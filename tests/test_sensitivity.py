@@ -43,7 +43,7 @@ def test_state_and_slopes_are_those_of_the_step(names: tuple[str, ...], position
         if "input_delay.time" in model.names:
             values[model.names.index("input_delay.time")] = 0.002 if k else 0.0  # inside the sample, and at its edge
         start, before = rng.normal(size=n), rng.normal(size=(n, columns))
-        row = np.array([3.0 * rng.normal(), 3.0 * rng.normal(), gain, 50.0, 3.14, 0.005, 0.0])
+        row = np.array([3.0 * rng.normal(), 3.0 * rng.normal(), gain, 50.0, 3.14, 0.005, 0.0, 0.4 * gain])
         expected, by_state, by_parameter = (np.array(value) for value in whole(start, row, values))
         found, slopes = (np.array(value) for value in step(start, before, row, values))
         chained = by_state @ before + np.pad(by_parameter, ((0, 0), (0, columns - len(free))))

@@ -15,7 +15,7 @@ from diagnosis.round import Addition
 from diagnosis.wandering import less_sure, without_wanderers
 from identification.fit import base_model, fit
 from identification.log import Log
-from identification.predictor import observer_gain
+from identification.observer_gain import observer_gain
 from identification.problem import Problem
 from plant import Effect, ServoModel
 from plant.effects import CoulombFriction, GravityOffset, TorqueOffset

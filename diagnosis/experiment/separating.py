@@ -138,10 +138,12 @@ def separating_experiment(
         progress: called with a line of text for each duration that is tried.
 
     Raises:
-        BadParameter: the log is of a position servo, or no signal keeps the limits.
+        BadParameter: the log is of a position servo or of the velocity alone, or no signal keeps the limits.
     """
     if any(run.positioned for run in first.log.runs):
         raise BadParameter("This log is of a position servo, which plays no torque: design its goal by hand.")
+    if first.log.response == "velocity":
+        raise BadParameter("This log has the velocity alone, and an experiment is planned by the angle: log that too.")
     start, sample_time = float(first.initial[0, 0]), first.log.sample_time
     if not limits.travel[0] <= start <= limits.travel[1]:
         least, most = limits.travel

@@ -24,7 +24,8 @@ from diagnosis.experiment.pace import pace
 from identification.fit_result import Fit
 from identification.least_squares import NormalEquations, minimise
 from identification.log import Run
-from identification.predictor import Prediction, Predictor, observer_gain
+from identification.observer_gain import observer_gain
+from identification.predictor import Prediction, Predictor
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 

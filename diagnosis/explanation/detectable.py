@@ -38,7 +38,7 @@ def detectable(fit: Fit, tried: Iterable[Candidate]) -> dict[str, Estimate]:
             continue
         error = min(_standard_error(screen, trace) for screen, (trace,) in zip(screens, traces, strict=True))
         size = error * float(np.sqrt(2.0 * max(NOTICED + candidate.evidence - candidate.visible, 0.0)))
-        unit = specs[0].unit_on(fit.model.axis)
+        unit = specs[0].unit_on(fit.model.axis, fit.model.torque_unit)
         found[candidate.effect] = Estimate(value=size, std=None, unit=unit)
     return found
 

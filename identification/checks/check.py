@@ -40,7 +40,10 @@ def check(recording: Recording) -> tuple[list[Recording], list[Finding]]:
     findings += found
     parts = _divide([recording], findings, split_at_gaps)
     parts = _divide(parts, findings, drop_repeats, fill_output, fill_command, fill_others)
-    parts = _divide(parts, findings, split_at_jumps, mask_spikes, mask_dropouts, unwrap, mask_frozen)
+    if recording.response == "velocity":  # it does jump, rest at a value and turn round, and no counter is in it
+        parts = _divide(parts, findings, lambda part: ([part], []), mask_spikes)
+    else:
+        parts = _divide(parts, findings, split_at_jumps, mask_spikes, mask_dropouts, unwrap, mask_frozen)
     usable = []
     for part in parts:
         for repair in (mask_clipped, mask_gaps):
@@ -54,7 +57,7 @@ def check(recording: Recording) -> tuple[list[Recording], list[Finding]]:
         check_goal_unit(part)
         part, found = check_velocity_unit(part)
         findings += found
-        for warn in WARNINGS:
+        for warn in WARNINGS if part.response == "angle" else (clock,):
             findings += warn(part)
         usable.append(part)
     return usable, findings
@@ -134,7 +137,7 @@ def mask_clipped(recording: Recording) -> Checked:
     """A clipped output is masked; a clipped command is only reported, for a limit before the drive is no fault."""
     findings = []
     clipped = find_flat_tops(recording.output, _step(recording))
-    if clipped.any():
+    if clipped.any() and recording.response == "angle":  # a velocity may well be constant at its top
         text = (
             f"{recording.where(int(np.flatnonzero(clipped)[0]))}: '{recording.name('output')}' is clipped in "
             f"{int(clipped.sum())} samples, which are masked"
@@ -201,4 +204,4 @@ def _step(recording: Recording) -> float:
 
 
 def _unit(recording: Recording) -> str:
-    return "rad" if recording.axis == "rotary" else "m"
+    return ("rad" if recording.axis == "rotary" else "m") + "/s" * (recording.response == "velocity")

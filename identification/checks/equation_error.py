@@ -150,7 +150,7 @@ def _profile(recording: Recording, width: float) -> Profile | None:
 
 def evenly(recording: Recording, clock: Array) -> tuple[Array, Array, Array, Array]:
     """Soundness, output, command and the servo's return (gain times output) at even times."""
-    drive = recording.command - recording.servo_gain * recording.output
+    drive = recording.drive
     sound = recording.valid & (np.abs(drive) < recording.command_limit)
 
     def at(values: Array) -> Array:

@@ -37,6 +37,7 @@ def fill_command(recording: Recording) -> Checked:
         recording,
         command=recording.command[last],
         servo_gain=recording.servo_gain[last],
+        servo_damping=recording.servo_damping[last],
         valid=recording.valid & ~disturbed,
     )
     return repaired, [Finding(kind="missing command", repaired=True, text=text)]

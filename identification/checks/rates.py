@@ -59,6 +59,7 @@ def on_output_samples(recording: Recording) -> Checked:
         recording.take(places),
         command=between(recording.command),
         servo_gain=between(recording.servo_gain),
+        servo_damping=between(recording.servo_damping),
         others={name: _at(values, places) for name, values in recording.others.items()},
     )
     return moved, findings
@@ -88,6 +89,7 @@ def join_rows(recording: Recording) -> Recording:
         recording,
         command=latest(recording.command),
         servo_gain=latest(recording.servo_gain),
+        servo_damping=latest(recording.servo_damping),
         output=latest(recording.output),
         others={name: latest(values) for name, values in recording.others.items()},
     )

@@ -87,8 +87,19 @@ def views(recording: Recording) -> tuple[Recording, list[View]]:
         return part, []
     clock = part.time[0] + dt * np.arange(count)
     sound, output, command, _ = evenly(part, clock)
-    others = {name: np.interp(clock, part.time, values) for name, values in part.others.items()}
-    part = replace(part, time=clock, command=command, output=output, others=others)
+
+    def at(values: Array) -> Array:
+        return np.asarray(np.interp(clock, part.time, values))
+
+    part = replace(
+        part,
+        time=clock,
+        command=command,
+        output=output,
+        servo_gain=at(part.servo_gain),
+        servo_damping=at(part.servo_damping),
+        others={name: at(values) for name, values in part.others.items()},
+    )
     return part, [view for sigma in WIDTHS if (view := _view(part, sound, sigma)) is not None]
 
 

@@ -72,7 +72,7 @@ def _recording(file: Path, content: dict[str, Any], number: int) -> Recording:
             label=f"{file.stem} {content['trajectory']} kp {content['kp']}",
             number=number,
             time=channel("timestamp"),
-            goal=channel("goal_position"),
+            setpoint=channel("goal_position"),
             position=channel("position"),
             duty_per_rad=_DUTY_PER_RAD * float(content["kp"]),
             volts=channel("input_volts"),

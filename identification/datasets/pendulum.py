@@ -24,13 +24,13 @@ def swing(
     label: str,
     number: int,
     time: Array,
-    goal: Array,
+    setpoint: Array,
     position: Array,
     duty_per_rad: float,
     volts: Array,
     enabled: NDArray[np.bool_],
 ) -> Recording:
-    """One run of a position servo: motor voltage = volts * clip(duty_per_rad * (goal - angle), -1, 1) while enabled.
+    """One run of a position servo: motor voltage = volts * clip(duty_per_rad * (setpoint - angle), -1, 1), if enabled.
 
     Samples in which the bus dropped out (no supply voltage read, or far more than the run's) are masked. The run ends
     where the drive is switched off: the motor's back-EMF then brakes no more, and one viscous friction cannot be both.
@@ -45,10 +45,10 @@ def swing(
         label=label,
         number=number,
         time=time[used] - time[first],
-        command=(gain * (goal + HANGING))[used],
+        command=(gain * (setpoint + HANGING))[used],
         output=(position + HANGING)[used],
         servo_gain=gain[used],
         command_limit=supply,
         valid=~dropped[used],
-        setpoint=(goal + HANGING)[used],
+        setpoint=(setpoint + HANGING)[used],
     )

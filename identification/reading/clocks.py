@@ -26,7 +26,7 @@ def on_one_clock(table: Table, found: Mapping[str, str]) -> tuple[Table, dict[st
 
     Raises `MalformedLog` where the time of a channel does not increase, or a channel holds text.
     """
-    output = found.get("angle", found.get("position", found.get("velocity", "")))
+    output = next((found[column] for column in ("angle", "position", "velocity") if column in found), "")
     clock = table.clocks.get(output)
     if clock is None:
         return table, dict(found)

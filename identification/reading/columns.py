@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
 from identification.reading.clocks import on_one_clock
-from identification.reading.command import command_of
+from identification.reading.command import Command, command_of
 from identification.reading.inventory import refuse_missing
 from identification.reading.joints import select_joint
 from identification.reading.recognition import Recognition, recognise
@@ -22,7 +22,8 @@ from identification.reading.table import Table
 from identification.reading.time_stamps import seconds_of, with_whole_stamps
 from identification.reading.units import si_factor
 from identification.reading.values import numbers_of
-from identification.recording import Array, Recording
+from identification.recording import Array, Recording, Response
+from plant.effects import catalogue
 from plant.errors import BadParameter
 
 
@@ -65,6 +66,10 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     channels = {column: values[kept] for column, values in channels.items()}
     command = command_of(table.name, found, channels, axis, reading)
     output = "angle" if axis == "rotary" else "position"
+    response: Response = "angle"
+    if output not in channels:
+        output = response = "velocity"
+    notes = command.notes + _without_angle(table, found[output], response, command)
     whole = Recording(
         label=table.name,
         number=0,
@@ -72,9 +77,11 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         command=command.values,
         output=channels[output],
         servo_gain=command.servo_gain,
+        servo_damping=command.servo_damping,
         valid=np.ones(len(rows), dtype=bool),
         rows=rows,
         axis=axis,
+        response=response,
         first_line=table.first_line,
         names={**found, "command": command.name, "output": found[output]},
         others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output)},
@@ -85,7 +92,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         recordings=recordings,
         axis=axis,
         command_unit=command.unit,
-        notes=command.notes,
+        notes=notes,
         warnings=(*table.notes, *_by_meaning(table, known), *stated.notes, *of_time, *of_order),
     )
 
@@ -138,7 +145,11 @@ def _rows_with_numbers(table: Table, channels: Mapping[str, Array]) -> tuple[NDA
 
 
 def _axis(table: Table, found: Mapping[str, str]) -> str:
+    """Of the output; of a velocity alone what drives it tells."""
     rotary, linear = "angle" in found, "position" in found
+    if not rotary and not linear:
+        linear = "force" in found
+        rotary = not linear
     if rotary and linear:
         raise MalformedLog(
             f"{table.name}: '{found['angle']}' is an angle and '{found['position']}' a position; say which is the "
@@ -152,6 +163,25 @@ def _axis(table: Table, found: Mapping[str, str]) -> str:
                 "torque and angle, a linear one force and position."
             )
     return "rotary" if rotary else "linear"
+
+
+def _without_angle(table: Table, name: str, response: Response, command: Command) -> tuple[str, ...]:
+    """What is said of a log of the velocity alone.
+
+    Raises `MalformedLog` where the command needs the angle.
+    """
+    if response == "angle":
+        return ()
+    if command.servo_gain.any():
+        raise MalformedLog(
+            f"{table.name}: a set-point of the angle needs the angle, which is not among the columns; name it with "
+            "--map angle=NAME, or name the torque or the current as the command."
+        )
+    titles = [kind.title for kind in catalogue.values() if kind.needs_angle]
+    return (
+        f"{table.name} has the velocity '{name}' and no angle: the model is fitted to the velocity; gravity and what "
+        f"else needs the angle ({', '.join(titles)}) is left out",
+    )
 
 
 def _same_length(table: Table, found: Mapping[str, str], channels: Mapping[str, Array]) -> None:

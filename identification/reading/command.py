@@ -1,4 +1,9 @@
-"""What drives the load: the follower's torque or force, from whatever the log has in its place."""
+"""What drives the load: the follower's torque or force, from whatever the log has in its place.
+
+A current is the torque over the motor's torque constant, a voltage or a duty cycle is it over nobody knows what: then
+every parameter is told per ampere, per volt or per unit of duty, and no torque in newton metres is claimed. A position
+servo makes its torque of the set-point: kp (setpoint - angle) - kd velocity.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +15,10 @@ import numpy as np
 from identification.errors import MalformedLog
 from identification.reading.request import Reading
 from identification.recording import Array
+from plant.errors import BadParameter
+
+_KINDS = ("direct", "pinions", "current", "voltage", "duty", "setpoint")
+"""The commands, the one that says most of the torque first."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,6 +27,7 @@ class Command:
 
     values: (T,) follower torque [N m] or force [N]; of a position servo, its gain times the set-point.
     servo_gain: (T,) torque per angle of a position servo [N m/rad]; zero where the log gives the torque.
+    servo_damping: (T,) its torque per speed of the load [N m s/rad].
     name: what the file calls it.
     unit: "N m", "N", or what stands in its place.
     notes: what limits a result, such as an unknown scale.
@@ -25,6 +35,7 @@ class Command:
 
     values: Array
     servo_gain: Array
+    servo_damping: Array
     name: str
     unit: str
     notes: tuple[str, ...] = ()
@@ -35,24 +46,118 @@ def command_of(
 ) -> Command:
     """The command in the channels (contract column -> values) of a file.
 
-    Raises `MalformedLog` where pinion torques come without their gear train.
+    What the user mapped or gave a constant for comes before what has merely the right name.
+
+    Raises `MalformedLog` where the columns do not go together, `BadParameter` for a constant without its column.
     """
-    direct = "torque" if axis == "rotary" else "force"
-    unit = "N m" if axis == "rotary" else "N"
-    none = np.zeros(len(channels["time"]))
-    if direct in channels:
-        return Command(values=channels[direct], servo_gain=none, name=found[direct], unit=unit)
-    if "torque_1" in channels and "torque_2" in channels:
-        if reading.gears is None:
-            raise MalformedLog(
-                f"{file}: the torques of two pinions need the gear train to become the follower's torque; "
-                "give its tooth counts, or a column 'torque'."
-            )
-        first, second = np.asarray(reading.gears.torque_map, dtype=np.float64)  # paper, eq. (2)
-        follower = first * channels["torque_1"] + second * channels["torque_2"]
-        return Command(values=follower, servo_gain=none, name=f"{found['torque_1']}, {found['torque_2']}", unit=unit)
-    note = f"torque scale unknown: {file} has a set-point but no {direct}, so torques are per radian of its error"
-    note = note if axis == "rotary" else note.replace("torques are per radian", "forces are per metre")
-    return Command(
-        values=channels["setpoint"], servo_gain=none + 1.0, name=found["setpoint"], unit="unknown", notes=(note,)
+    torque, unit = ("torque", "N m") if axis == "rotary" else ("force", "N")
+    columns = {"direct": (torque,), "pinions": ("torque_1", "torque_2")}
+    given = [kind for kind in _KINDS if all(column in channels for column in columns.get(kind, (kind,)))]
+    _go_with(file, given, channels, reading)
+    asked = {
+        kind
+        for kind in given
+        if any(column in reading.mapping for column in columns.get(kind, (kind,)))
+        or (kind == "current" and reading.torque_constant is not None)
+        or (kind == "setpoint" and reading.kp is not None)
+    }
+    kind = next((kind for kind in given if kind in asked), given[0])
+    if kind == "setpoint":
+        return _servo(file, found, channels, axis, reading)
+    if kind == "direct":
+        return _plain(channels[torque], found[torque], unit)
+    if kind == "pinions":
+        return _pinions(file, found, channels, unit, reading)
+    if kind == "current" and reading.torque_constant is not None:
+        return _plain(float(reading.torque_constant) * channels["current"], found["current"], unit)
+    own = {"current": "A", "voltage": "V", "duty": "duty"}[kind]
+    per = {"A": "per ampere", "V": "per volt", "duty": "per unit of duty"}[own]
+    help_by = "; give the motor's with --torque-constant" if own == "A" else ""
+    note = (
+        f"torque scale unknown: the command of {file} is the {kind} '{found[kind]}', so all parameters are "
+        f"{per}{help_by}"
     )
+    return _plain(channels[kind], found[kind], own, note)
+
+
+def _go_with(file: str, given: list[str], channels: Mapping[str, Array], reading: Reading) -> None:
+    """Refuse constants and gains without what they belong to."""
+    if reading.torque_constant is not None and "current" not in given:
+        raise BadParameter(
+            f"A torque constant is given, but {file} has no column 'current'; name it with --map current=NAME."
+        )
+    gains = [name for name in ("kp", "kd") if getattr(reading, name) is not None or name in channels]
+    if gains and "setpoint" not in given and (reading.kp is not None or reading.kd is not None):
+        raise BadParameter(
+            f"{' and '.join(gains)}: {file} has no column 'setpoint' for a position servo's gain to act on; name it "
+            "with --map setpoint=NAME."
+        )
+    if gains == ["kd"] and "setpoint" in given:
+        raise BadParameter("kd is given without kp: give both gains of the position servo, or none.")
+
+
+def _plain(values: Array, name: str, unit: str, *notes: str) -> Command:
+    none = np.zeros(len(values))
+    return Command(values=values, servo_gain=none, servo_damping=none, name=name, unit=unit, notes=notes)
+
+
+def _pinions(
+    file: str, found: Mapping[str, str], channels: Mapping[str, Array], unit: str, reading: Reading
+) -> Command:
+    """The sum of two drives' torques at the output, by the gear train; one to one where none is given."""
+    first, second = 1.0, 1.0
+    notes: tuple[str, ...] = ()
+    if reading.gears is None:
+        notes = (
+            f"no gear train is given: '{found['torque_1']}' and '{found['torque_2']}' of {file} are taken at the "
+            "output gear and added; give --gears 20,20:161 or --ratio 8.05",
+        )
+    else:
+        first, second = np.asarray(reading.gears.torque_map, dtype=np.float64)  # paper, eq. (2)
+    follower = first * channels["torque_1"] + second * channels["torque_2"]
+    return _plain(follower, f"{found['torque_1']}, {found['torque_2']}", unit, *notes)
+
+
+def _servo(file: str, found: Mapping[str, str], channels: Mapping[str, Array], axis: str, reading: Reading) -> Command:
+    """A position servo's set-point with its gains, or per radian of its error where nobody knows them."""
+    setpoint, (torque, unit, angle) = channels["setpoint"], _WORDS[axis]
+    kp, kd = (_gain(name, channels, reading, len(setpoint)) for name in ("kp", "kd"))
+    if kp is not None:
+        _usable(file, found, kp, kd)
+        return Command(
+            values=kp * setpoint,
+            servo_gain=kp,
+            servo_damping=np.zeros(len(setpoint)) if kd is None else kd,
+            name=found["setpoint"],
+            unit=unit,
+        )
+    note = (
+        f"torque scale unknown: {file} has a set-point but no {torque}, so {torque}s are per {angle} of its error, and "
+        "what the servo's kd brakes counts as viscous friction; give the gains with --kp and --kd, or as columns"
+    )
+    return Command(
+        values=setpoint,
+        servo_gain=np.ones(len(setpoint)),
+        servo_damping=np.zeros(len(setpoint)),
+        name=found["setpoint"],
+        unit={"radian": "rad", "metre": "m"}[angle],
+        notes=(note,),
+    )
+
+
+_WORDS = {"rotary": ("torque", "N m", "radian"), "linear": ("force", "N", "metre")}
+
+
+def _gain(name: str, channels: Mapping[str, Array], reading: Reading, samples: int) -> Array | None:
+    """(T,) a gain as the user gave it, else as the log has it; None where nobody knows it."""
+    if (value := getattr(reading, name)) is not None:
+        return np.full(samples, float(value))
+    return channels.get(name)
+
+
+def _usable(file: str, found: Mapping[str, str], kp: Array, kd: Array | None) -> None:
+    for name, values in (("kp", kp), ("kd", kd)):
+        if values is not None and (np.any(values < 0.0) or not np.isfinite(values).any()):
+            raise MalformedLog(f"{file}: '{found.get(name, name)}' holds a negative gain, a position servo has none.")
+    if not np.any(kp > 0.0):
+        raise MalformedLog(f"{file}: '{found.get('kp', 'kp')}' is zero throughout: such a servo gives no torque.")

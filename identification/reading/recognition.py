@@ -187,7 +187,7 @@ def missing(known: Recognition, table: Table, reading: Reading) -> Iterator[str]
     if "time" not in known.found and not table.clocks and reading.rate is None:
         yield "'time' (or, with --rate HZ, none)"
     if not known.has_command:
-        yield "the command ('torque', 'current', 'voltage', or 'setpoint' of a position servo)"
+        yield "the command ('torque', 'torque_1' and 'torque_2', 'current', 'voltage', 'duty' or 'setpoint')"
     unclear = known.why.get("velocity") != AS_YOU_SAY and {"angle", "position"} & set(known.guesses.values())
     if not known.has_response or (unclear and not {"angle", "position"} & set(known.found)):
         yield "the response ('angle', 'position' or 'velocity')"

@@ -12,8 +12,9 @@ from identification.recording import Array
 from plant.errors import BadParameter
 
 COLUMNS = (
-    *("time", "torque", "torque_1", "torque_2", "force", "current", "voltage", "setpoint", "kp", "kd"),
+    *("time", "torque", "torque_1", "torque_2", "force", "current", "voltage", "duty", "setpoint", "kp", "kd"),
     *("angle", "position", "velocity", "angle_1", "angle_2", "reference", "run"),
+    *("payload_mass", "payload_radius", "payload_inertia", "payload_gravity"),
 )
 """The columns that a log may have; anything else in a file is left alone."""
 

@@ -17,16 +17,27 @@ SI_UNITS = {
     "torque_1": "N m",
     "torque_2": "N m",
     "force": "N",
+    "current": "A",
+    "voltage": "V",
+    "duty": "1",
     "angle": "rad",
     "angle_1": "rad",
     "angle_2": "rad",
     "position": "m",
-    "current": "A",
-    "voltage": "V",
+    "payload_mass": "kg",
+    "payload_radius": "m",
+    "payload_inertia": "kg m^2",
+    "payload_gravity": "N m",
 }
 
 # Columns whose unit follows the axis: an angle on a rotary axis, a length on a linear one.
-AXIS_UNITS = {"velocity": ("rad/s", "m/s"), "reference": ("rad", "m"), "setpoint": ("rad", "m")}
+AXIS_UNITS = {
+    "velocity": ("rad/s", "m/s"),
+    "reference": ("rad", "m"),
+    "setpoint": ("rad", "m"),
+    "kp": ("N m/rad", "N/m"),
+    "kd": ("N m s/rad", "N s/m"),
+}
 
 # One column of each unit that a log may have, with the axis that has it.
 _KINDS = (
@@ -35,13 +46,19 @@ _KINDS = (
 )
 
 # What pint would read as something else: a number_meter, a frequency, an enzyme_unit.
-_NEWTON_METRES = re.compile(r"(?<![A-Za-z])([mk]?)N([cm]?)m(?![A-Za-z])")
+_NEWTON_METRES = re.compile(r"(?<![A-Za-z])([mk]?)N([cm]?)m(s?)(?![A-Za-z])")
 _PER_MINUTE = re.compile(r"(?<![A-Za-z0-9])((1|U|r|rev|Umdr\.?)/min|min(\^|\*\*)?-1|min⁻¹)(?![A-Za-z0-9])")
 
 # These are numbers for pint, so it would take them for radians; how much they are is known to the user alone.
 _BARE_NUMBERS = {"count", "percent", "permille", "ppm", "dimensionless", "bit", "byte"}
+_SHARES = {"percent", "permille", "ppm", "dimensionless"}  # how much these are of a whole is known
 
-_WORTH = {"rad": "turn/131072", "rad/s": "turn/131072/s", "N m": "2.4Nm/1000"}  # of one step of the drive's number
+_WORTH = {
+    "rad": "turn/131072",
+    "rad/s": "turn/131072/s",
+    "N m": "2.4Nm/1000",
+    "1": "1/255",
+}  # of one step of the drive's number
 _LONGEST = 40  # characters; beyond it, this is no unit but an accident
 _POWER = re.compile(r"(?<=[A-Za-z])(\^|\*\*)-?\d(?![\d.])")  # of a unit, small: pint would compute 9**9**9 for hours
 
@@ -97,9 +114,7 @@ def si_factor(column: str, unit: str, axis: str) -> float:
     try:
         factor, sized = _factor(unit.strip(), wanted.replace(" ", "*"))
     except Exception as error:  # pint raises a dozen different types on odd text
-        hint = (
-            f"; a current or voltage becomes a torque through --scale {column}=VALUE" if wanted in ("N m", "N") else ""
-        )
+        hint = _hint(column, wanted)
         raise BadParameter(
             f"the unit '{unit[:_LONGEST]}' of column '{column}' cannot be converted to {wanted}: "
             f"use a unit of that kind{hint}."
@@ -113,18 +128,38 @@ def si_factor(column: str, unit: str, axis: str) -> float:
     return factor
 
 
+def _hint(column: str, wanted: str) -> str:
+    """What else the user may have meant."""
+    if wanted in ("N m", "N"):
+        return (
+            f"; a current or voltage becomes a torque through --scale {column}=VALUE, or is given as it is with "
+            "--map current=NAME, --map voltage=NAME"
+        )
+    if column == "setpoint":
+        return (
+            "; a set-point of the speed says nothing of the torque, which the drive's controller makes of it: log the "
+            "torque or the motor's current beside it"
+        )
+    return ""
+
+
 def _factor(unit: str, wanted: str) -> tuple[float, bool]:
     """Factor to the wanted SI unit, and whether the unit says how large it is; raises anything."""
     if len(unit) > _LONGEST:
         raise ValueError(unit)
-    unit = _NEWTON_METRES.sub(r"\1N*\2m", _PER_MINUTE.sub("rpm", unit))
+    if wanted == "1":
+        unit = unit.replace("%", "percent")
+    unit = _NEWTON_METRES.sub(
+        lambda found: f"{found[1]}N*{found[2]}m{'*s' * bool(found[3])}", _PER_MINUTE.sub("rpm", unit)
+    )
     if re.search(r"\^|\*\*|\d\s*[⁰¹²³⁴⁵⁶⁷⁸⁹]", _POWER.sub("", unit)):
         raise ValueError(unit)
     registry = _registry()
     quantity = registry.Quantity(1.0, "") * registry.parse_expression(unit)
-    if {str(name) for name in quantity.units._units} <= _BARE_NUMBERS:
+    names = {str(name) for name in quantity.units._units}
+    if names <= _BARE_NUMBERS and not (wanted == "1" and names <= _SHARES):
         return 1.0, False
-    factor = float(quantity.to(wanted).magnitude)
+    factor = float(quantity.to("" if wanted == "1" else wanted).magnitude)
     if not (np.isfinite(factor) and factor > 0):
         raise ValueError(unit)
     turns = "radian" in str(registry.get_root_units(quantity.units)[1])  # pint takes hertz and counts/s for rad/s

@@ -18,6 +18,7 @@ class CableStiffness(Effect):
     name = "cable_stiffness"
     title = "cable stiffness"
     stage = Stage.LOAD
+    needs_angle = True
     equation = r"\tau_c = -k_1 (x - x_0) - k_3 (x - x_0)^3"
     trace = "missing torque over angle, aperiodic"
     confused_with = ("gravity_offset", "torque_offset", "asymmetric_friction")

@@ -18,6 +18,7 @@ class Cogging(Effect):
     name = "cogging"
     title = "cogging"
     stage = Stage.LOAD
+    needs_angle = True
     equation = r"\tau_c = A \sin(n x + \varphi)"
     trace = "order lines over angle, constant in torque"
     confused_with = ("encoder_eccentricity", "gravity_offset")

@@ -217,6 +217,7 @@ class CurveOverAngle(Curve):
     name = "curve_over_angle"
     title = "curve over angle"
     over = "angle"
+    needs_angle = True
     variables = ("angle",)
 
     @classmethod

@@ -22,6 +22,7 @@ class EncoderEccentricity(Effect):
     name = "encoder_eccentricity"
     title = "encoder eccentricity"
     stage = Stage.SENSOR
+    needs_angle = True
     equation = r"y = x + a \sin(n x + \varphi)"
     trace = "order lines in the position error that no torque explains"
     confused_with = ("cogging", "gravity_offset")

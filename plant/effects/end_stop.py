@@ -18,6 +18,7 @@ class EndStop(Effect):
     name = "end_stop"
     title = "end stop"
     stage = Stage.LOAD
+    needs_angle = True
     equation = r"\tau_e = -k\,\max(\mathrm{sgn}(k)(x - x_e), 0)"
     trace = "missing torque on one side of one position"
     confused_with = ("cable_stiffness",)

@@ -18,6 +18,7 @@ class GravityOffset(Effect):
     name = "gravity_offset"
     title = "gravity offset"
     stage = Stage.LOAD
+    needs_angle = True
     equation = r"\tau_g = -\beta \sin x"
     trace = "sin x in missing torque"
     axes = ("rotary",)

@@ -15,6 +15,14 @@ POSITIVE = 1e-30
 """Lower bound of what is more than zero: in no unit does a machine come near it."""
 
 _UNITS = {"rotary": {"torque": "N m", "angle": "rad"}, "linear": {"torque": "N", "angle": "m"}}
+_MASSES = {"N m s^2/rad": "kg m^2", "N s^2/m": "kg"}
+_PER_ANGLE = {
+    "{torque} s^2/{angle}": "s^2",
+    "{torque} s^2/{angle}^2": "s^2/{angle}",
+    "{torque} s/{angle}": "s",
+    "{torque}/{angle}": "-",
+    "{torque}/{angle}^3": "1/{angle}^2",
+}  # of what stands for the torque where it is counted in the angle of a position servo's error
 
 _LONGEST_LAG = 0.1  # of a log
 
@@ -39,10 +47,19 @@ class Parameter:
     lag: bool = False
     fitted: bool = True
 
-    def unit_on(self, axis: Axis) -> str:
-        """The unit on a rotary or linear axis."""
-        unit = self.unit.format(**_UNITS[axis])
-        return {"N m s^2/rad": "kg m^2", "N s^2/m": "kg"}.get(unit, unit)
+    def unit_on(self, axis: Axis, torque_unit: str | None = None) -> str:
+        """The unit on a rotary or linear axis.
+
+        Args:
+            axis: of the model.
+            torque_unit: what stands in the torque's place, such as "V" where its scale is unknown.
+        """
+        names = dict(_UNITS[axis])
+        if torque_unit is None:
+            unit = self.unit.format(**names)
+            return _MASSES.get(unit, unit)
+        unit = _PER_ANGLE.get(self.unit, self.unit) if torque_unit == names["angle"] else self.unit
+        return unit.format(**{**names, "torque": torque_unit})
 
     def bounds(self, first: float, last: float, sample_time: float) -> tuple[float, float]:
         """Least and greatest value that a log can tell, from its first and last instant and its sample time [s]."""

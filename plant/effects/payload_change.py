@@ -29,6 +29,7 @@ class PayloadChange(Effect):
     name = "payload_change"
     title = "payload change"
     stage = Stage.LOAD
+    needs_angle = True
     equation = r"J \leftarrow J + \Delta J,\; \alpha \leftarrow \alpha + \Delta\alpha \quad (t > t^*)"
     trace = "an error that begins at a time"
     confused_with = ("friction_drift",)

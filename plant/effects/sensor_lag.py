@@ -17,6 +17,7 @@ class SensorLag(Effect):
     name = "sensor_lag"
     title = "sensor lag"
     stage = Stage.SENSOR
+    needs_angle = True
     equation = r"T_s \dot y = x - y"
     trace = "the reading trails by a time, whatever the torque"
     confused_with = ("input_delay", "actuator_lag")

@@ -1,0 +1,148 @@
+"""Parameters that have a value of their own in each run, fitted together with those that all runs share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.colour import with_its_colour
+from identification.fit_result import Fit, FittedParameter
+from identification.least_squares import Minimum, NormalEquations, minimise, uncertainty
+from identification.log import Log
+from identification.objective import Objective
+from identification.over_runs import informations, normal_equations, places, point_size
+from identification.predictor import Prediction
+from identification.problem import Problem
+from identification.stamps import with_its_clock
+from plant.effects.effect import Array
+
+_ROUNDS = 3  # between what runs have of their own and the observer that follows the rest
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PerRun:
+    """An objective in which some rows of what moves, `own`, differ from run to run."""
+
+    objective: Objective
+    own: tuple[int, ...]
+
+    @classmethod
+    def of(cls, fit: Fit, names: Sequence[str]) -> PerRun:
+        """The parameters of these names get a value of their own in each run of a fit."""
+        objective = Objective.of(fit.log, fit.model, fixed=fit.fixed)
+        rows = [objective.model.names[place] for place in objective.free]
+        return cls(objective=objective, own=tuple(rows.index(name) for name in names))
+
+    def places(self, run: int) -> NDArray[np.intp]:
+        """(F + 2,) places of a run's parameters and initial state in a point."""
+        return places(len(self.objective.free), run, len(self.objective.log.runs), self.own)
+
+    def begun(self, fit: Fit) -> Array:
+        """The point in which all runs have the values of a fit."""
+        common = fit.model.values[list(self.objective.free)]
+        point = np.empty(point_size(common.size, len(fit.initial), self.own))
+        for run, initial in enumerate(fit.initial):
+            point[self.places(run)] = np.concatenate((common, initial))
+        return point
+
+    def predictions(self, point: Array, bandwidth: float) -> list[Prediction]:
+        """Of all runs, each with its own values."""
+        found = []
+        for run, one in enumerate(self.objective.log.runs):
+            values, part = self.objective.model.values, point[self.places(run)]
+            values[list(self.objective.free)] = part[:-2]
+            predictor = replace(self.objective.predictor, runs=(one,))
+            found += predictor.predict(values, part[None, -2:], bandwidth=bandwidth, width=0.0)
+        return found
+
+    def minimise(self, start: Array, bandwidth: float, iterations: int = 20) -> Minimum:
+        """The best point (`identification.over_runs`) at a bandwidth."""
+        lower, upper = np.full(start.size, -np.inf), np.full(start.size, np.inf)
+        count, runs = len(self.objective.free), len(self.objective.log.runs)
+        for run in range(runs):
+            at = self.places(run)[:count]
+            lower[at], upper[at] = self.objective.lower[:count], self.objective.upper[:count]
+
+        def linearise(point: Array) -> NormalEquations:
+            return normal_equations(enumerate(self.predictions(point, bandwidth)), runs, self.own)
+
+        return minimise(linearise, start, lower, upper, samples=self.objective.samples, iterations=iterations)
+
+    def values(self, point: Array) -> Array:
+        """(R, M) the values of each run in a point."""
+        own = list(self.own)
+        return np.array([point[self.places(run)][own] for run in range(len(self.objective.log.runs))])
+
+    def covariance(self, point: Array, bandwidth: float) -> Array:
+        """Of a point, for innovations of the colour that they have; what the log does not tell is infinite."""
+        predictions = self.predictions(point, bandwidth)
+        power = float(sum(p.innovations @ p.innovations for p in predictions))
+        variance = power / max(self.objective.samples - point.size, 1)
+        found = uncertainty(*informations(predictions, self.own), variance)
+        spread = found.covariance.copy()
+        spread[found.undetermined, found.undetermined] = np.inf
+        return spread
+
+
+def fit_apart(first: Fit, names: tuple[str, ...]) -> Fit:
+    """A fit of several runs in which these parameters have a value of their own in each, from a fit without that.
+
+    By turns: what each run has of its own at the fit's observer, and the observer and colour that the rest asks for.
+    """
+    found = first
+    for _ in range(_ROUNDS):
+        problem = PerRun.of(found, names)
+        best = problem.minimise(problem.begun(found), found.bandwidth)
+        values, spread = problem.values(best.point), problem.covariance(best.point, found.bandwidth)
+        std = np.sqrt(np.array([np.diag(spread)[problem.places(run)[list(problem.own)]] for run in range(len(values))]))
+        at = [found.model.names.index(name) for name in names]
+        if np.all(np.abs(values - found.model.values[at]) <= 0.1 * std + 1e-9 * np.abs(values)):
+            break
+        means = found.model.values
+        means[at] = values.mean(axis=0)
+        log, model = _moved_apart(found.log, names, values), found.model.with_values(means)
+        initial = np.array([best.point[problem.places(run)[-2:]] for run in range(len(values))])
+        begun = replace(found, log=log, model=model, initial=initial)
+        found = with_its_colour(with_its_clock(Problem.of(log, model, fixed=found.fixed).descend(begun)))
+    return replace(found, parameters=_lines(found, first, problem, np.sqrt(np.diag(spread))))
+
+
+def _moved_apart(log: Log, names: Sequence[str], values: Array) -> Log:
+    """The log with values (R, M) of its runs put down as what each has beyond the mean of all."""
+    beyond = values - values.mean(axis=0)
+    runs = []
+    for run, more in zip(log.runs, beyond, strict=True):
+        own = dict(run.own)
+        for name, value in zip(names, more, strict=True):
+            own[name] = own.get(name, 0.0) + float(value)
+        runs.append(replace(run, own=own))
+    return replace(log, runs=tuple(runs))
+
+
+def _lines(found: Fit, first: Fit, problem: PerRun, std: Array) -> tuple[FittedParameter, ...]:
+    """One line a shared parameter, and one a run for each of the others.
+
+    Args:
+        found: with all of what its runs have of their own.
+        first: with their payloads alone, and where it started.
+        problem: tells the places of the joint fit's parameters.
+        std: of these.
+    """
+    rows = {found.model.names[place]: row for row, place in enumerate(found.free)}
+    lines: list[FittedParameter] = []
+    for line in found.parameters:
+        if line.name not in rows or line.value is None:
+            lines.append(line)
+            continue
+        row, line = rows[line.name], replace(line, start=first[line.name].start)
+        if row not in problem.own:
+            lines.append(replace(line, std=float(std[problem.places(0)[row]])))
+            continue
+        for run, (one, before) in enumerate(zip(found.log.runs, first.log.runs, strict=True)):
+            more = one.own.get(line.name, 0.0) - before.own.get(line.name, 0.0)
+            own = replace(line, name=f"{line.name}[{one.label}]", value=found.model.values[found.free[row]] + more)
+            lines.append(replace(own, std=float(std[problem.places(run)[row]])))
+    return tuple(lines)
