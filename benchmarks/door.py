@@ -59,7 +59,7 @@ def main() -> None:
         "",
         "right: refused though nothing is wrong (a load that friction holds never turns, and is told so with reason).",
         "brakes: warned that the torque works against the motion, of right logs. The rest: what was wrong was noticed,",
-        "with the option that helps. A loop that only holds and a generator show no sign that the machine of a reversed",
+        "with the option that helps. A loop that only holds and a generator show no sign that one of a reversed",
         "torque would not show.",
     ]
     text = "\n".join(lines) + "\n"
