@@ -95,12 +95,9 @@ class MeasuredMotion:
 
 
 def reading_noise(run: Run) -> float:
-    """Standard deviation of what the readings of a run hold beside any smooth motion, its steps at least [rad or m]."""
+    """Standard deviation of what the readings of a run hold beside any smooth motion, rounding included [rad or m]."""
     output = run.output[run.valid]
-    levels = np.unique(output)
-    count = float(np.diff(levels).min()) if levels.size > 1 else 0.0
-    sixth = float(np.std(np.diff(output, 6)) / np.sqrt(924.0)) if output.size > 12 else 0.0
-    return max(sixth, count / float(np.sqrt(12.0)))
+    return float(np.std(np.diff(output, 6)) / np.sqrt(924.0)) if output.size > 12 else 0.0
 
 
 def speed_of(run: Run) -> Array:

@@ -62,21 +62,18 @@ def test_a_rise_is_said_by_one_figure():
     assert percent(1.0) == "> 99.9 %"
 
 
-def with_rest(before: int, after: int) -> Log:
-    """The log with the load at rest before and after it."""
-    made = columns()
-    pads = {"torque": (0.0, 0.0), "angle": (made["angle"][0], made["angle"][-1])}
-    rest = {
-        name: np.concatenate((np.full(before, low), made[name], np.full(after, high)))
-        for name, (low, high) in pads.items()
-    }
-    return Log.from_arrays(time=0.01 * np.arange(rest["torque"].size), **rest)
+def with_rest(after: int) -> Log:
+    """The log with the load at rest after it."""
+    (run,) = LOG.runs
+    still = {"command": 0.0, "output": run.output[-1], "valid": True, "servo_gain": 0.0}
+    longer = {name: np.append(getattr(run, name), np.full(after, value)) for name, value in still.items()}
+    return replace(LOG, runs=(replace(run, time=0.01 * np.arange(len(run) + after), **longer),))
 
 
 def test_the_held_out_part_moves_like_the_rest():
     kept, held, sentence = split(LOG)
     assert sentence.startswith("Held out: the last 30 % of the only run, from 8.4 s on")
-    kept, held, sentence = split(with_rest(0, 900))
+    kept, held, sentence = split(with_rest(900))
     assert "its idle ends are left out" in sentence
     assert kept.runs[0].duration + held.runs[0].duration < 12.3
     assert held.runs[0].duration == pytest.approx(3.4, abs=0.4)
