@@ -46,7 +46,7 @@ def test_what_cannot_be_a_servo_is_refused_by_name(name: str, value: object) -> 
     ("kind", "values"),
     [
         (DeadZone, {"half_width": -0.1}),
-        (InputDelay, {"time": 2.0}),
+        (InputDelay, {"time": -0.1}),
         (ActuatorLag, {"time_constant": 0.0}),
         (CoulombFriction, {"torque": math.nan}),
         (StribeckFriction, {"coulomb": 0.1, "excess": 0.1, "velocity": 0.0}),
