@@ -7,7 +7,7 @@
     model = found.extended.model                # with what was found
     gears = ad.GearTrain(pinion_teeth=(20, 20), follower_teeth=161)
     controller = ad.Controller(model, gears)    # keeps the teeth together
-    print(ad.closed_loop(controller, ad.Rig.paper_like(), 0.2, duration=1.0))
+    print(ad.closed_loop(controller, ad.Rig.paper_like(), 0.2, duration=1.0, seed=0))
 
 A log is a path, a DataFrame, arrays by name, or an `ad.Log`, which also takes other names and units. Everything here
 comes from a package of its own, `plant`, `allocation`, `identification`, `diagnosis` or `mpc`, which have more; each is

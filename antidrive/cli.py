@@ -6,7 +6,6 @@ Heavy packages are imported inside the commands, so that `--help` answers at onc
 from __future__ import annotations
 
 import sys
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,30 +15,20 @@ import typer
 from antidrive import __version__, completion
 from antidrive.examples import told
 from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, Prior, fit_options
+from antidrive.log_words import with_log
+from antidrive.program import run
 
 app = typer.Typer()
-UsageError: Any = typer.BadParameter.__bases__[0]  # every mistake in the words of a command line
 
-Logs = Annotated[
-    list[Path] | None, typer.Argument(metavar="LOG...", help="CSV, Parquet, MAT, NPZ, MF4, TDMS or MCAP files.")
-]
 Out = Annotated[Path, typer.Option(help="Folder for the results.")]
-Map = Annotated[list[str] | None, typer.Option("--map", metavar="COLUMN=NAME", help="Name of a column in the file.")]
-Unit = Annotated[
-    list[str] | None,
-    typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column: angle=deg, of counts angle=turn/131072."),
+Holdout = Annotated[
+    list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Log to validate on; may be repeated.")
 ]
-Scale = Annotated[list[str] | None, typer.Option("--scale", metavar="COLUMN=FACTOR", help="Factor on a column.")]
-Dataset = Annotated[
-    str | None,
-    typer.Option(help=f"Known data set: {', '.join(completion.DATASETS)}.", autocompletion=completion.datasets),
-]
-Data = Annotated[Path | None, typer.Option(metavar="FOLDER", help="Folder of the data set.")]
-Joint = Annotated[int | None, typer.Option(help="Joint, of a data set that has several.")]
 Base = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model to start from, instead of eqs. (4)+(6).")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else.")]
+Force = Annotated[bool, typer.Option("--force", help="Go on with a log that contradicts every machine.")]
 MinTorque = Annotated[float, typer.Option(help="Least torque of each pinion [N m].")]
 MaxTorque = Annotated[float, typer.Option(help="Greatest torque of each pinion [N m].")]
 OUT = Path("antidrive-out")
@@ -69,20 +58,16 @@ def demo(context: typer.Context, out: Out = OUT, seed: Seed = 0, quiet: Quiet = 
 
 
 @app.command(epilog=told("identify"))
+@with_log
 def identify(
     context: typer.Context,
-    logs: Logs = None,
-    mapping: Map = None,
-    unit: Unit = None,
-    scale: Scale = None,
-    dataset: Dataset = None,
-    data: Data = None,
-    joint: Joint = None,
+    log: Any,
     base: Base = None,
     fixed: Fixed = None,
     bounds: Bounds = None,
     prior: Prior = None,
     effects: Effects = None,
+    force: Force = False,
     out: Out = OUT,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -91,25 +76,17 @@ def identify(
     """Fit a model to a log: model.json, fit.json, report.html."""
     from antidrive import commands
 
-    options = _log_options(logs, mapping, unit, scale, dataset, data, joint)
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
     known = fit_options(fixed=fixed, bounds=bounds, prior=prior, effects=effects)
-    commands.identify(options, base=base, known=known, out=out, seed=seed, voice=voice)
+    commands.identify(log, base=base, known=known, force=force, out=out, seed=seed, voice=voice)
 
 
 @app.command(epilog=told("diagnose"))
+@with_log
 def diagnose(
     context: typer.Context,
-    logs: Logs = None,
-    mapping: Map = None,
-    unit: Unit = None,
-    scale: Scale = None,
-    dataset: Dataset = None,
-    data: Data = None,
-    joint: Joint = None,
-    holdout: Annotated[
-        list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Log to judge by; may be repeated.")
-    ] = None,
+    log: Any,
+    holdout: Holdout = None,
     base: Base = None,
     fixed: Fixed = None,
     bounds: Bounds = None,
@@ -117,6 +94,7 @@ def diagnose(
     candidates: Candidates = None,
     exclude: Exclude = None,
     effects: Effects = None,
+    force: Force = False,
     out: Out = OUT,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -125,24 +103,34 @@ def diagnose(
     """Name what the model misses: diagnosis.json, model.json (extended), report.html."""
     from antidrive import commands
 
-    options = _log_options(logs, mapping, unit, scale, dataset, data, joint, holdout)
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
     known = fit_options(
         fixed=fixed, bounds=bounds, prior=prior, candidates=candidates, exclude=exclude, effects=effects
     )
-    commands.diagnose(options, base=base, known=known, out=out, seed=seed, voice=voice)
+    commands.diagnose(log, base=base, known=known, force=force, out=out, seed=seed, voice=voice)
+
+
+@app.command("inspect", epilog=told("inspect"))
+@with_log
+def inspect_log(
+    context: typer.Context,
+    log: Any,
+    holdout: Holdout = None,
+    out: Out = OUT,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Show what is understood of a log: columns, units, runs, faults; log.toml, report.html."""
+    from antidrive import commands
+
+    commands.inspect(log, out=out, voice=commands.Voice(quiet=quiet, json=json, words=context.obj))
 
 
 @app.command(epilog=told("predict"))
+@with_log
 def predict(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model to simulate.")],
-    logs: Logs = None,
-    mapping: Map = None,
-    unit: Unit = None,
-    scale: Scale = None,
-    dataset: Dataset = None,
-    data: Data = None,
-    joint: Joint = None,
+    log: Any,
     effects: Effects = None,
     window: Annotated[float | None, typer.Option(metavar="S", help="Restart every S seconds.")] = None,
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="File for run, time, angle or position.")] = Path(
@@ -155,9 +143,8 @@ def predict(
     """Simulate freely what a model says will follow from a log's command."""
     from antidrive import commands
 
-    options = _log_options(logs, mapping, unit, scale, dataset, data, joint)
     voice = commands.Voice(quiet=quiet, json=json)
-    commands.predict(model, options, effects=effects, window=window, out=out, voice=voice)
+    commands.predict(model, log, effects=effects, window=window, out=out, voice=voice)
 
 
 @app.command(epilog=told("simulate"))
@@ -285,51 +272,11 @@ def export(
     )
 
 
-def _log_options(
-    logs: list[Path] | None,
-    mapping: list[str] | None,
-    unit: list[str] | None,
-    scale: list[str] | None,
-    dataset: str | None,
-    data: Path | None,
-    joint: int | None,
-    holdout: list[Path] | None = None,
-) -> Any:
-    from antidrive.log_options import LogOptions
-
-    return LogOptions(
-        files=tuple(logs or ()),
-        mapping=tuple(mapping or ()),
-        units=tuple(unit or ()),
-        scales=tuple(scale or ()),
-        dataset=dataset,
-        data=data,
-        joint=joint,
-        holdout=tuple(holdout or ()),
-    )
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit code: 0 done, 2 bad input (one sentence on stderr), 1 anything else."""
+    """Run one command and return the exit code.
+
+    0 is done, 2 bad input (one sentence on stderr), 130 and 143 stopped by Ctrl-C and SIGTERM, 1 anything else. As the
+    program, without `arguments`, a command that is stopped ends the process.
+    """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        code = app(words or ["--help"], prog_name="antidrive", standalone_mode=False, obj=("antidrive", *words))
-    except KeyboardInterrupt:
-        print("antidrive: stopped; nothing was written.", file=sys.stderr)
-        return 1
-    except Exception as error:
-        return _failed(error)
-    return int(code or 0)
-
-
-def _failed(error: Exception) -> int:
-    """Say what went wrong on stderr, and return the exit code."""
-    from antidrive.voice import complain
-    from plant.errors import AntidriveError
-
-    if isinstance(error, AntidriveError | UsageError):
-        complain(error.format_message() if isinstance(error, UsageError) else str(error))
-        return 2
-    traceback.print_exception(error)
-    complain("this is a fault of the program, not of the input; nothing was written.")
-    return 1
+    return run(app, words or ["--help"], whole=arguments is None)

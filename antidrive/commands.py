@@ -18,6 +18,7 @@ from antidrive.provenance import Provenance
 from antidrive.time_left import Tell
 from antidrive.voice import Voice
 from diagnosis.explanation.summary import headline, sentences
+from identification.errors import Unidentifiable
 from identification.log import Log
 from plant.errors import BadParameter
 from plant.model_file import read_model
@@ -38,6 +39,7 @@ __all__ = [
     "effects",
     "export",
     "identify",
+    "inspect",
     "predict",
     "simulate",
 ]
@@ -45,13 +47,16 @@ __all__ = [
 _EXPERIMENT = "separating_experiment.csv"
 
 
-def identify(options: LogOptions, *, base: Path | None, known: FitOptions, out: Path, seed: int, voice: Voice) -> None:
-    """Fit a model and write model.json, fit.json and report.html."""
-    from diagnosis import blind_spots
+def identify(
+    options: LogOptions, *, base: Path | None, known: FitOptions, force: bool, out: Path, seed: int, voice: Voice
+) -> None:
+    """Fit a model and write model.json, fit.json and report.html; nothing of a fit that told nothing, unless forced."""
+    from diagnosis import blind_spots, standstill
     from identification.fit import fit
     from identification.fit_result import fit_report, fit_to_dict
     from identification.simulation import free_simulation
 
+    known = options.fit.merged(known)
     start = _base(base, known.own_effects())
     with whole_folder(out) as draft:
         measured = _read(options, voice)
@@ -62,8 +67,12 @@ def identify(options: LogOptions, *, base: Path | None, known: FitOptions, out: 
                 fixed={**dict.fromkeys(measured.absent(start)), **known.fixed},
                 bounds=known.bounds,
                 prior=known.prior,
+                force=force,
                 progress=progress,
             )
+            why = standstill(found) or (None if found.failed is None else f"The fit failed: {found.failed}")
+            if why is not None and not force:
+                raise Unidentifiable(why)
             simulated = free_simulation(measured.log, found.model)
         content, unseen = fit_to_dict(found), blind_spots(found)
         content["data"]["warnings"] += unseen
@@ -72,14 +81,17 @@ def identify(options: LogOptions, *, base: Path | None, known: FitOptions, out: 
         write_json(draft / "fit.json", content)
         page = report.fit_page(found, simulated, provenance, notes=measured.notes, warnings=unseen)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [fit_report(found), *_data_lines(measured.log, unseen), _written(out, "model.json, fit.json, report.html")]
+    lines = [fit_report(found), *_data_lines(found.log, unseen), _written(out, "model.json, fit.json, report.html")]
     voice.result("\n".join(lines), content)
 
 
-def diagnose(options: LogOptions, *, base: Path | None, known: FitOptions, out: Path, seed: int, voice: Voice) -> None:
+def diagnose(
+    options: LogOptions, *, base: Path | None, known: FitOptions, force: bool, out: Path, seed: int, voice: Voice
+) -> None:
     """Name what the model misses and write diagnosis.json, model.json and report.html."""
     from diagnosis.diagnose import diagnose as find_causes
 
+    known = options.fit.merged(known)
     own = known.own_effects()
     start = _base(base, own)
     with whole_folder(out) as draft:
@@ -94,6 +106,7 @@ def diagnose(options: LogOptions, *, base: Path | None, known: FitOptions, out: 
                 prior=known.prior,
                 candidates=known.choice(own),
                 exclude=known.exclude,
+                force=force,
                 progress=progress,
             )
         held_out = measured.holdout.sources if measured.holdout is not None else ()
@@ -138,7 +151,7 @@ def predict(
     """Simulate a log freely and write run, time, angle (or position) as CSV."""
     from antidrive.prediction import write_prediction
 
-    servo = _model(model, _own(effects))
+    servo = _model(model, _own(effects or options.fit.effects))
     if window is not None and not (np.isfinite(window) and window > 0.0):
         raise BadParameter(f"--window must be a positive number of seconds, not {window:g}.")
     with whole_file(out) as draft:
@@ -153,6 +166,19 @@ def predict(
     ]
     lines = [f"{entry['label']}: rms error {entry['rms']:.4g} {unit}" for entry in errors]
     voice.result("\n".join([*lines, f"Written: {out}"]), {"file": str(out), "unit": unit, "runs": errors})
+
+
+def inspect(options: LogOptions, *, out: Path, voice: Voice) -> None:
+    """Show what is understood of a log, and write log.toml and report.html."""
+    from antidrive.inspection import inspected
+
+    with voice.progress("reading") as progress:
+        found = inspected(options, progress)
+    with whole_folder(out) as draft:
+        (draft / "log.toml").write_text(found.log_file(out), encoding="utf-8")
+        page = report.inspection_page(found, Provenance.now(voice.words, found.log.sources))
+        (draft / "report.html").write_text(page, encoding="utf-8")
+    voice.result("\n".join([*found.sentences(), _written(out, "log.toml, report.html")]), found.summary())
 
 
 def simulate(scenario: str, *, model: Path | None, effects: Path | None, out: Path, seed: int, voice: Voice) -> None:
@@ -257,7 +283,13 @@ def export(
 
     if fmu and single:
         raise BadParameter("An FMU calculates in double precision; leave --single or --fmu out.")
-    servo = _model(model, _own(effects))
+    read = read_model(model, _own(effects))
+    if not read.identified:
+        raise Unidentifiable(
+            f"{model}: no parameter of this model was identified, its values are those that the fit began with; "
+            "identify it from a log that shows them, or write a model by hand."
+        )
+    servo = read.model
     with whole_folder(out) as draft, voice.progress("compiling the controller") as progress:
         controller = Controller(servo, gears, **numbers)
         told, content = (
@@ -285,18 +317,22 @@ def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:
 
 def demo(*, out: Path, seed: int, voice: Voice) -> None:
     """Run the whole chain on a synthetic log of the rig."""
-    from antidrive.demo import run_demo
+    from antidrive.demo import run_demo, write_log
 
     with whole_folder(out) as draft:
         with voice.progress("recording a synthetic log on the rig") as progress:
             told = run_demo(seed=seed, progress=progress)
+        write_log(told.log, draft / "log.csv")
+        write_log(told.validation, draft / "validation.csv")
         told.base_model.write(draft / "base-model.json")
         told.model.write(draft / "model.json")
         write_json(draft / "diagnosis.json", told.diagnosis.to_dict())
         write_json(draft / "summary.json", told.summary())
         page = report.demo_page(told, Provenance.now(voice.words, told.diagnosis.base.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [*told.sentences(), _written(out, "diagnosis.json, model.json, base-model.json, summary.json, report.html")]
+    files = "log.csv, validation.csv, diagnosis.json, model.json, base-model.json, summary.json, report.html"
+    again = f"Try it yourself: antidrive diagnose {out / 'log.csv'} --holdout {out / 'validation.csv'}"
+    lines = [*told.sentences(), _written(out, files), again]
     voice.result("\n".join(lines), told.summary())
 
 

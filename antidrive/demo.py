@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -46,11 +47,14 @@ class Demo:
     """What the chain found.
 
     Attributes:
-        diagnosis: of the synthetic log.
+        log, validation: synthetic, to learn from and to judge by.
+        diagnosis: of that log.
         base: closed loop with the fitted base model.
         extended: the same with the extended model.
     """
 
+    log: Log
+    validation: Log
     diagnosis: Diagnosis
     base: Trial
     extended: Trial
@@ -129,7 +133,7 @@ def run_demo(*, seed: int = 0, progress: Callable[[str], None] | None = None) ->
         tell(f"closing the loop with the {name} model")
         trial = run_scenario(_MOTION, model=fit.model, seed=seed, repetitions=REPETITIONS)
         trials.append(replace(trial, title=f"{sentence_case(name)} model in closed loop on the rig"))
-    return Demo(diagnosis=found, base=trials[0], extended=trials[1])
+    return Demo(log=estimation, validation=holdout, diagnosis=found, base=trials[0], extended=trials[1])
 
 
 def record(rig: Rig, *, seed: int, held_out: bool = False) -> Log:
@@ -152,6 +156,14 @@ def record(rig: Rig, *, seed: int, held_out: bool = False) -> Log:
     played = rig.run(least_effort(bounds, torque), SAMPLE_TIME, seed)
     label = "synthetic held-out log" if held_out else "synthetic log"
     return Log.from_arrays(label=label, time=played.time, torque=torque, angle=played.angle)
+
+
+def write_log(log: Log, path: Path) -> None:
+    """Write a log as it would lie on a disk: time, torque, angle."""
+    import pandas as pd
+
+    columns = [{"time": run.time, "torque": run.command, "angle": run.output} for run in log.runs]
+    pd.concat(map(pd.DataFrame, columns)).to_csv(path, index=False, float_format="%.10g")
 
 
 def _tracking(trial: Trial) -> tuple[float, float]:

@@ -16,6 +16,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "antidrive diagnose log.csv --bounds inertia=0.1:0.3 --exclude backlash",
         "antidrive diagnose --dataset emps --data FOLDER",
     ),
+    "inspect": (
+        "antidrive inspect log.csv",
+        "antidrive inspect drive.csv encoder.csv --ratio 8.05 && antidrive diagnose antidrive-out/log.toml",
+    ),
     "predict": (
         "antidrive predict model.json log.csv --out prediction.csv",
         "antidrive predict model.json log.csv --window 2",

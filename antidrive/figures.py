@@ -150,7 +150,7 @@ def gain_figure(gain: Gain, error: GainErrors, *, extended: bool) -> go.Figure:
         told = {"text": str(printed(measured(size, std, unit))), "showarrow": False, "xanchor": "left", "xshift": 6}
         figure.add_annotation(x=size + std, y=name, **told)
     floor = str(printed(measured(gain.noise_floor, error.noise_floor, unit)))
-    note = {"text": f"noise floor {floor}", "yanchor": "bottom", "xanchor": "left", "y": 1.0}
+    note = {"text": f"{gain.floor_name} {floor}", "yanchor": "bottom", "xanchor": "left", "y": 1.0}
     figure.add_vline(x=gain.noise_floor, line_dash="dot", line_color=SECOND, annotation=note)
     figure.update_xaxes(
         title_text=f"rms error on held-out runs [{unit}]",

@@ -1,19 +1,23 @@
-"""From the words on the command line to a log: files or a known data set, names, units and scales."""
+"""Where a log is and how to read it: from the words of a command line, from a log.toml, or from a known data set."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
+from antidrive.fit_options import FitOptions
 from antidrive.time_left import Parts, Tell
 from identification.log import Log
+from identification.reading.request import Reading
 from plant.errors import BadParameter
-from plant.gears import GearTrain
+from plant.gears import GearTrain, Ratios
 from plant.servo import ServoModel
 
 Value = TypeVar("Value")
+
+NUMBERS = ("rate", "torque_constant", "kp", "kd")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,25 +41,95 @@ class Measured:
 
 @dataclass(frozen=True, kw_only=True)
 class LogOptions:
-    """The options of one command that say where the log is and how to read it.
+    """Where a log is and how to read it.
 
     Attributes:
         files: log files.
-        mapping, units, scales: "column=value" each.
+        mapping, units, scales: by column of the log contract.
+        gears, ratio: teeth "20,20:161" or reduction "8.05" of two drives, as they are typed.
+        rate, torque_constant, kp, kd, joint: as in `identification.reading.request.Reading`.
         dataset: name of a known data set, read from `data` or from `files`.
         data: folder of the data set.
-        joint: of a data set that has several.
         holdout: files to judge by.
+        fit: what a log.toml says of parameters and effects.
     """
 
     files: tuple[Path, ...] = ()
-    mapping: tuple[str, ...] = ()
-    units: tuple[str, ...] = ()
-    scales: tuple[str, ...] = ()
+    mapping: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    scales: Mapping[str, float] = field(default_factory=dict)
+    gears: str | None = None
+    ratio: str | None = None
+    rate: float | None = None
+    torque_constant: float | None = None
+    kp: float | None = None
+    kd: float | None = None
+    joint: str | None = None
     dataset: str | None = None
     data: Path | None = None
-    joint: int | None = None
     holdout: tuple[Path, ...] = ()
+    fit: FitOptions = field(default_factory=FitOptions)
+
+    @classmethod
+    def typed(
+        cls,
+        *,
+        files: Sequence[Path],
+        mapping: Sequence[str],
+        units: Sequence[str],
+        scales: Sequence[str],
+        holdout: Sequence[Path],
+        **said: Any,
+    ) -> LogOptions:
+        """From the words of a command line; `said` are attributes that need no reading.
+
+        Raises:
+            BadParameter: a word that is written wrongly.
+        """
+        return cls(
+            files=tuple(files),
+            mapping=pairs("--map", mapping, str, "angle=qm"),
+            units=pairs("--unit", units, str, "angle=deg"),
+            scales=pairs("--scale", scales, float, "torque=35.15"),
+            holdout=tuple(holdout),
+            **said,
+        )
+
+    def overruled(self, other: LogOptions) -> LogOptions:
+        """These options, and what others say beside their files, which wins."""
+        single = ("rate", "torque_constant", "kp", "kd", "joint", "dataset", "data", "gears", "ratio")
+        said = {name: value for name in single if (value := getattr(other, name)) is not None}
+        if "gears" in said or "ratio" in said:
+            said = {"gears": None, "ratio": None, **said}
+        return replace(
+            self,
+            mapping={**self.mapping, **other.mapping},
+            units={**self.units, **other.units},
+            scales={**self.scales, **other.scales},
+            holdout=other.holdout or self.holdout,
+            **said,
+        )
+
+    def reading(self) -> Reading:
+        """How the files are to be read.
+
+        Raises:
+            BadParameter: numbers or gears that cannot be.
+        """
+        if self.gears is not None and self.ratio is not None:
+            raise BadParameter("--gears and --ratio both say how two drives reach the load; give one of them.")
+        gears = GearTrain.parse(self.gears) if self.gears is not None else None
+        return Reading(
+            mapping=self.mapping,
+            units=self.units,
+            scales=self.scales,
+            gears=gears if self.ratio is None else Ratios.parse(self.ratio),
+            rate=self.rate,
+            torque_constant=self.torque_constant,
+            kp=self.kp,
+            kd=self.kd,
+            joint=self.joint,
+        )
 
     def read(self, tell: Tell | None = None) -> Measured:
         """Read everything that was named, and `tell` how far that is.
@@ -68,37 +142,29 @@ class LogOptions:
             return self._known()
         if self.data is not None:
             raise BadParameter("--data names the folder of a known data set; add --dataset NAME.")
-        if self.joint is not None:
-            raise BadParameter("--joint chooses among the joints of a known data set; add --dataset NAME.")
         if not self.files:
             raise BadParameter("No log is given; name one or more files, or --dataset NAME --data FOLDER.")
         done = Parts(2 * (len(self.files) + len(self.holdout)), tell, doing="reading").done
-        log = self._files(self.files, done)
-        return Measured(log=log, holdout=self._files(self.holdout, done) if self.holdout else None)
-
-    def _files(self, paths: tuple[Path, ...], done: Callable[[], None]) -> Log:
-        return Log.read(
-            paths,
-            mapping=pairs("--map", self.mapping, str, "angle=qm"),
-            units=pairs("--unit", self.units, str, "angle=deg"),
-            scales=pairs("--scale", self.scales, float, "torque=35.15"),
-            gears=GearTrain.paper(),
-            after=done,
-        )
+        reading = self.reading()
+        log = Log.of_files(self.files, reading, done)
+        return Measured(log=log, holdout=Log.of_files(self.holdout, reading, done) if self.holdout else None)
 
     def _known(self) -> Measured:
-        for option, given in (("--map", self.mapping), ("--unit", self.units), ("--scale", self.scales)):
+        typed = {"--map": self.mapping, "--unit": self.units, "--scale": self.scales, "--gears": self.gears}
+        typed |= {"--ratio": self.ratio, **{f"--{name.replace('_', '-')}": getattr(self, name) for name in NUMBERS}}
+        for option, given in typed.items():
             if given:
                 raise BadParameter(f"{option} does not go with --dataset: the names and units of a data set are known.")
         if self.holdout:
             raise BadParameter("--holdout does not go with --dataset: a data set says itself what is held out.")
         if (self.data is None) == (not self.files):
             raise BadParameter("--dataset needs either --data FOLDER or the files of the data set.")
+        if self.joint is not None and not self.joint.isdecimal():
+            raise BadParameter(f"--joint {self.joint}: the joints of a data set are numbered; give its number.")
         from identification.datasets import load_dataset
 
-        loaded = load_dataset(
-            str(self.dataset), self.data if self.data is not None else list(self.files), joint=self.joint
-        )
+        files = self.data if self.data is not None else list(self.files)
+        loaded = load_dataset(str(self.dataset), files, joint=None if self.joint is None else int(self.joint))
         return Measured(
             log=loaded.estimation, holdout=loaded.holdout, notes=loaded.notes, base=loaded.base, fixed=loaded.fixed
         )

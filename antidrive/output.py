@@ -9,12 +9,16 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from antidrive.interruption import unstoppable
 from plant.errors import BadParameter
+
+_WRITTEN: ContextVar[Path | None] = ContextVar("written", default=None)  # where results of this command are
 
 
 @contextmanager
@@ -31,9 +35,11 @@ def whole_folder(out: Path) -> Iterator[Path]:
         for made in draft.iterdir():
             if (out / made.name).is_dir():
                 raise BadParameter(f"--out {out}: a folder named {made.name} is in the way of a result; move it away.")
-        out.mkdir(parents=True, exist_ok=True)
-        for made in sorted(draft.iterdir()):
-            os.replace(made, out / made.name)
+        with unstoppable():
+            out.mkdir(parents=True, exist_ok=True)
+            for made in sorted(draft.iterdir()):
+                os.replace(made, out / made.name)
+                _WRITTEN.set(out)
 
 
 @contextmanager
@@ -47,8 +53,16 @@ def whole_file(out: Path) -> Iterator[Path]:
         raise BadParameter(f"--out {out}: is a folder; name a file.")
     with _draft_beside(out) as draft:
         yield draft / out.name
-        out.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(draft / out.name, out)
+        with unstoppable():
+            out.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(draft / out.name, out)
+            _WRITTEN.set(out)
+
+
+def left() -> str:
+    """What is there when a command ends before its time, as the end of a sentence."""
+    out = _WRITTEN.get()
+    return "nothing was written" if out is None else f"the results are in {out}"
 
 
 @contextmanager
@@ -80,9 +94,9 @@ def strict(value: Any) -> Any:
     return value
 
 
-def to_json(content: Any) -> str:
-    """Indented JSON that every reader accepts."""
-    return json.dumps(strict(content), indent=2, allow_nan=False, ensure_ascii=False)
+def to_json(content: Any, *, ascii: bool = False) -> str:
+    """Indented JSON that every reader accepts; in ASCII alone, with \\u for the rest, if asked for."""
+    return json.dumps(strict(content), indent=2, allow_nan=False, ensure_ascii=ascii)
 
 
 def write_json(path: Path, content: Any) -> None:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _ROWS = 10_000  # that are written before somebody is told
+_WRITING = 4  # times that writing a row takes as long as simulating a sample of a run in one piece
+_SETTLING = 4  # times that a sample in a window, whose first state is looked for, takes as long as writing its row
 
 
 def predict(model: ServoModel | str | Path, log: LogLike, *, window: float | None = None) -> pd.DataFrame:
@@ -65,8 +67,9 @@ def write_prediction(
     Raises:
         BadParameter: as `predict` does.
     """
-    done = Parts(2 * sum(map(len, log.runs)), tell, doing="predicting").done
-    simulated = _simulated(log, model, window, done)
+    simulating, writing = (1, _WRITING) if window is None else (_SETTLING, 1)  # a sample, in parts
+    done = Parts((simulating + writing) * sum(map(len, log.runs)), tell, doing="predicting").done
+    simulated = _simulated(log, model, window, lambda samples: done(simulating * samples))
     with path.open("w", encoding="utf-8", newline="") as file:
         file.write(f"run,time,{_column(log)}\n")
         for run, output in zip(log.runs, simulated, strict=True):
@@ -75,7 +78,7 @@ def write_prediction(
                 # a clock may need more digits than a prediction is worth
                 table[_column(log)] = table[_column(log)].map("{:.10g}".format)
                 table.to_csv(file, header=False, index=False, float_format="%.15g")
-                done(len(table))
+                done(writing * len(table))
     return simulated
 
 

@@ -11,6 +11,7 @@ from antidrive import figures
 from antidrive.curves import picture_figure
 from antidrive.equations import model_equations
 from antidrive.experiments.outcome import Outcome
+from antidrive.inspection import Inspection, inspection_figures
 from antidrive.page import figure_json, page
 from antidrive.provenance import Provenance
 from diagnosis.diagnosis import Diagnosis
@@ -76,6 +77,17 @@ def fit_page(
     elif lost:
         title += f"; this log cannot tell {', '.join(lost)}"
     return page("fit", provenance, title, fit=content)
+
+
+def inspection_page(found: Inspection, provenance: Provenance) -> str:
+    """The page of a log that was read and not yet fitted."""
+    log = found.log
+    content = {
+        "tables": found.tables,
+        "figures": [(label, figure_json(figure)) for label, figure in inspection_figures(log)],
+        "data": {"warnings": (*log.faults, *log.warnings), "repairs": log.repairs, "notes": log.notes},
+    }
+    return page("inspection", provenance, "What is understood of the log", inspection=content)
 
 
 def experiment_page(found: Outcome, provenance: Provenance) -> str:
@@ -175,7 +187,7 @@ def _errors(diagnosis: Diagnosis, gain: Gain, extended: bool) -> list[tuple[str,
     told = [(gain.held_out_rms_before, error.before, "held-out rms error, base model")]
     if extended:
         told.append((gain.held_out_rms_after, error.after, "held-out rms error, extended model"))
-    told.append((gain.noise_floor, error.noise_floor, "noise floor"))
+    told.append((gain.noise_floor, error.noise_floor, gain.floor_name))
     return [(measured(value, std, gain.unit), what) for value, std, what in told]
 
 

@@ -5,12 +5,18 @@ from __future__ import annotations
 import shutil
 import sys
 import textwrap
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from antidrive.output import to_json
+
+if TYPE_CHECKING:
+    from antidrive.time_left import Watch
+
+_BETWEEN = 10.0  # seconds between two lines of progress where there is no terminal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +36,7 @@ class Voice:
     def result(self, text: str, content: Any) -> None:
         """Print a result, in words or as JSON."""
         if self.json:
-            print(to_json(content))
+            print(to_json(content, ascii=not (sys.stdout.encoding or "utf-8").lower().startswith("utf")))
         elif not self.quiet and sys.stdout.isatty():
             _shown(text)
         elif not self.quiet:
@@ -38,17 +44,41 @@ class Voice:
 
     @contextmanager
     def progress(self, begin: str) -> Iterator[Callable[[str], None] | None]:
-        """A function that shows a line of progress, and the time left, as long as the block runs; None if unwatched."""
-        if self.quiet or not sys.stderr.isatty():
+        """A function that shows a line of progress, and the time left, as long as the block runs; None if unwatched.
+
+        A terminal shows it all the time; elsewhere on stderr, in a log of some service, a line every ten seconds.
+        """
+        if self.quiet:
             yield None
             return
-        from rich.console import Console
-
         from antidrive.time_left import Watch
 
         watch = Watch(begin)
-        with Console(stderr=True).status(watch):
+        with _on_a_terminal(watch) if sys.stderr.isatty() else _now_and_then(watch):
             yield watch.tell
+
+
+def _on_a_terminal(watch: Watch) -> AbstractContextManager[object]:
+    from rich.console import Console
+
+    return Console(stderr=True).status(watch)
+
+
+@contextmanager
+def _now_and_then(watch: Watch) -> Iterator[None]:
+    ended, stream = threading.Event(), sys.stderr
+
+    def speak() -> None:
+        while not ended.wait(_BETWEEN):
+            print(f"antidrive: {watch}", file=stream, flush=True)
+
+    speaker = threading.Thread(target=speak, daemon=True)
+    speaker.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        speaker.join()
 
 
 def complain(sentence: str) -> None:

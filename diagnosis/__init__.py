@@ -7,7 +7,7 @@ from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.experiment import Experiment, Limits, rivals_of, separating_experiment
 from diagnosis.explanation import Explanation
-from diagnosis.identifiability import blind_spots
+from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.result import Cause, Findings, Gain
 
 __all__ = [
@@ -23,4 +23,5 @@ __all__ = [
     "diagnose_all",
     "rivals_of",
     "separating_experiment",
+    "standstill",
 ]

@@ -12,11 +12,12 @@ from diagnosis.candidates import Choice, chosen
 from diagnosis.curves import Carried
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.extrapolation import goes_further
-from diagnosis.holdout import cut, inverse_errors, measure_gain, remaining, split, spoken_against
+from diagnosis.holdout import cut, inverse_errors, measure_gain, parts, remaining
 from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
 from diagnosis.odds import NONE
 from diagnosis.refit import estimates
+from diagnosis.refutation import spoken_against, withdrawn
 from diagnosis.repeated_runs import repeats
 from diagnosis.result import Cause, Verdict
 from diagnosis.round import Addition
@@ -82,11 +83,7 @@ def diagnose(
     start = base_model(log) if base is None else base
     known = known_of(fixed, bounds, prior, start, effects.values(), stated=base is not None)
     tell = progress or (lambda line: None)
-    said: list[str] = []
-    if holdout is None:
-        log, held_out, *said = split(log)
-    else:
-        held_out = log_of(holdout).usable(force=force)
+    log, held_out, said = parts(log, None if holdout is None else log_of(holdout).usable(force=force))
     tell("fitting the base model")
     null = fit_knowing(log, start, known, progress)
     if (still := standstill(null)) is not None:
@@ -97,7 +94,6 @@ def diagnose(
     warnings = [*log.warnings, *log.repairs, *log.notes, *said]
     if null.unidentifiable:
         warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
-    warnings.extend(blind_spots(null))
     outcome = forward(null, effects, progress=progress)
     near = only_near(outcome)
     outcome = replace(outcome, additions=()) if near else weighed_again(outcome, progress)
@@ -147,8 +143,13 @@ def diagnose(
     tell("measuring the gain on held-out data")
     gain, squares, replays = measure_gain(held_out, path)
     final = path[-1]
+    warnings.extend(blind_spots(null, final))
+    further = goes_further(held_out, log)
     if (refuted := spoken_against(squares[0], squares[-1])) is not None:
-        warnings.append(" ".join(filter(None, (refuted, goes_further(held_out, log)))))
+        warnings.append(" ".join(filter(None, (refuted, further))))
+    found = _causes(outcome, final, squares)
+    causes, why_not = withdrawn(found, log, refuted=refuted is not None and further is None)
+    warnings.extend(why_not)
     left = repeats(final)
     if left is not None:
         warnings.append(str(left))
@@ -158,8 +159,8 @@ def diagnose(
     if opinions:
         warnings.append(f"Fitted to the held-out data alone, the model has {'; '.join(map(str, opinions))}.")
     return Diagnosis(
-        verdict=_verdict(outcome, unnamed),
-        causes=_causes(outcome, squares),
+        verdict=_verdict(outcome, causes, unnamed or len(causes) < len(found)),
+        causes=causes,
         gain=gain,
         torque_error=inverse_errors(log, held_out, null.model, final.model),
         unexplained=remaining(gain, depends_on),
@@ -194,13 +195,14 @@ def _depends_on(final: Fit, missing: MissingTorque, beside: Carried) -> tuple[st
     return tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
 
 
-def _verdict(outcome: Outcome, unnamed: bool) -> Verdict:
-    if not outcome.additions:
+def _verdict(outcome: Outcome, causes: Sequence[Cause], unnamed: bool) -> Verdict:
+    if not causes:
         return "unknown" if unnamed else "nothing_missing"
-    return "named" if all(addition.clear for addition in outcome.additions) else "ambiguous"
+    told = {cause.effect for cause in causes}
+    return "named" if all(one.clear for one in outcome.additions if one.effect in told) else "ambiguous"
 
 
-def _causes(outcome: Outcome, squares: list[Array]) -> tuple[Cause, ...]:
+def _causes(outcome: Outcome, final: Fit, squares: list[Array]) -> tuple[Cause, ...]:
     """The additions as causes, the one with the largest evidence first."""
     causes = []
     for addition, before, after in zip(outcome.additions, squares, squares[1:], strict=False):
@@ -210,7 +212,7 @@ def _causes(outcome: Outcome, squares: list[Array]) -> tuple[Cause, ...]:
                 effect=addition.effect,
                 probability=addition.odds[addition.effect],
                 alternatives=_rivals(addition),
-                parameters=estimates(outcome.fit, addition.effect),
+                parameters=estimates(final, addition.effect),
                 gain=gain,
                 gain_std=gain_std,
                 evidence=addition.evidence,

@@ -5,17 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.jackknife import BLOCKS, jackknife
+from diagnosis.measured_motion import reading_noise
 from diagnosis.result import Findings, Gain, Replay, TorqueError, Unexplained
 from identification.fit_result import Fit
 from identification.inverse import torque_misses
 from identification.log import Log
+from identification.run import Run
 from identification.simulation import free_simulation
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 _SHARE = 0.3  # of a single run that is held out, at its end
+_BLOCKS, _IDLE = 100, 0.02  # pieces of a log, and the share of the longest way in one below which the load rests
+_LEAST = 50  # samples of a run
+_UNEVEN, _MORE = 0.05, 3.0  # spread of the sample time; times the noise that the readings themselves show
 _HUGE = 1e50  # error in place of one that overflowed; its fourth power is still a number
 _SECOND = 1.0  # between restarts where nothing pulls the load back, unless the log asks for another time
 _SAMPLES = 200  # between restarts at least, however slow the sampling
@@ -23,24 +29,87 @@ _PIECES = 20  # of the longest run at least, however fast the servo
 _STARTS = 0.2  # of the time between restarts: where the output is looked at to find the state
 
 
+def parts(log: Log, held_out: Log | None) -> tuple[Log, Log, list[str]]:
+    """Estimation log, held-out log, and what is to be said of them; what stands still in the latter is not used.
+
+    Args:
+        log: to learn from.
+        held_out: to judge by, if somebody has set it apart.
+    """
+    if held_out is None:
+        log, held_out, sentence = split(log)
+        return log, held_out, [sentence]
+    moving = tuple(run for run in held_out.runs if _lively(run, log).any())
+    if not moving:
+        log, held_out, sentence = split(log)
+        return log, held_out, [f"The held-out part stands still, so another is taken. {sentence}"]
+    still = [run.label for run in held_out.runs if run not in moving]
+    said = [f"The held-out part stands still in {', '.join(still)}, which is left out."] if still else []
+    return log, replace(held_out, runs=moving), said
+
+
 def split(log: Log) -> tuple[Log, Log, str]:
     """Estimation log, held-out log, and a sentence that says which is which.
 
-    Several runs: every third one, and at least the last, is held out whole. A single run: its last 30 %.
+    Several runs: every third one of those that move, and at least the last, is held out whole. A single run: its last
+    30 %; where that stands still, the last 30 % of what moves, or its first or middle 30 %, whichever moves first.
     """
     if len(log.runs) > 1:
-        held = [place for place in range(len(log.runs)) if place % 3 == 2] or [len(log.runs) - 1]
+        moving = [place for place, run in enumerate(log.runs) if moves(run, log)]
+        choice = moving if len(moving) > 1 else list(range(len(log.runs)))
+        held = choice[2::3] or [choice[-1]]
         kept = [place for place in range(len(log.runs)) if place not in held]
         labels = ", ".join(log.runs[place].label for place in held)
         estimation = replace(log, runs=tuple(log.runs[place] for place in kept))
         return estimation, replace(log, runs=tuple(log.runs[place] for place in held)), f"Held out: {labels}."
-    run = log.runs[0]
+    (run,) = log.runs
     cut = int(len(run) * (1.0 - _SHARE))
-    first, last = run.slice(0, cut), run.slice(cut, len(run))
-    begins = f"from {round(run.time[cut] - run.start, 3):.10g} s"
-    last = replace(last, label=f"{run.label} {begins}")
-    sentence = f"Held out: the last {100 * _SHARE:.0f} % of the only run, {begins} on."
-    return replace(log, runs=(first,)), replace(log, runs=(last,)), sentence
+    begins = f"from {_clock(run, cut)} s"
+    first, last = run.slice(0, cut), replace(run.slice(cut, None), label=f"{run.label} {begins}")
+    if moves(last, log):
+        sentence = f"Held out: the last {100 * _SHARE:.0f} % of the only run, {begins} on."
+        return replace(log, runs=(first,)), replace(log, runs=(last,)), sentence
+    return _moving_part(log)
+
+
+def _moving_part(log: Log) -> tuple[Log, Log, str]:
+    """The same for a single run whose end stands still: idle ends are left out, and 30 % of the rest held out."""
+    (run,) = log.runs
+    lively = np.flatnonzero(_lively(run, log))
+    begin, end = int(lively[0]), int(lively[-1]) + 1
+    length = int(_SHARE * (end - begin))
+    starts = (end - length, begin, (begin + end - length) // 2)
+    start = next((k for k in starts if moves(run.slice(k, k + length), log)), starts[0])
+    stop = start + length
+    span = f"from {_clock(run, start)} to {_clock(run, stop - 1)} s"
+    held = replace(run.slice(start, stop), label=f"{run.label} {span}")
+    kept = tuple(run.slice(*part) for part in ((begin, start), (stop, end)) if part[1] - part[0] >= _LEAST)
+    sentence = f"Held out: {span} of the only run; its idle ends are left out."
+    return replace(log, runs=kept), replace(log, runs=(held,)), sentence
+
+
+def moves(run: Run, log: Log) -> bool:
+    """Whether a run, or a part of one, moves for half as much of its time as the log does."""
+    whole = np.concatenate([_lively(other, log) for other in log.runs])
+    return bool(np.mean(_lively(run, log)) >= 0.5 * np.mean(whole))
+
+
+def _lively(run: Run, log: Log) -> NDArray[np.bool_]:
+    """(T,) whether the load moves, by the way that it makes in a hundredth of the log, beside the longest of these."""
+    width = max(2, sum(map(len, log.runs)) // _BLOCKS)
+    most = max(float(_way(other, width).max()) for other in log.runs)
+    return np.asarray(_way(run, width) > _IDLE * most)
+
+
+def _way(run: Run, width: int) -> Array:
+    """(T,) range of the output in blocks of so many samples, for each sample of the block."""
+    edges = range(0, len(run), width)
+    return np.concatenate([np.full(len(part := run.output[k : k + width]), np.ptp(part)) for k in edges])
+
+
+def _clock(run: Run, place: int) -> str:
+    """The time of a sample since the log's start [s]."""
+    return f"{round(run.time[place] - run.start, 3):.10g}"
 
 
 def restart_window(log: Log) -> float:
@@ -109,17 +178,6 @@ def cut(before: Array, after: Array) -> tuple[float, float]:
     return share(float(np.mean(before)), float(np.mean(after))), jackknife(share, before, after)
 
 
-def spoken_against(before: Array, after: Array) -> str | None:
-    """A sentence if held-out data refute what was added: squared errors (T,) significantly larger with it."""
-    lost, std = cut(before, after)
-    if lost >= -2.0 * std:
-        return None
-    return (
-        f"The held-out data speak against what was added: with it the simulation errs more there, by "
-        f"{-100.0 * lost:.0f} ± {100.0 * std:.0f} %. A name that they refute is not to be relied upon."
-    )
-
-
 def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[Array], tuple[Replay, ...]]:
     """Gain of the last fit of a path over the first, the squared errors after each step, and the runs replayed."""
     window = scoring_window(*path)
@@ -129,6 +187,7 @@ def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[Array], tup
         held_out_rms_before=float(np.sqrt(np.mean(squares[0]))),
         held_out_rms_after=float(np.sqrt(np.mean(squares[-1]))),
         noise_floor=path[-1].noise_floor,
+        floor_name=_floor_name(path[-1]),
         unit="m" if held_out.axis == "linear" else "rad",
         window=window,
         runs=tuple(run.label for run in held_out.runs),
@@ -138,6 +197,13 @@ def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[Array], tup
         for run, before, after in zip(held_out.runs, scored[0][1], scored[-1][1], strict=True)
     )
     return gain, squares, replays
+
+
+def _floor_name(fit: Fit) -> str:
+    """What the least error of a fit is: noise of the reading, or more than its readings and their times show of it."""
+    noise = max(reading_noise(run) for run in fit.log.runs)
+    uneven = any(np.diff(run.time).std() > _UNEVEN * run.sample_time for run in fit.log.runs)
+    return "one-step error" if uneven or fit.noise_floor > _MORE * noise else "noise floor"
 
 
 def inverse_errors(estimation: Log, held_out: Log, before: ServoModel, after: ServoModel) -> TorqueError:

@@ -3,7 +3,8 @@
 Each question is a torque: gravity's cos x, friction's sgn v, and so on along the fitted motion. It passes through the
 linearised predictor; what the companions that a log may confuse it with can imitate is projected out, and the rest says
 how surely its size could be told. Where three standard errors are worth more than the torque of the log, the log is
-blind to it. This is the Cramer-Rao bound of that size, with the noise that the fit has found.
+blind to it. This is the Cramer-Rao bound of that size, with the noise that the fit has found. Why it is blind is said
+of the motion as it was measured, and only where that is so.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.linear import response
+from diagnosis.measured_motion import MeasuredMotion
 from diagnosis.screen import Screen
 from identification.fit_result import Fit
 from identification.problem import Problem
@@ -20,7 +22,6 @@ from plant.effects import Motion
 from plant.effects.effect import Array
 
 _SURE = 3.0  # standard errors
-_ENOUGH = 90.0  # degrees of turning; where gravity hides in more, turning further does not help
 _SLOW = 0.1  # share of the greatest speed at which the hump of breaking away has fallen to a third
 
 
@@ -30,7 +31,8 @@ class _Question:
 
     about: str
     companions: tuple[str, ...]
-    sentence: str
+    open: str
+    advice: str
 
 
 _RIGID = ("inertia", "viscous", "gravity", "zone")
@@ -38,42 +40,48 @@ _QUESTIONS = (
     _Question(
         about="gravity",
         companions=("inertia", "viscous", "zone", "offset", "quadrature"),
-        sentence="Gravity cannot be told from an offset of the torque: the load turns by {turned:.2g} degrees only; "
-        "let it turn by more than 90 degrees.",
+        open="Gravity cannot be told from an offset of the torque",
+        advice="let it turn by more than 90 degrees",
     ),
     _Question(
         about="dry",
         companions=(*_RIGID, "offset"),
-        sentence="Dry friction cannot be told from an offset of the torque: the load {back} turns back; let it move "
-        "in both directions.",
+        open="Dry friction cannot be told from an offset of the torque",
+        advice="let it move in both directions",
     ),
     _Question(
         about="breakaway",
         companions=(*_RIGID, "dry"),
-        sentence="Stiction cannot be seen: the load {rests}; let it stop and break away again.",
+        open="Stiction cannot be seen",
+        advice="let it stop and break away again",
     ),
     _Question(
         about="zone",
         companions=("inertia", "viscous", "gravity", "offset"),
-        sentence="The dead zone cannot be told from an offset of the torque: the torque {through} passes through zero; "
-        "let it change its sign slowly.",
+        open="The dead zone cannot be told from an offset of the torque",
+        advice="let it pass through zero slowly",
     ),
     _Question(
         about="viscous",
         companions=("inertia", "gravity", "zone", "dry"),
-        sentence="Viscous friction cannot be told from dry friction: the load moves at one speed only; let it move "
-        "slowly and fast.",
+        open="Viscous friction cannot be told from dry friction",
+        advice="let it move slowly and fast",
     ),
     _Question(
         about="inertia",
         companions=("viscous", "gravity", "zone", "dry"),
-        sentence="Inertia cannot be seen: the load hardly speeds up; let it reverse faster.",
+        open="Inertia cannot be seen",
+        advice="let it reverse faster",
     ),
 )
+_NOISE = "what it adds to this motion is less than the noise that the fit leaves; record more, or a larger motion"
 
 
-def blind_spots(fit: Fit) -> tuple[str, ...]:
-    """One sentence for each size that the log of a fit cannot tell, with what to do next; none for a telling log."""
+def blind_spots(fit: Fit, extended: Fit | None = None) -> tuple[str, ...]:
+    """One sentence for each size that the log of a fit cannot tell, with what to do next; none for a telling log.
+
+    Of what the fit of an `extended` model to the same log has told nothing is said: what a model lacks is no noise.
+    """
     still = standstill(fit)
     if still is not None:
         return (still,)
@@ -82,13 +90,17 @@ def blind_spots(fit: Fit) -> tuple[str, ...]:
     shown = response(screen.filters, np.column_stack(list(columns.values())), on_reading=False)
     seen = dict(zip(columns, screen.nuisance.beyond_initial_states(shown).T, strict=True))
     worth = {"inertia": _rms(motion.acceleration), "viscous": _rms(motion.velocity)}
-    limit, told = _rms(motion.torque) / (_SURE * fit.noise_std), _words(motion, fit)
-    return tuple(
-        question.sentence.format(**told)
+    limit, reasons = _rms(motion.torque) / (_SURE * fit.noise_std), _reasons(fit)
+    hidden = [
+        question
         for question in _QUESTIONS
         if question.about in seen
-        and not (question.about == "gravity" and float(told["turned"]) >= _ENOUGH)
+        and not _is_told(question, extended or fit)
+        and not (question.about == "gravity" and reasons["gravity"] is None)
         and worth.get(question.about, 1.0) * _standard_error(seen, question) > limit
+    ]
+    return tuple(
+        f"{q.open}: {_NOISE if reasons[q.about] is None else f'{reasons[q.about]}; {q.advice}'}." for q in hidden
     )
 
 
@@ -132,21 +144,28 @@ def _standard_error(seen: dict[str, Array], question: _Question) -> float:
     return 1.0 / max(float(np.linalg.norm(beyond)), 1e-12 * float(np.linalg.norm(own)), 1e-300)
 
 
-def _words(motion: Motion, fit: Fit) -> dict[str, str | float]:
-    """What the sentences say of the motion."""
-    moving = np.abs(motion.velocity) > motion.velocity_resolution
-    speed = "rad/s" if fit.model.axis == "rotary" else "m/s"
-    slowest = float(np.min(np.abs(motion.velocity)))
+def _is_told(question: _Question, fit: Fit) -> bool:
+    """Whether a fit has told a size beside its companions; of viscous friction one that knows of dry friction."""
+    if question.about == "viscous" and {effect.name for effect in fit.model.effects} <= {"dead_zone"}:
+        return False
+    name = {"inertia": "inertia", "viscous": "viscous_friction"}.get(question.about)
+    if name is None:
+        return False
+    value, std = fit[name].value, fit[name].std
+    return value is not None and std is not None and abs(value) > _SURE * std
+
+
+def _reasons(fit: Fit) -> dict[str, str | None]:
+    """What the measured motion lacks for each size to show, None where it lacks nothing."""
+    moved = MeasuredMotion.of(fit.log)
     return {
-        "turned": float(np.degrees(np.ptp(motion.angle))),
-        "rests": "hardly breaks away" if not moving.all() else f"is never slower than {slowest:.2g} {speed}",
-        "back": _how_often(np.sign(motion.velocity[moving])),
-        "through": _how_often(np.sign(motion.torque)),
+        "gravity": moved.gravity(),
+        "dry": moved.dry(),
+        "breakaway": moved.breakaway("rad/s" if fit.model.axis == "rotary" else "m/s"),
+        "zone": moved.zone(),
+        "viscous": moved.viscous(),
+        "inertia": moved.inertia(),
     }
-
-
-def _how_often(signs: Array) -> str:
-    return "hardly" if (signs > 0).any() and (signs < 0).any() else "never"
 
 
 def _rms(values: Array) -> float:

@@ -176,7 +176,8 @@ def front_door() -> str:
         package = home.split(".")[0]
         link = f"[{package}]({package}.md)" if package in PACKAGES else package
         rows.append(f"| `ad.{name}` | {first.replace('|', ', ')} | {link} |")
-    return "\n\n".join(("# antidrive", text, "\n".join(rows))) + "\n"
+    own = "::: antidrive.prediction.predict\n    options:\n      heading: antidrive.predict\n      toc_label: predict"
+    return "\n\n".join(("# antidrive", text, "\n".join(rows), own)) + "\n"
 
 
 def commands() -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from identification.errors import MalformedLog, Unidentifiable, UnusableLog
+from identification.errors import MalformedLog, MissingColumns, Unidentifiable, UnusableLog
 from identification.fit import base_model, fit
 from identification.fit_result import Fit, FittedParameter, fit_report, fit_to_dict
 from identification.inverse import torque_error
@@ -19,6 +19,7 @@ __all__ = [
     "LogLike",
     "LostMotion",
     "MalformedLog",
+    "MissingColumns",
     "Run",
     "Unidentifiable",
     "UnusableLog",

@@ -26,7 +26,14 @@ class MissingColumns(MalformedLog):
     The message lists the columns of the file, one a line; `options` would name those that are missing.
     """
 
-    def __init__(self, message: str, *, options: str = "", file: str = "") -> None:
-        """The message, the options that a command line would need, and the file's name."""
-        super().__init__(f"{message}\nName them, for example: {options}" if options else message)
-        self.options, self.file = options, file
+    def __init__(self, message: str, options: str) -> None:
+        """The message, and the options that a command line would need."""
+        super().__init__(f"{message}\n{_NAME_THEM}{options}")
+        self.options = options
+
+    def with_command(self, command: str) -> str:
+        """The message with the whole command to type."""
+        return str(self).replace(f"{_NAME_THEM}{self.options}", f"{_NAME_THEM}{command} {self.options}")
+
+
+_NAME_THEM = "Name them, for example: "

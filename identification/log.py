@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.checks.check import check, excited
+from identification.checks.idle import leave_idle
 from identification.errors import MalformedLog, UnusableLog
 from identification.reading.columns import read_recordings
 from identification.reading.files import read_table
@@ -20,7 +21,7 @@ from identification.reading.frames import columns_of
 from identification.reading.recognition import joined_if_needed
 from identification.reading.request import ALIASES, COLUMNS, Gears, How, Reading
 from identification.reading.table import Table
-from identification.recording import Finding, Recording
+from identification.recording import Finding, Recording, counted
 from identification.run import Run
 from plant.errors import BadParameter
 
@@ -84,13 +85,14 @@ class Log:
     def usable(self, *, force: bool = False) -> Log:
         """The log if no fault makes it unusable; with `force` in any case, its faults being warnings then.
 
-        Raises `UnusableLog` with the first fault and, in brackets, how many follow.
+        Raises `UnusableLog` with the first fault and how many follow.
         """
         if not self.faults:
             return self
         if not force:
             more = len(self.faults) - 1
-            raise UnusableLog(f"{self.faults[0]}{f' (and {more} more, see `Log.faults`)' if more else ''}.")
+            rest = f", and {counted(more, 'fault')} more" if more else ""
+            raise UnusableLog(f"{self.faults[0]}{rest} (--force, in Python force=True, goes on as it is).")
         return replace(self, faults=(), warnings=(*self.faults, *self.warnings))
 
     @property
@@ -119,14 +121,22 @@ class Log:
         Raises `MalformedLog` for what cannot be used and `BadParameter` for options that do not fit.
         """
         listed = [paths] if isinstance(paths, str | Path) else list(paths)
-        if not listed:
+        return cls.of_files(listed, Reading(**how), after or (lambda: None))
+
+    @classmethod
+    def of_files(cls, paths: Sequence[str | Path], reading: Reading, done: Callable[[], None] = lambda: None) -> Log:
+        """The same for a `Reading`; `done` is called twice a file."""
+        if not paths:
             raise BadParameter("no log is given, name at least one file.")
-        reading = Reading(**how)
-        done = after or (lambda: None)
         tables = []
-        for path in listed:
+        for path in paths:
             tables.append(read_table(path))
             done()
+        return cls.of_tables(tables, reading, done)
+
+    @classmethod
+    def of_tables(cls, tables: Sequence[Table], reading: Reading, done: Callable[[], None] = lambda: None) -> Log:
+        """A log of tables that have been read; `done` is called once a table."""
         logs = []
         for table in joined_if_needed(tables, reading):
             logs.append(cls._from_table(table, reading))
@@ -207,6 +217,7 @@ class Log:
             )
         if not any(np.ptp(recording.output[recording.valid]) > 0 for recording in usable):
             findings = [replace(found, unusable=found.unusable or found.kind == "never turns") for found in findings]
+        usable, findings = leave_idle(usable, findings)
         return cls(
             runs=tuple(Run.from_recording(recording, _zero(usable)) for recording in usable),
             axis=axis,

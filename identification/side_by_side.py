@@ -27,8 +27,15 @@ def side_by_side(work: Callable[[Item], Result], items: Iterable[Item]) -> list[
     threads = min(len(todo), _MOST, os.cpu_count() or 1)
     if threads < 2:
         return [work(item) for item in todo]
-    with ThreadPoolExecutor(threads) as pool:
+    pool = ThreadPoolExecutor(threads)
+    try:
         return list(pool.map(work, todo))
+    except BaseException as error:
+        # what has not begun is called off; who stops the program waits for nothing
+        pool.shutdown(wait=isinstance(error, Exception), cancel_futures=True)
+        raise
+    finally:
+        pool.shutdown(wait=False)
 
 
 def without_blas_threads(work: Callable[Arguments, Result]) -> Callable[Arguments, Result]:

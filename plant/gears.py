@@ -20,6 +20,48 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
+class Ratios:
+    """How much torque two drives put on the load for one newton metre of their own, where no teeth are known.
+
+    Attributes:
+        ratios: of each drive; positive where its torque is counted in the direction of the load, negative where not.
+
+    Raises:
+        BadParameter: a ratio that is zero or not a finite number.
+    """
+
+    ratios: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        """Check both ratios."""
+        for ratio in self.ratios:
+            if not (np.isfinite(ratio) and ratio != 0.0):
+                raise BadParameter(f"A ratio must be a finite number other than 0, not {ratio!r}.")
+
+    @classmethod
+    def parse(cls, text: str | float) -> Ratios:
+        """From "8.05" for both drives, or one for each: "8.05,-8.05".
+
+        Raises:
+            BadParameter: the text is written otherwise.
+        """
+        try:
+            first, *others = (float(ratio) for ratio in str(text).split(","))
+        except ValueError:
+            raise BadParameter(
+                f"The ratio is {text!r}; write it as 8.05, or one for each drive as 8.05,-8.05."
+            ) from None
+        if len(others) > 1:
+            raise BadParameter(f"The ratio is {text!r}; there are two drives, so give one number or two.")
+        return cls(ratios=(first, *(others or (first,))))
+
+    @property
+    def torque_map(self) -> Array:
+        """Torque on the load for one newton metre of each drive, shape (2,)."""
+        return np.array(self.ratios, dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
 class GearTrain:
     """Two pinions on one follower, each behind the same pre-reduction.
 
@@ -61,6 +103,27 @@ class GearTrain:
     def paper(cls) -> GearTrain:
         """The paper's train: 46/18, 41/17, 42/21 and 161/20, which reduce 99.231 to 1."""
         return cls(pinion_teeth=(20, 20), follower_teeth=161, stages=((46, 18), (41, 17), (42, 21)))
+
+    @classmethod
+    def parse(cls, text: str) -> GearTrain:
+        """The final mesh as people write it: "20,20:161" are two pinions of 20 teeth on a gear of 161.
+
+        One count before the colon stands for both pinions. The torques are then those of the pinion shafts in their
+        own sense, which the mesh turns round (eq. 2); where they are counted in that of the load, see `Ratios`.
+
+        Raises:
+            BadParameter: the text is written otherwise, or a count is not a positive whole number.
+        """
+        pinions, colon, follower = text.partition(":")
+        try:
+            counts = [int(count) for count in pinions.split(",")]
+            if not colon or len(counts) > 2:
+                raise ValueError(text)
+            return cls(pinion_teeth=(counts[0], counts[-1]), follower_teeth=int(follower))
+        except ValueError:
+            raise BadParameter(
+                f"The gears are {text!r}; write the teeth of both pinions and of the gear they drive as 20,20:161."
+            ) from None
 
     @property
     def pre_reduction(self) -> float:

@@ -14,6 +14,7 @@ import os
 import platform
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -25,6 +26,7 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
+_GROUPS = hasattr(os, "killpg")  # of processes
 _FLAGS = ("-ffp-contract=off", "-fPIC", "-shared")
 
 
@@ -103,8 +105,17 @@ class _Build:
             folder = Path(tempfile.mkdtemp(prefix="antidrive-"))
             (folder / f"{name}.c").write_text(source)
             line = [*command, f"{name}.c", "-o", "code.so", "-lm"]
-            quiet = subprocess.DEVNULL
-            return cls(subprocess.Popen(line, cwd=folder, stdin=quiet, stdout=quiet, stderr=quiet), folder)
+            quiet, here = subprocess.DEVNULL, dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(folder))
+            process = subprocess.Popen(
+                line,
+                cwd=folder,
+                env={**os.environ, **here},
+                stdin=quiet,
+                stdout=quiet,
+                stderr=quiet,
+                start_new_session=_GROUPS,  # a compiler has its work done by others, which end with it
+            )
+            return cls(process, folder)
         except OSError:
             if folder is not None:
                 shutil.rmtree(folder, ignore_errors=True)
@@ -136,6 +147,8 @@ class _Build:
 
 def _abandon(process: subprocess.Popen[bytes], folder: Path) -> None:
     if process.poll() is None:
+        if _GROUPS:
+            os.killpg(process.pid, signal.SIGKILL)
         process.kill()
         process.wait()
     shutil.rmtree(folder, ignore_errors=True)

@@ -35,6 +35,11 @@ class ModelFile:
     sample_time: float | None = None
     source: tuple[Mapping[str, str], ...] = ()
 
+    @property
+    def identified(self) -> bool:
+        """False of a model that was fitted to a log which told no parameter; also what is written by hand is known."""
+        return not self.source or any(error is not None for error in self.std.values())
+
     def to_dict(self) -> dict[str, Any]:
         """The content of the file."""
         model = self.model

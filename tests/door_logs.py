@@ -40,6 +40,18 @@ class Drawn:
         return log | {"torque": sign[0] * self.torque[:, place]}
 
 
+@dataclass(frozen=True)
+class Ratio:
+    """Two motors on one gear, both with one ratio."""
+
+    ratio: float
+
+    @property
+    def torque_map(self) -> Array:
+        """(2,) torque on the load per torque of each motor."""
+        return np.array([self.ratio, self.ratio])
+
+
 def draw(count: int, seed: int) -> Drawn:
     """`count` logs of as many machines."""
     rng = np.random.default_rng(seed)

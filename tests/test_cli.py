@@ -357,7 +357,7 @@ def test_a_fault_of_the_program_is_exit_code_1_and_leaves_nothing(monkeypatch, l
     assert "fault of the program" in spoken.err
     assert list(tmp_path.iterdir()) == []
     monkeypatch.setattr(cli, "app", lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
-    assert antidrive("demo").code == 1
+    assert antidrive("demo").code == 130
 
 
 def test_as_a_process_of_its_own(tmp_path):

@@ -59,7 +59,7 @@ def test_each_variable_has_its_clock_in_the_unit_that_the_flags_tell(tmp_path, f
     np.testing.assert_allclose(run.output, SOUND["angle"])
 
 
-@pytest.mark.parametrize("style", [{"end": "\r\n"}, {"header": ""}, {"footer": "; 9999"}])
+@pytest.mark.parametrize("style", [{"end": "\r\n"}, {"end": "\n\n"}, {"header": ""}, {"footer": "; 9999"}])
 def test_styles(tmp_path, style):
     table = read(tmp_path, trace(VARIABLES, **style))
     assert len(table.columns["GVL.torque"]) == 600

@@ -10,6 +10,7 @@ import pytest
 from front_door import antidrive, listing
 
 from antidrive.demo import HIDDEN
+from identification import fit, log_of
 from plant import read_model
 from plant.gears import GearTrain
 
@@ -50,11 +51,23 @@ def test_ends_as_the_readme_says(told):
     assert here == pytest.approx(there, rel=0.1)
 
 
+def test_its_log_can_be_taken_by_every_command(told, tmp_path):
+    _, out = told
+    log, validation = out / "log.csv", out / "validation.csv"
+    spoken = antidrive("predict", out / "model.json", log, "--out", tmp_path / "p.csv", "--json")
+    assert json.loads(spoken.out)["runs"][0]["rms"] < 1e-3
+    found = fit(log, read_model(out / "base-model.json").model)
+    base = json.loads((out / "base-model.json").read_text())["parameters"]
+    assert found["inertia"].value == pytest.approx(base["inertia"]["value"], rel=1e-3)
+    assert log_of(validation).runs[0].duration == pytest.approx(18.0, abs=0.1)
+
+
 def test_ends_in_numbers_and_leaves_models_that_load(told):
     spoken, out = told
     for word in ("Synthetic", "Missing: cogging", "Prediction:", "Tracking:", "Preload:"):
         assert word in spoken.out
-    assert sorted(listing(out)) == ["base-model.json", "diagnosis.json", "model.json", "report.html", "summary.json"]
+    files = ["base-model.json", "diagnosis.json", "log.csv", "model.json", "report.html", "summary.json"]
+    assert sorted(listing(out)) == [*files, "validation.csv"]
     base, extended = read_model(out / "base-model.json").model, read_model(out / "model.json").model
     assert len(extended.effects) > len(base.effects)
     assert "synthetic" in (out / "report.html").read_text().lower()

@@ -144,6 +144,14 @@ def test_standard_input(monkeypatch, kind):
     assert table.name == "standard input"
 
 
+def test_a_terminal_is_not_waited_for(monkeypatch):
+    terminal = io.TextIOWrapper(io.BytesIO())
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stdin", terminal)
+    with pytest.raises(MalformedLog, match="nothing is piped"):
+        read_table("-")
+
+
 def test_a_folder_is_named_with_a_file_in_it(tmp_path):
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag" / "bag_0.mcap").write_bytes(b"x")

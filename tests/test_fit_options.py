@@ -116,7 +116,7 @@ def test_the_words_reach_the_work(command, place, monkeypatch, tmp_path) -> None
         ("--bounds mass=1:2", "they are inertia, gravity, viscous_friction, dead_zone.half_width"),
         ("--bounds inertia=2:1", "the first must be below"),
         ("--fixed inertia", "inertia has no value to keep"),
-        ("--fixed inertia=-1", "outside 1e-12"),
+        ("--fixed inertia=-1", "inertia = -1 is outside"),
         ("--effects absent.py", "no such file"),
         ("--effects log.csv", "is no Python file"),
         ("--effects broken.py", "broken.py: line 2: ZeroDivisionError"),

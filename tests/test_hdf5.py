@@ -37,16 +37,32 @@ def compound(file):
     file["log"] = RECORDS
 
 
+def pickled(said):
+    return np.bytes_(pickle.dumps(said, protocol=0))
+
+
 def pandas_table(file):
-    """`to_hdf(format="table")`: one block of floats, its names in a pickle."""
-    rows = np.zeros(120, dtype=[("index", "i8"), ("values_block_0", "f8", (3,)), ("time", "f8")])
-    rows["time"], rows["index"] = SOUND["time"], np.arange(120)
+    """`to_hdf(format="table")`: a block for each kind of numbers, names in pickles, and an index beside the rows."""
+    rows = np.zeros(120, dtype=[("index", "f8"), ("values_block_0", "f8", (3,)), ("values_block_1", "S2", (1,))])
+    rows["index"] = SOUND["time"]
     rows["values_block_0"] = np.column_stack([SOUND[name] for name in REST])
+    rows["values_block_1"] = b"up"
     group = file.create_group("log")
     group.attrs["pandas_type"] = np.bytes_(b"frame_table")
+    group.attrs["info"] = pickled({1: {"names": [None], "type": "Index"}, "index": {"index_name": "time"}})
     group["table"] = rows
-    group["table"].attrs["values_block_0_kind"] = np.bytes_(pickle.dumps(REST, protocol=0))
-    group["table"].attrs["time_kind"] = np.bytes_(pickle.dumps(["time"], protocol=0))
+    group["table"].attrs["index_kind"] = np.bytes_(b"float")
+    group["table"].attrs["values_block_0_kind"] = pickled(REST)
+    group["table"].attrs["values_block_1_kind"] = pickled(["run"])
+    file["log/_i_table/index/sortedLR"] = np.zeros(131201)
+
+
+def pandas_columns(file):
+    """`to_hdf(format="table", data_columns=True)`."""
+    group = file.create_group("a/log")
+    group.attrs["pandas_type"] = np.bytes_(b"frame_table")
+    group["table"] = pd.DataFrame(SOUND).to_records()
+    group["table"].attrs["index_kind"] = np.bytes_(b"integer")
 
 
 def pandas_fixed(file):
@@ -60,7 +76,7 @@ def pandas_fixed(file):
     group["block0_values"] = np.column_stack([SOUND[name] for name in REST])
 
 
-LAID_OUT = (flat, grouped, compound, pandas_table, pandas_fixed)
+LAID_OUT = (flat, grouped, compound, pandas_table, pandas_columns, pandas_fixed)
 
 
 def written(folder, write):
@@ -75,7 +91,7 @@ def test_laid_out(tmp_path, write):
     table = read_table(written(tmp_path, write))
     for name, values in SOUND.items():
         np.testing.assert_allclose(table.columns[name], values)
-    assert set(table.columns) <= {*SOUND, "index"}
+    assert set(table.columns) <= {*SOUND, "index", "run"}
     assert table.clocks == {}
 
 

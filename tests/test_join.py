@@ -93,12 +93,20 @@ def test_clocks_that_do_not_overlap(tmp_path):
 
 def test_times_that_are_text_or_alone(tmp_path):
     (tmp_path / "words.csv").write_text("time,angle\n2,2\n3,3\nstart,1\n4,4\n")
-    with pytest.raises(MalformedLog, match="neither numbers nor dates"):
+    with pytest.raises(MalformedLog, match="'start' is not a number"):
         join_tables([*tables(tmp_path)[:1], read_table(tmp_path / "words.csv")])
     (tmp_path / "alone.npz").write_bytes(b"")
     np.savez(tmp_path / "alone.npz", time=SOUND["time"])
     with pytest.raises(MalformedLog, match="nothing beside the time"):
         join_tables([*tables(tmp_path)[:1], read_table(tmp_path / "alone.npz")])
+
+
+def test_times_of_the_day(tmp_path):
+    for name, columns in (("drive", DRIVE), ("encoder", ENCODER)):
+        stamps = [f"09:41:{13 + t:09.6f}".replace(".", ",") for t in columns["time"]]
+        frame = pd.DataFrame({**columns, "time": stamps}).drop(columns="position")
+        frame.to_csv(tmp_path / f"{name}.csv", index=False, sep=";")
+    check(join_tables([read_table(tmp_path / "drive.csv"), read_table(tmp_path / "encoder.csv")]))
 
 
 def test_samples_without_a_time_are_left_out(tmp_path):

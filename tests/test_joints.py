@@ -209,6 +209,11 @@ def test_exports_of_ros_as_text(tmp_path):
         assert rest in one.columns
 
 
+def test_an_encoder_and_a_drive_are_no_joints(tmp_path):
+    (tmp_path / "log.csv").write_text("__time,/axis/encoder/position,/axis/drive/effort\n0,1,2\n1,2,3\n")
+    assert read_table(tmp_path / "log.csv").joints == ()
+
+
 def test_lists_in_the_cells_of_a_text_table(tmp_path):
     """As NumPy prints them, without commas; what is no list of numbers gives no number."""
     content = "time,state,label\n" + "".join(

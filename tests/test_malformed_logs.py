@@ -67,7 +67,8 @@ def parquet(columns):
 
 
 TIME = SOUND["time"]
-HALF_GONE = np.where(np.arange(N) % 2, np.nan, SOUND["torque"])
+GONE = np.random.default_rng(0).random(N)  # cells that are empty here and there are no slower rate
+HALF_GONE = np.where(GONE < 0.45, np.nan, SOUND["torque"])
 RUNS = np.repeat([1.0, 2.0], N // 2)
 
 # name -> (suffix, content: columns for a CSV file, text or bytes, what the sentence must say)
@@ -139,23 +140,27 @@ BAD = {
         ["row 2 (line 3)", "goes back from 0 s", "of 600 rows", "'run'"],
     ),
     "run-in-each-row": (".csv", spoilt(run=TIME), ["'run'", "600 labels in 600 rows"]),
-    "time-repeats": (".csv", spoilt(time=np.round(TIME, 2)), ["repeat the time", "more digits"]),
+    "time-repeats-at-random": (
+        ".csv",
+        spoilt(time=np.repeat(0.01 * np.arange(N), np.random.default_rng(0).geometric(0.1, N))[:N]),
+        ["repeat the time", "more digits"],
+    ),
     "time-stands-still": (".csv", spoilt(time=0 * TIME), ["repeat the time"]),
     "time-missing-in-a-row": (".csv", spoilt(time={7: np.nan}), ["row 8 (line 9)", "time is not a number"]),
     "time-infinite": (".npz", npz(spoilt(time={-1: np.inf})), ["row 600", "time is not a number"]),
     "milliseconds": (".csv", spoilt(time=1e3 * TIME), ["sample time of 5 s", "--unit time=ms"]),
     "microseconds": (".csv", spoilt(time=1e6 * TIME), ["sample time of 5e+03 s", "--unit time=us"]),
-    "nanosecond-clock": (".csv", spoilt(time=1.7e18 + 5e6 * np.arange(N)), ["1e+12 s", "--unit time="]),
+    "picosecond-clock": (".csv", spoilt(time=1.7e21 + 5e9 * np.arange(N)), ["1e+12 s", "--unit time="]),
     "mega-sampling": (".csv", spoilt(time=1e-6 * TIME), ["faster than any servo log"]),
     "ends-too-soon": (".csv", {name: v[:30] for name, v in SOUND.items()}, ["30 samples", "too short", "at least 50"]),
     "a-tenth-of-a-second": (".csv", spoilt(time=2e-2 * TIME), ["0.0599 s", "too short"]),
     "all-runs-too-short": (".csv", spoilt(run=np.arange(N) // 20), ["run 0", "20 samples", "too short"]),
     # values
-    "torque-half-missing": (".csv", spoilt(torque=HALF_GONE), ["'torque' is not a number in 299 of 599", "repair"]),
+    "torque-half-missing": (".csv", spoilt(torque=HALF_GONE), ["'torque' is not a number in 244 of 599", "repair"]),
     "torque-all-missing": (".npz", npz(spoilt(torque=np.full(N, np.nan))), ["'torque' is not a number in 600 of 600"]),
     "angle-mostly-missing": (
         ".csv",
-        spoilt(angle=np.where(np.arange(N) % 3, np.nan, SOUND["angle"])),
+        spoilt(angle=np.where(np.arange(N) % 50 < 20, SOUND["angle"], np.nan)),
         ["'angle'", "export the channel again"],
     ),
     "rows-of-nothing": (".csv", "time,torque,angle\n0,0,0\n0.01,0,0\n" + ",,\n" * 100, ["2 samples", "too short"]),

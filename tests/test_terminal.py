@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import io
-import itertools
 import json
 import os
 import pty
@@ -22,21 +21,18 @@ import typer
 from front_door import PLAIN, antidrive
 from rich.console import Console
 
-from antidrive import exports, time_left
+from antidrive import exports, time_left, voice
 from antidrive.cli import app
-from antidrive.demo import record
 from antidrive.examples import EXAMPLES
 from antidrive.experiments.kinds import KINDS
 from antidrive.log_options import LogOptions
 from antidrive.plans import read_plan
 from antidrive.prediction import write_prediction
 from antidrive.scenario import scenario_text
-from antidrive.time_left import COURSES, Watch
+from antidrive.time_left import Watch
 from antidrive.voice import Voice
-from diagnosis import diagnose
 from mpc import Controller
 from plant.gears import GearTrain
-from plant.rig import Rig
 
 COMMANDS = typer.main.get_command(app).commands
 PROGRAM = [sys.executable, "-c", "import sys; from antidrive.cli import main; sys.exit(main())"]
@@ -161,34 +157,36 @@ def test_bash_completes(begun, offered, tmp_path):
 # The time left.
 
 
-def test_the_time_left_follows_from_the_share_that_is_done():
+def test_the_time_left_follows_from_the_pace_of_the_parts():
+    now = [0.0]
+    watch = Watch("reading", clock=lambda: now[0])
+    assert str(watch) == "reading"
+    now[0] = 30.0
+    assert str(watch) == "reading (30 s)"
+    watch.tell("drawing, 0 of 20 are done")  # what went before says nothing of the pace
+    now[0] = 31.0
+    watch.tell("drawing, 1 of 20 are done")
+    assert str(watch).endswith("(31 s)")
+    now[0] = 34.0
+    watch.tell("drawing, 2 of 20 are done")
+    assert str(watch).endswith("(34 s, about 36 s left)")
+    now[0] = 50.0
+    assert str(watch).endswith("(50 s, about 20 s left)")
+    now[0] = 75.0
+    assert str(watch).endswith("(75 s)")  # the pace did not last: nothing is known
+    watch.tell("drawing, 15 of 20 are done")
+    assert str(watch).endswith("(75 s, about 15 s left)")
+    watch.tell("writing")
+    assert str(watch) == "writing (75 s)"
+
+
+def test_of_a_fit_and_a_diagnosis_no_time_is_known():
     now = [0.0]
     watch = Watch("diagnosing", clock=lambda: now[0])
-    assert str(watch) == "diagnosing"
-    now[0] = 6.0
-    watch.tell("round 2: asking 23 effects")
-    assert str(watch) == "round 2: asking 23 effects (6 s, about 21 s left)"
-    now[0] = 8.0
-    assert str(watch).endswith("(8 s, about 19 s left)")
-    now[0] = 50.0
-    assert str(watch).endswith("(50 s, about 5 s left)")  # overdue: a tenth of the time that has passed
-    watch.tell("round 4: asking 21 effects")
-    assert str(watch).endswith("(50 s, about 69 s left)")  # each effect more takes a round more
-    now[0] = 85.0
-    watch.tell("looking for what has no name")
-    assert str(watch).endswith("(85 s, about 28 s left)")
-
-
-def test_the_courses_are_those_that_tasks_run():
-    told: list[str] = []
-    found = diagnose(record(Rig.paper_like(coulomb_friction=0.25), seed=0), progress=told.append)
-    assert len(found.causes) == 1
-    course = COURSES["diagnosing"]
-    come = [begins for begins, _ in course if any(line.startswith(begins) for line in told)]
-    assert come[:4] == ["observer"] * 4
-    assert come[4:8] == ["round 1: asking", "round 1: refitting", "round 2: asking", "round 2: refitting"]
-    assert come[-2:] == ["looking for what has no name", "measuring the gain"]
-    assert all(sooner < later for (_, sooner), (_, later) in itertools.pairwise(course[:8]))
+    for line in ("observer at 10 rad/s: noise 0.1", "round 1: asking 23 effects", "looking for what has no name"):
+        now[0] += 50.0
+        watch.tell(line)
+        assert str(watch) == f"{line} ({now[0]:.0f} s)"
 
 
 def test_a_long_line_leaves_room_for_the_time_left():
@@ -200,17 +198,8 @@ def test_a_long_line_leaves_room_for_the_time_left():
     Console(file=screen, width=80).print(watch)
     (line,) = screen.getvalue().splitlines()
     assert line.startswith("round 2: refitting with friction, friction")
-    assert line.endswith("... (6 s, about 18 s left)")
+    assert line.endswith("... (6 s)")
     assert len(line) <= 80
-
-
-def test_parts_that_are_counted_tell_the_time_left():
-    now = [10.0]
-    watch = Watch("drawing every effect", clock=lambda: now[0])
-    watch.tell("drawing drag, 0 of 25 are done")
-    now[0] = 20.0
-    watch.tell("drawing drag, 5 of 25 are done")
-    assert str(watch).endswith("(10 s, about 40 s left)")
 
 
 def test_an_experiment_that_takes_long_tells_how_far_it_is(tmp_path):
@@ -241,7 +230,7 @@ def test_reading_and_predicting_tell_how_far_they_are(tmp_path):
     assert told == [f"reading, {share} of 100 parts are done" for share in (25, 50, 75, 100)]
     del told[:]
     write_prediction(tmp_path / "p.csv", log, PLAIN, window=1.0, tell=told.append)
-    assert told == [f"predicting, {share} of 100 parts are done" for share in (10, 20, 30, 40, 50, 100)]
+    assert told == [f"predicting, {share} of 100 parts are done" for share in (16, 32, 48, 64, 80, 100)]
 
 
 def test_an_export_tells_how_far_it_is(tmp_path, monkeypatch):
@@ -264,12 +253,29 @@ def test_progress_is_shown_where_somebody_watches(monkeypatch):
     monkeypatch.setenv("TERM", "xterm")
     with Voice().progress("diagnosing [log]") as tell:
         time.sleep(0.2)
-        tell("measuring the gain on held-out data")
+        tell("drawing, 3 of 20 are done")
         time.sleep(0.2)
+        tell("drawing, 10 of 20 are done")
+        time.sleep(0.15)
     assert "diagnosing [log]" in screen.getvalue()
     assert "about 1 s left" in screen.getvalue()
     with Voice(quiet=True).progress("diagnosing") as tell:
         assert tell is None
-    monkeypatch.setattr(sys, "stderr", io.StringIO())
-    with Voice().progress("diagnosing") as tell:
+
+
+@pytest.mark.parametrize("json", [False, True])
+def test_where_there_is_no_terminal_a_line_comes_now_and_then(json, monkeypatch, capsys):
+    monkeypatch.setattr(voice, "_BETWEEN", 0.1)
+    monkeypatch.setattr(time_left, "_WORTH_TELLING", 0.0)
+    with Voice(json=json).progress("diagnosing") as tell:
+        tell("round 1: asking 23 effects")
+        time.sleep(0.35)
+    time.sleep(0.2)
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert 2 <= len(said.err.splitlines()) <= 3
+    assert set(said.err.splitlines()) == {"antidrive: round 1: asking 23 effects (0 s)"}
+    with Voice(quiet=True, json=json).progress("diagnosing") as tell:
         assert tell is None
+        time.sleep(0.2)
+    assert capsys.readouterr().err == ""

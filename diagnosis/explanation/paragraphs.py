@@ -8,7 +8,7 @@ import numpy as np
 
 from diagnosis.experiment import Experiment
 from diagnosis.explanation.reasons import Reason, reason_for, reason_for_none
-from diagnosis.explanation.wording import acting, listed, measured, percent
+from diagnosis.explanation.wording import acting, change, listed, measured, percent
 from diagnosis.holdout import gain_errors
 from diagnosis.result import Findings
 from identification.certainty import bandwidth_std
@@ -91,14 +91,15 @@ def _outcome(diagnosis: Findings) -> tuple[str, ...]:
         error, floor = gain_errors(diagnosis), ""
         if gain.noise_floor:
             above = measured(gain.held_out_rms_after / gain.noise_floor, error.after / gain.noise_floor)
-            floor = f"{above} times the noise floor"
-        change = f"{'cut' if gain.cut >= 0.0 else 'raised'} by {percent(abs(gain.cut), error.cut)}, from "
-        came = f"{change}{measured(gain.held_out_rms_before, error.before, gain.unit)} to " if extended else ""
+            floor = f"{above} times the {gain.floor_name}"
+        by = "by " if gain.cut > -1.0 else ""
+        went = f"{'cut' if gain.cut >= 0.0 else 'raised'} {by}{change(gain.cut, error.cut)}, from "
+        came = f"{went}{measured(gain.held_out_rms_before, error.before, gain.unit)} to " if extended else ""
         rms = f"{measured(gain.held_out_rms_after, error.after, gain.unit)} rms"
         lines.append(f"On held-out data the simulation error is {', '.join(filter(None, (came + rms, floor)))}.")
     if extended:
         std = gain_errors(diagnosis).share if gain is not None else None
-        lines.append(f"Of the error power above the noise floor {percent(left.share, std)} remains.")
+        lines.append(f"Of the error power above the {gain.floor_name} {percent(left.share, std)} remains.")
     if left.depends_on:
         lines.append(f"What has no name depends on {listed(left.depends_on)}.")
     known = diagnosis.whiteness

@@ -46,7 +46,7 @@ def reason_for(diagnosis: Findings, cause: Cause, experiment: Experiment | None)
         experiment: that has been designed to tell its rivals apart, if any.
     """
     contest, extended = contest_of(diagnosis, cause), diagnosis.extended
-    alone = len(diagnosis.causes) == 1
+    alone = len(extended.model.effects) - len(diagnosis.base.model.effects) == 1
     other = diagnosis.base if alone else without(extended, cause.effect)
     grown, seen = gathered(other, extended), shown(other, extended)
     lines = [_margin(diagnosis, cause, contest), *_field(diagnosis, cause, contest)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from diagnosis.explanation.paragraphs import Explanation
-from diagnosis.explanation.wording import acting, listed, measured, percent, sentence_case, size, title_of
+from diagnosis.explanation.wording import acting, change, listed, measured, percent, sentence_case, size, title_of
 from diagnosis.holdout import gain_errors
 from diagnosis.odds import CLEAR
 from diagnosis.repeated_runs import repeated_pairs
@@ -47,14 +47,13 @@ def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> li
         error = gain_errors(diagnosis)
         before = measured(gain.held_out_rms_before, error.before, gain.unit)
         after = measured(gain.held_out_rms_after, error.after, gain.unit)
-        floor = f"the noise floor is {measured(gain.noise_floor, error.noise_floor, gain.unit)}"
+        floor = f"the {gain.floor_name} is {measured(gain.noise_floor, error.noise_floor, gain.unit)}"
         what = f"On {len(gain.runs)} held-out {runs} the simulation error"
         if diagnosis.extended is diagnosis.base:
             lines.append(f"{what} is {before} rms; {floor}.")
         else:
-            change = "falls" if gain.cut >= 0.0 else "rises"
-            part = percent(abs(gain.cut), error.cut)
-            lines.append(f"{what} {change} from {before} to {after} rms ({part}); {floor}.")
+            went = "falls" if gain.cut >= 0.0 else "rises"
+            lines.append(f"{what} {went} from {before} to {after} rms ({change(gain.cut, error.cut)}); {floor}.")
     else:
         lines.append("Nothing could be held out, so the gain is not proven.")
     inverse = diagnosis.torque_error

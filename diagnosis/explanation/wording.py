@@ -16,12 +16,24 @@ _SPOKEN = 12.0  # log odds up to which a number says more than a power of e
 
 
 def percent(share: float, std: float | None = None) -> str:
-    """A probability or share, with its standard error if it has one; never rounded up to certainty."""
-    if share >= 0.9995:
+    """A probability or share, with its standard error if it has one; never rounded up to certainty.
+
+    A ratio above one is told as it is, from ten on without per cent, and what could not be measured says so.
+    """
+    if not np.isfinite(share):
+        return "not measured"
+    if share >= 10.0:
+        return f"{share:.2g} times"
+    if 0.9995 <= share < 1.0005:
         return "> 99.9 %"
     if share < 0.0005:
         return "< 0.1 %"
     return f"{100.0 * share:.3g} %" if std is None else measured(100.0 * share, 100.0 * std, "%")
+
+
+def change(cut: float, std: float | None = None) -> str:
+    """By how much an error fell or rose, from the share that was cut; of twice as much and more, how many times."""
+    return f"{1.0 - cut:.2g} times" if cut <= -1.0 else percent(abs(cut), std)
 
 
 def measured(value: float, std: float | None, unit: str = "") -> str:

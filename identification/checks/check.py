@@ -17,6 +17,7 @@ from identification.checks.faults import find_flat_tops, find_frozen, find_spike
 from identification.checks.jumps import mask_dropouts, split_at_jumps
 from identification.checks.missing import bridge, fill_command, fill_others, fill_output
 from identification.checks.plausibility import check_time_unit, check_velocity_unit
+from identification.checks.rates import join_rows, on_output_samples
 from identification.checks.repeats import drop_repeats
 from identification.checks.sign import sign_of_the_command
 from identification.checks.speed_command import speed_for_torque
@@ -31,8 +32,10 @@ def check(recording: Recording) -> tuple[list[Recording], list[Finding]]:
     Returns the usable parts of the recording (none if all are too short) and the findings.
     Raises `MalformedLog` for what cannot be used.
     """
-    recording, findings = check_time(recording)
+    recording, findings = check_time(join_rows(recording))
     check_time_unit(recording)
+    recording, found = on_output_samples(recording)
+    findings += found
     recording, found = trim(recording)
     findings += found
     parts = _divide([recording], findings, split_at_gaps)
@@ -106,7 +109,7 @@ def unwrap(recording: Recording) -> Checked:
         index = np.flatnonzero(sound)
         if name == "output" and turn and wraps_in_degrees(values[index], index):
             turn = 360.0
-            text = f"{recording.label}: '{recording.name(name)}' wraps around by 360, so it is in degrees: --unit angle=deg"
+            text = f"{recording.label}: '{recording.name(name)}' wraps around by 360, as in degrees: --unit angle=deg"
             findings.append(Finding(kind="degrees", repaired=False, text=text, unusable=True))
         offsets, period = find_wraps(values[index], index, turn, quantum(values[index]))
         if not period:

@@ -1,7 +1,7 @@
 """Whether the command drives the motion or runs against it, with one sign or with that of each of two torques.
 
-Torque is inertia times acceleration and terms of angle and speed, so that what these terms leave of the torque goes with
-what they leave of the acceleration. Each filter of several widths is asked; a log is cut into blocks of equal
+Torque is inertia times acceleration and terms of angle and speed, so that what these terms leave of the torque goes
+with what they leave of the acceleration. Each filter of several widths is asked; a log is cut into blocks of equal
 acceleration, so that each may tell as much, and the agreement of the blocks is Student's t. A second witness must not
 contradict: the work that the torque does on the load. In one tone the first is easily deceived, as acceleration then
 goes with the angle, and in a loop that holds against a push the second, as there the load works.
@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from identification.checks.equation_error import evenly, gaussian, middle, motion_terms
 from identification.recording import Array, Finding, Recording
@@ -31,7 +32,7 @@ class View:
     """
 
     sigma: float
-    rows: Array
+    rows: NDArray[np.int64]
     acceleration: Array
     speed: Array
     terms: Array
@@ -40,7 +41,7 @@ class View:
 
     def behind(self, command: Array) -> Array:
         """(N,) a command (T,) behind the filter."""
-        return gaussian(command, self.sigma)[self.rows]
+        return np.asarray(gaussian(command, self.sigma)[self.rows])
 
     def inertia(self, command: Array) -> float:
         """Student's t of the inertia."""
@@ -93,7 +94,7 @@ def views(recording: Recording) -> tuple[Recording, list[View]]:
 
 def _view(part: Recording, sound: Array, sigma: float) -> View | None:
     edge, dt = int(np.ceil(4 * sigma)), part.time[1] - part.time[0]
-    rows = np.arange(edge, len(part.time) - edge, max(1, int(sigma / 4)))
+    rows = np.arange(edge, len(part.time) - edge, max(1, int(sigma / 4)), dtype=np.int64)
     rows = rows[gaussian(1.0 - sound, sigma)[rows] < 1e-3]
     if len(rows) * max(1, int(sigma / 4)) < 4 * sigma * BLOCKS or len(rows) < 5 * BLOCKS:
         return None

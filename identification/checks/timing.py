@@ -42,12 +42,44 @@ def check_time(recording: Recording) -> Checked:
         return recording, []
     first = recording.where(int(np.flatnonzero(repeated)[0]))
     if count > 0.01 * len(time):
+        spread, digit = _spread(time)
+        if spread is not None:
+            text = (
+                f"{first}: {count} of {len(time)} samples repeat the time of the one before, as times are written in "
+                f"steps of {1e3 * digit:.4g} ms; the samples are spread evenly between them"
+            )
+            return replace(recording, time=spread), [Finding(kind="repeated time", repaired=True, text=text)]
         raise MalformedLog(
             f"{first}: {count} of {len(time)} samples repeat the time of the one before, "
             "export the time with more digits."
         )
     text = f"{first}: {counted(count, 'sample')} with a repeated time left out"
     return recording.take(~repeated), [Finding(kind="repeated time", repaired=True, text=text)]
+
+
+def _spread(time: Array) -> tuple[Array | None, float]:
+    """Times (T,) of samples that share their stamps, evenly between these, and the step of the stamps.
+
+    One even clock is taken where all stamps are its times without their last digits. None where the numbers of
+    samples that share a stamp are in no proportion to the time until the next.
+    """
+    first = np.flatnonzero(np.diff(time, prepend=-np.inf))
+    counts = np.diff(first, append=len(time))
+    until = np.diff(time[first])
+    if len(until) < MIN_SAMPLES // 5:
+        return None, 0.0
+    digit = float(np.median(until))
+    usual = until <= GAP * digit
+    rate = float(counts[:-1][usual].sum() / until[usual].sum())
+    if np.mean(np.abs(counts[:-1] - rate * until)[usual] <= 1.0 + 1e-6) < 0.95:
+        return None, digit
+    index = np.arange(len(time))
+    line = np.polynomial.Polynomial.fit(index, time, 1)(index)
+    if np.ptp(time - line) < 1.05 * digit:
+        return np.asarray(line + (time[0] - line[0])), digit
+    length = np.append(np.minimum(until, np.where(usual, until, counts[:-1] / rate)), counts[-1] / rate)
+    stamp = np.repeat(np.arange(len(first)), counts)
+    return time + (index - first[stamp]) / counts[stamp] * length[stamp], digit
 
 
 def trim(recording: Recording) -> Checked:

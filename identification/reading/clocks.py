@@ -4,26 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from identification.checks.timing import GAP
 from identification.errors import MalformedLog
+from identification.reading.runs import labels_of
 from identification.reading.table import Table
 from identification.recording import Array
+
+_DRIVES = ("torque", "torque_1", "torque_2", "force", "current", "voltage", "duty", "setpoint")
 
 
 def on_one_clock(table: Table, found: Mapping[str, str]) -> tuple[Table, dict[str, str]]:
     """The columns in `found` (contract column -> the table's) on one clock, and `found` with that clock as its time.
 
-    The clock is that of the output, whose samples thus stay as they were measured; the others are interpolated.
+    The clock is that of the output, whose samples thus stay as they were measured; the others are interpolated, but of
+    a command that is sampled faster the means count, which give the load the same impulse.
     A time that the user mapped, or a column named so, comes before the clock.
 
     Raises `MalformedLog` where the time of a channel does not increase, or a channel holds text.
     """
-    output = found.get("angle", found.get("position", ""))
+    output = found.get("angle", found.get("position", found.get("velocity", "")))
     clock = table.clocks.get(output)
     if clock is None:
         return table, dict(found)
@@ -33,7 +36,8 @@ def on_one_clock(table: Table, found: Mapping[str, str]) -> tuple[Table, dict[st
         own = table.clocks.get(name)
         if own is None or own is clock or np.array_equal(own, clock):
             continue
-        columns[name] = _moved(table, name, clock, held=column == "run")
+        time = np.asarray(clock, dtype=np.float64)
+        columns[name] = _labels(table, name, time) if column == "run" else _moved(table, name, time, column in _DRIVES)
         moved.append(name)
     notes = table.notes
     if moved:
@@ -46,7 +50,19 @@ def on_one_clock(table: Table, found: Mapping[str, str]) -> tuple[Table, dict[st
     return replace(table, columns=columns, notes=notes), completed
 
 
-def _moved(table: Table, name: str, clock: NDArray[Any], *, held: bool) -> Array:
+def _labels(table: Table, name: str, time: Array) -> NDArray[np.object_]:
+    """The label of a run counts until the next one."""
+    stamps = np.asarray(table.clocks[name], dtype=np.float64)
+    labels = labels_of(table, name)
+    order = np.argsort(stamps[np.isfinite(stamps)], kind="stable")
+    stamps, labels = stamps[np.isfinite(stamps)][order], labels[np.isfinite(stamps)][order]
+    if len(labels) == 0:
+        raise MalformedLog(f"{table.name}: the channel '{name}' has no times, leave it out.")
+    before = np.searchsorted(stamps, time, side="right") - 1
+    return np.asarray(labels[np.maximum(before, 0)], dtype=object)
+
+
+def _moved(table: Table, name: str, time: Array, drives: bool) -> Array:
     try:
         values = np.asarray(table.columns[name], dtype=np.float64)
     except (ValueError, TypeError) as error:
@@ -56,11 +72,30 @@ def _moved(table: Table, name: str, clock: NDArray[Any], *, held: bool) -> Array
     stamps, values = stamps[known], values[known]
     if len(stamps) < 2 or np.any(np.diff(stamps) <= 0):
         raise MalformedLog(f"{table.name}: the time of channel '{name}' does not increase, export it again.")
-    time = np.asarray(clock, dtype=np.float64)
-    if held:  # the number of a run counts until the next one
-        before = np.searchsorted(stamps, time, side="right") - 1
-        return np.where(before >= 0, values[before], values[0])
+    if drives and len(time) > 1 and np.median(np.diff(stamps)) < 0.75 * np.median(np.diff(time)):
+        return _between(time, stamps, values)
     return _at(time, stamps, values)
+
+
+def _between(time: Array, stamps: Array, values: Array) -> Array:
+    """Means of what drives the load from each time to the next: the same impulse as of its own, faster samples.
+
+    A sample holds until the next one. Where samples are missing nothing is known: NaN.
+    """
+    steps = np.diff(stamps)
+    usual = float(np.median(steps))
+    edges = np.append(stamps, stamps[-1] + usual)
+    held = np.append(steps, usual)
+    until = np.append(time[1:], 2 * time[-1] - time[-2])
+
+    def integral(rates: Array) -> Array:
+        sums = np.append(0.0, np.cumsum(rates * held))
+        return np.asarray(np.interp(until, edges, sums) - np.interp(time, edges, sums))
+
+    known = (time >= edges[0]) & (np.minimum(until, edges[-1]) > time) & (until <= edges[-1] + usual)
+    known &= integral((held > GAP * usual).astype(np.float64)) <= 0
+    length = np.where(known, np.minimum(until, edges[-1]) - time, 1.0)
+    return np.where(known, integral(values) / length, np.nan)
 
 
 def _at(time: Array, stamps: Array, values: Array) -> Array:

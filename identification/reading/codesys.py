@@ -7,6 +7,7 @@ samples, `; time; value`, at times of its own. The time is a whole number of mil
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
 from identification.reading.table import Table
+from identification.recording import Array
 
 _HEADER = re.compile(r"\s*\[key\]\s*;\s*\[value\]\s*$", re.IGNORECASE)
 _VARIABLE = re.compile(r"\s*(\d+)\.Variable\s*;(.*)$")
@@ -28,8 +30,8 @@ _TRUTH = {"TRUE": 1.0, "FALSE": 0.0}
 @dataclass(kw_only=True)
 class _Variable:
     name: str
-    times: list[float] = field(default_factory=list)
-    values: list[float] = field(default_factory=list)
+    times: list[Array] = field(default_factory=list)
+    values: list[Array] = field(default_factory=list)
 
 
 def is_trace(lines: Sequence[str]) -> bool:
@@ -44,42 +46,70 @@ def read_trace(lines: Sequence[str], name: str, sha256: str) -> Table:
     """
     variables: list[_Variable] = []
     flags = 0
-    cut = ""
-    for number, line in enumerate(lines, 1):
-        if line.lstrip().startswith(";"):
-            try:
-                _add(line, variables)
-            except ValueError as error:
-                if number == len(lines):
-                    cut = f"{name}: the last line ({number}) is cut off and left out"
-                    continue
-                raise MalformedLog(
-                    f"{name}, line {number}: {line.strip()[:40]!r} is no sample of a trace ('; time; value'), "
-                    "repair or delete this line."
-                ) from error
-        elif found := _VARIABLE.match(line):
+    notes: tuple[str, ...] = ()
+    keys = [k for k, line in enumerate(lines) if (text := line.strip()) and text[0] != ";"]
+    for key, end in zip([-1, *keys], [*keys, len(lines)], strict=True):
+        line = lines[key] if key >= 0 else ""
+        if found := _VARIABLE.match(line):
             variables.append(_Variable(name=found[2].strip()))
         elif line.split(";")[0].strip() == "Flags":
             flags = _whole(line)
-        elif line.strip() and not _KEY.match(line) and not _HEADER.match(line) and number < len(lines):
-            raise MalformedLog(f"{name}, line {number}: this is no line of a CODESYS trace, save the trace again.")
-    unit, notes = _unit(flags, variables, name)
-    kept = [variable for variable in variables if len(variable.times) > 1]
+        elif line.strip() and not _KEY.match(line) and not _HEADER.match(line) and key + 1 < len(lines):
+            raise MalformedLog(f"{name}, line {key + 1}: this is no line of a CODESYS trace, save the trace again.")
+        if any(map(str.strip, lines[key + 1 : end])):
+            if not variables:
+                raise _no_sample(lines, key + 1, name)
+            times, values, cut = _samples(lines, key + 1, end, name)
+            variables[-1].times.append(times)
+            variables[-1].values.append(values)
+            notes += (f"{name}: the last line ({len(lines)}) is cut off and left out",) * cut
+    unit, told = _unit(flags, variables, name)
+    kept = [variable for variable in variables if sum(map(len, variable.times)) > 1]
     if not kept:
         raise MalformedLog(f"{name}: the trace holds no samples, save it again after it has recorded.")
-    return _table(kept, unit, name, sha256, (*notes, *[cut] * bool(cut)))
+    return _table(kept, unit, name, sha256, (*told, *notes))
 
 
-def _add(line: str, variables: list[_Variable]) -> None:
-    """One sample to the variable it stands below; raises `ValueError` where it is none."""
+def _samples(lines: Sequence[str], start: int, end: int, name: str) -> tuple[Array, Array, bool]:
+    """Times and values in a block of lines, and whether the last line of the file is cut off and left out."""
+    import pandas as pd
+
+    kept = [k for k in range(start, end) if lines[k].strip()]
+    try:
+        frame = pd.read_csv(
+            io.StringIO("\n".join(lines[start:end])), sep=";", header=None, names=range(3), skipinitialspace=True
+        )
+        times, values = frame[1].to_numpy(), frame[2].to_numpy()
+        if times.dtype.kind in "fi" and values.dtype.kind in "fib" and len(times) == len(kept):
+            times, values = times.astype(np.float64), values.astype(np.float64)
+            if np.isfinite(times).all() and not np.isnan(values).any():
+                return times, values, False
+    except Exception:  # whatever pandas makes of a damaged line; told apart below
+        pass
+    pairs = []
+    for k in kept:  # one by one, to say which is wrong
+        try:
+            pairs.append(_sample(lines[k]))
+        except ValueError as error:
+            if k + 1 < len(lines):
+                raise _no_sample(lines, k, name) from error
+    both = np.asarray(pairs, dtype=np.float64).reshape(-1, 2)
+    return both[:, 0], both[:, 1], len(pairs) < len(kept)
+
+
+def _sample(line: str) -> tuple[float, float]:
+    """Time and value of a line; raises `ValueError` where it has none."""
     _, stamp, value = line.split(";", 2)
     text = value.strip()
-    if not variables:
-        raise ValueError(line)
     number = _TRUTH.get(text.upper())
-    time = float(stamp)
-    variables[-1].values.append(float(text.replace(",", ".")) if number is None else number)
-    variables[-1].times.append(time)
+    return float(stamp), float(text.replace(",", ".")) if number is None else number
+
+
+def _no_sample(lines: Sequence[str], index: int, name: str) -> MalformedLog:
+    return MalformedLog(
+        f"{name}, line {index + 1}: {lines[index].strip()[:40]!r} is no sample of a trace ('; time; value'), "
+        "repair or delete this line."
+    )
 
 
 def _whole(line: str) -> int:
@@ -107,8 +137,8 @@ def _table(variables: Sequence[_Variable], unit: str, name: str, sha256: str, no
     for variable in variables:
         if variable.name in columns:
             continue
-        times = np.asarray(variable.times)
+        times = np.concatenate(variable.times)
         clock = clock if np.array_equal(clock, times) else times
-        columns[variable.name] = np.asarray(variable.values)
+        columns[variable.name] = np.concatenate(variable.values)
         clocks[variable.name] = clock
     return Table(name=name, columns=columns, sha256=sha256, notes=notes, clocks=clocks, units={"time": unit})

@@ -99,6 +99,8 @@ def read_table(path: str | Path) -> Table:
 
 def _bytes(path: Path) -> bytes:
     if str(path) == STANDARD_INPUT:
+        if sys.stdin.isatty():
+            raise MalformedLog("standard input: nothing is piped into it, name a file or pipe a log.")
         return sys.stdin.buffer.read()
     try:
         return path.read_bytes()

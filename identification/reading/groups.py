@@ -27,6 +27,8 @@ def vectors(arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
         if value.dtype.names:  # a compound: its fields
             fields = vectors({field: value[field] for field in value.dtype.names})
             columns |= {field if len(arrays) == 1 else f"{name}.{field}": column for field, column in fields.items()}
+        elif value.dtype.kind in "SU" and value.ndim == 1:  # labels of runs
+            columns[name] = np.asarray([_text(cell) for cell in value], dtype=object)
         elif value.dtype.kind not in "fiubmM":
             continue
         elif value.ndim == 1 or value.size == max(value.shape):
@@ -35,6 +37,10 @@ def vectors(arrays: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
             matrix = value if value.shape[0] >= value.shape[1] else value.T
             columns |= {f"{name}:{k + 1}": matrix[:, k] for k in range(matrix.shape[1])}
     return columns
+
+
+def _text(cell: Any) -> str:
+    return cell.decode("utf-8", "replace") if isinstance(cell, bytes) else str(cell)
 
 
 def grouped_table(groups: Groups, name: str, sha256: str) -> Table:

@@ -21,7 +21,8 @@ def read_hdf5(content: bytes, name: str, sha256: str) -> Table:
 
     def visit(path: str, item: Any) -> None:
         parent, _, key = path.rpartition("/")
-        if path.startswith("#refs#") or not isinstance(item, h5py.Dataset):
+        beside = path.startswith("#refs#") or "/_i_" in f"/{path}"  # MATLAB's cells, the indices of PyTables
+        if beside or not isinstance(item, h5py.Dataset):
             return
         found = _of_pandas(parent, key, item)
         groups.setdefault(parent, {}).update(vectors({key: item[()]}) if found is None else found)
@@ -47,10 +48,12 @@ def _of_pandas(parent: str, key: str, item: Any) -> dict[str, NDArray[Any]] | No
         rows = item[()]
         columns: dict[str, NDArray[Any]] = {}
         for field in rows.dtype.names:
-            names = _names_of_block(item.attrs.get(f"{field}_kind"))
             values = rows[field]
-            columns |= vectors(_by_name(values, names) if values.ndim == 2 and names else {field: values})
-        return columns
+            names = _pickled_texts(item.attrs.get(f"{field}_kind")) if values.ndim == 2 else []
+            columns |= vectors(_by_name(values, names) if names else {field: values})
+        texts = _pickled_texts(frame.attrs.get("info"))
+        called = texts[texts.index("index_name") + 1] if "index_name" in texts[:-1] else "index"
+        return {called if name == "index" else name: values for name, values in columns.items()}
     return {} if kind else None
 
 
@@ -67,13 +70,13 @@ def _text(value: Any, otherwise: str) -> str:
     return otherwise if text in ("", "N.") else text  # "N." is a pickled None
 
 
-def _names_of_block(kind: Any) -> list[str]:
-    """The names of the columns in a block, which pandas keeps pickled: their texts are read, nothing is loaded."""
-    if kind is None:
+def _pickled_texts(said: Any) -> list[str]:
+    """The texts in a pickle, in which pandas keeps the names of columns; it is read as a list and never loaded."""
+    if said is None:
         return []
-    raw = str(kind).encode() if isinstance(kind, str) else bytes(kind)
-    return [
-        str(argument)
-        for code, argument, _ in pickletools.genops(raw)
-        if "UNICODE" in code.name or "STRING" in code.name
-    ]
+    raw = said.encode() if isinstance(said, str) else bytes(said)
+    try:
+        codes = list(pickletools.genops(raw))
+    except ValueError:
+        return []
+    return [str(text) for code, text, _ in codes if "UNICODE" in code.name or "STRING" in code.name]

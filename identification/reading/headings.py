@@ -18,12 +18,12 @@ _BRACKETS = re.compile(r"^(.*\S)\s*[\[({<]\s*([^\[\](){}<>]+?)\s*[\])}>]\s*$")
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _LETTERS = re.compile(r"[A-Za-zµ°%]+")
 _UNSIZED = {"%", "‰", "count", "counts", "cnt", "inc", "increments", "ticks", "pulses", "raw", "lsb", "digits", "bit"}
-_AT_THE_END = {
+_AT_THE_END = {  # as a last word, where capitals count for single letters: a motor "a" has no amperes
     *("s", "sec", "ms", "us", "ns", "rad", "mrad", "deg", "turn", "turns", "rev", "revs", "rpm", "mm", "um", "m"),
-    *("nm", "mnm", "ncm", "n", "kn", "a", "ma", "v", "mv", "hz"),
+    *("nm", "Nm", "NM", "mNm", "Ncm", "N", "kN", "A", "mA", "V", "mV", "RPM", "DEG", "Deg", "RAD", "Rad"),
 }
-_SPELLED = {"sec": "s", "turns": "turn", "rev": "turn", "revs": "turn", "nm": "N*m", "mnm": "mN*m", "ncm": "N*cm"}
-_SPELLED |= {"n": "N", "kn": "kN", "a": "A", "ma": "mA", "v": "V", "mv": "mV"}
+_SPELLED = {"sec": "s", "turns": "turn", "rev": "turn", "revs": "turn", "nm": "N*m", "NM": "N*m", "Nm": "N*m"}
+_SPELLED |= {"mNm": "mN*m", "Ncm": "N*cm", "RPM": "rpm", "DEG": "deg", "Deg": "deg", "RAD": "rad", "Rad": "rad"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,9 +50,9 @@ def heading(text: str) -> Heading:
     words = _words(plain)
     for count in (2, 1):
         last = _last_letters(plain, count)
-        if len(words) <= count or not last or not all(one.lower() in _AT_THE_END for one in last):
+        if len(words) <= count or not last or not all(one in _AT_THE_END for one in last):
             continue
-        unit = "/".join(_SPELLED.get(one.lower(), one.lower()) for one in last)
+        unit = "/".join(_SPELLED.get(one, one) for one in last)
         if unit == "N/m":
             unit = "N*m"
         if kind_of(unit) is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,7 +64,7 @@ def refuse_missing(table: Table, known: Recognition, reading: Reading) -> None:
     facts = inventory(table, known)
     first = f"{table.name}: no column is recognised as {_listed(lacking)}, of those that the file has."
     options = suggested_options(known, lacking_time=lacking[0].startswith("'time'"))
-    raise MissingColumns("\n".join([first, *_lines(facts)]), options=options, file=table.name)
+    raise MissingColumns("\n".join([first, *lines(facts)]), options)
 
 
 def suggested_options(known: Recognition, *, lacking_time: bool) -> str:
@@ -78,7 +79,8 @@ def suggested_options(known: Recognition, *, lacking_time: bool) -> str:
     return " ".join(said)
 
 
-def _lines(facts: tuple[ColumnFacts, ...]) -> list[str]:
+def lines(facts: Sequence[ColumnFacts]) -> list[str]:
+    """The facts as a table, one column of the file a line."""
     shown = [(one.name, one.unit, one.range, _use(one)) for one in facts]
     rows = [("column", "unit", "range", "taken for"), *shown]
     widths = [max(len(row[place]) for row in rows) for place in range(4)]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from identification.errors import MalformedLog
 from identification.reading.table import Table
 from identification.reading.time_names import is_time, time_unit
+from identification.reading.time_stamps import clock_of, with_whole_stamps
 from identification.recording import Array
 
 _SECONDS = {"min": 60.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
@@ -71,6 +72,7 @@ def _clocked(table: Table, time: str | None) -> tuple[dict[str, NDArray[Any]], d
         shared = {id(clock): scale * np.asarray(clock, dtype=np.float64) for clock in table.clocks.values()}
         clocks = {name: shared[id(clock)] for name, clock in table.clocks.items()}
         return {name: table.columns[name] for name in clocks}, clocks
+    table = with_whole_stamps(table)
     name = time if time in table.columns else next((name for name in table.columns if is_time(name)), None)
     if name is None:
         raise MalformedLog(f"{table.name}: no column is called as a time is, name it with --map time=NAME.")
@@ -83,21 +85,10 @@ def _clocked(table: Table, time: str | None) -> tuple[dict[str, NDArray[Any]], d
 
 
 def _seconds(table: Table, name: str) -> Array:
-    """A column of times in seconds: numbers in its unit, dates since 1970."""
-    values = np.asarray(table.columns[name])
-    if values.dtype.kind in "fiu":
-        unit = table.units.get(name, "") or time_unit(name)
-        return np.asarray(values, dtype=np.float64) * _SECONDS.get(unit, 1.0)
-    import pandas as pd
-
-    text = pd.Series(values).astype(str).str.replace(",", ".")
-    try:
-        since = pd.to_datetime(text, format="ISO8601", utc=True) - pd.Timestamp(0, tz="UTC")
-    except (ValueError, TypeError, OverflowError):
-        since = pd.to_timedelta(text, errors="coerce")  # the time of day
-    if since.isna().all() or (values.dtype.kind in "OUT" and not text.str.contains(":").any()):
-        raise MalformedLog(f"{table.name}: the times in '{name}' are neither numbers nor dates, export them again.")
-    return np.asarray(since.dt.total_seconds(), dtype=np.float64)
+    """A column of times in seconds: numbers in its unit, dates since 1970, the time of day since midnight."""
+    unit = table.units.get(name, "") or time_unit(name)
+    times, begin, _ = clock_of(table, name, _SECONDS.get(unit, 1.0) if unit else None)
+    return times + begin
 
 
 def _span(table: Table, clocks: dict[str, Array]) -> tuple[float, float]:

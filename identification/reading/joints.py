@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
@@ -23,15 +23,28 @@ def with_joints(table: Table) -> Table:
     """The table, with the joints that its names tell of: `/joint_states/elbow/position`, `field.position0`."""
     if table.joint_of:
         return table
-    joint_of = {}
+    joint_of = _in_paths(table.columns)
     for name in table.columns:
-        if found := _PATH.fullmatch(name):
-            joint_of[name] = (found["joint"], f"{found['topic']}.{found['quantity']}")
-        elif found := _LISTED.fullmatch(name):  # rostopic echo -p
+        if found := _LISTED.fullmatch(name):  # rostopic echo -p
             joint = _constant(table.columns.get(f"{found['field'] or ''}name{found['place']}"))
             if joint:
                 joint_of[name] = (joint, f"{found['field'] or ''}{found['quantity']}")
     return replace(table, joint_of=joint_of) if joint_of else table
+
+
+def _in_paths(names: Collection[str]) -> dict[str, tuple[str, str]]:
+    """The joints in the paths of PlotJuggler: parts of one topic that have a quantity in common, as an encoder's
+    position and a drive's effort have not."""
+    found = {name: match for name in names if (match := _PATH.fullmatch(name))}
+    topics: dict[str, dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
+    for match in found.values():
+        topics[match["topic"]][match["joint"]].add(match["quantity"])
+    joined = {topic for topic, joints in topics.items() if set.intersection(*joints.values())}
+    return {
+        name: (match["joint"], f"{match['topic']}.{match['quantity']}")
+        for name, match in found.items()
+        if match["topic"] in joined
+    }
 
 
 def select_joint(table: Table, joint: str | None = None, mapped: Collection[str] = ()) -> Table:

@@ -14,7 +14,7 @@ from identification.errors import MalformedLog
 from identification.reading.cia402 import drive_object
 from identification.reading.headings import heading
 from identification.reading.table import Table
-from identification.reading.units import si_factor, si_unit
+from identification.reading.units import kind_of, si_factor, si_unit
 from plant.errors import BadParameter
 
 _NO_UNIT = {"", "-", "--", "1", "none", "(none)", "n/a", "[]", "[-]"}  # as files write it
@@ -51,7 +51,7 @@ def stated_units(
     for column, name in found.items():
         if column in units or column == "run":
             continue
-        unit = table.units.get(name, "").strip() or heading(name).unit
+        unit = table.units.get(name, "").strip() or _of_heading(name, column, axis)
         try:
             if unit.lower() not in _NO_UNIT:
                 if _counts(column, unit, axis, scaled=column in scales):
@@ -70,6 +70,12 @@ def stated_units(
     if told:
         notes.append(f"{table.name}: units as the file gives them, {', '.join(told)}")
     return StatedUnits(units=known, left_out=tuple(left_out), notes=tuple(notes))
+
+
+def _of_heading(name: str, column: str, axis: str) -> str:
+    """The unit in a heading; a last word such as the m of `theta_m` is one only where the column has such a unit."""
+    read = heading(name)
+    return "" if read.trailing and kind_of(read.unit) != si_unit(column, axis) else read.unit
 
 
 def _counts(column: str, unit: str, axis: str, *, scaled: bool) -> bool:

@@ -41,31 +41,38 @@ def seconds_of(table: Table, name: str, factor: float | None) -> tuple[Array, tu
 
     Raises `MalformedLog` for a cell that is no time.
     """
+    times, _, told = clock_of(table, name, factor)
+    return times, told
+
+
+def clock_of(table: Table, name: str, factor: float | None) -> tuple[Array, float, tuple[str, ...]]:
+    """(T,) times [s], when dates among them begin [s] since 1970, else 0, and what is to be said; as `seconds_of`."""
     raw: NDArray[Any] = np.asarray(table.columns[name])
     if raw.ndim == 1 and raw.dtype.kind in "mMOUST":
         import pandas as pd
 
         cells = pd.Series(raw)
         if raw.dtype.kind == "m":
-            return np.asarray(cells.dt.total_seconds(), dtype=np.float64), ()
+            return np.asarray(cells.dt.total_seconds(), dtype=np.float64), 0.0, ()
         written = cells.map(lambda cell: str(cell).strip(), na_action="ignore").replace("", np.nan)
         times = _times_of_day(written)
         if times is None:
             dates = _dates(cells) if raw.dtype.kind == "M" else _dates(written)
             if dates is not None:
-                _refuse_others(table, name, written, dates)
-                return dates, ()
+                _refuse_others(table, name, written, dates[0])
+                return *dates, ()
         else:
             _refuse_others(table, name, written, times)
-            return _over_midnight(table, name, times, whole=bool(written.str.contains("d").any()))
+            times, told = _over_midnight(table, name, times, whole=bool(written.str.contains("d").any()))
+            return times, 0.0, told
     numbers = numbers_of(table, name, "time")
     if factor is not None:
-        return numbers * factor, ()
+        return numbers * factor, 0.0, ()
     unit = _epoch(numbers)
     if unit is None:
-        return numbers, ()
+        return numbers, 0.0, ()
     note = f"{table.name}: '{name}' counts {unit} since 1970, as in seconds it would lie far in the future"
-    return numbers * _EPOCHS[unit], (note,)
+    return numbers * _EPOCHS[unit], 0.0, (note,)
 
 
 def _times_of_day(written: pd.Series[str]) -> Array | None:
@@ -100,8 +107,8 @@ def _over_midnight(table: Table, name: str, times: Array, *, whole: bool) -> tup
     return continued, (f"{table.name}: '{name}' passes midnight and is continued",)
 
 
-def _dates(cells: pd.Series[Any]) -> Array | None:
-    """Seconds since the first date, NaN for a cell that is none; None if most are none.
+def _dates(cells: pd.Series[Any]) -> tuple[Array, float] | None:
+    """Seconds since the first date, NaN for a cell that is none, and that date since 1970; None if most are none.
 
     Which number is the day and which the month is not asked: the reading in which the log is shorter is taken.
     """
@@ -109,7 +116,9 @@ def _dates(cells: pd.Series[Any]) -> Array | None:
 
     stamps = pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce")
     if 2 * int(stamps.notna().sum()) > int(cells.notna().sum()):
-        return np.asarray((stamps - stamps.dropna().iloc[0]).dt.total_seconds(), dtype=np.float64)
+        first = stamps.dropna().iloc[0]
+        since = np.asarray((stamps - first).dt.total_seconds(), dtype=np.float64)
+        return since, float((first - pd.Timestamp(0, tz="UTC")).total_seconds())
     parts = cells.astype(str).str.extract(_DATED)
     times = _times_of_day(parts["time"]) if parts["time"].notna().any() else None
     if times is None or not 2 * int(parts["date"].notna().sum()) > int(cells.notna().sum()):
@@ -119,12 +128,13 @@ def _dates(cells: pd.Series[Any]) -> Array | None:
     for day_first in (True, False):
         days = pd.to_datetime(pd.Series(different), dayfirst=day_first, format="mixed", errors="coerce")
         if days.notna().all() and len(days):
-            since = np.asarray((days - days.iloc[0]).dt.total_seconds(), dtype=np.float64)
+            since = np.asarray((days - pd.Timestamp(0)).dt.total_seconds(), dtype=np.float64)
             read.append(np.where(codes >= 0, since[codes], np.nan) + times)
     if not read:
         return None
     shortest = min(read, key=lambda seconds: float(np.nanmax(seconds) - np.nanmin(seconds)))
-    return np.asarray(shortest - shortest[np.isfinite(shortest)][0])
+    begin = float(shortest[np.isfinite(shortest)][0])
+    return shortest - begin, begin
 
 
 def _refuse_others(table: Table, name: str, written: pd.Series[str], times: Array) -> None:

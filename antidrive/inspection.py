@@ -1,0 +1,154 @@
+"""What is understood of a log before anything is fitted: its columns, units, runs, gaps and faults."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from antidrive.log_options import LogOptions
+from identification.log import Log
+from identification.reading.files import read_table
+from identification.reading.inventory import ColumnFacts, inventory, lines
+from identification.reading.joints import select_joint
+from identification.reading.recognition import joined_if_needed, recognise
+from identification.reading.request import Reading
+from identification.reading.table import Table
+from identification.reading.units import kind_of
+from identification.run import Run
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inspection:
+    """A log as it was understood.
+
+    Attributes:
+        options: how it was read.
+        tables: name of each table, and the facts of its columns.
+        log: the log; of logs to validate on, `holdout`.
+    """
+
+    options: LogOptions
+    tables: tuple[tuple[str, tuple[ColumnFacts, ...]], ...]
+    log: Log
+    holdout: Log | None
+
+    def log_file(self, folder: Path) -> str:
+        """The text of a log.toml for a folder."""
+        from antidrive.log_file import log_file
+
+        columns: dict[str, str] = {}
+        units: dict[str, str] = {}
+        for _, facts in self.tables:
+            for one in facts:
+                if one.taken_for and one.taken_for not in columns:
+                    columns[one.taken_for] = one.name
+                    if one.unit and kind_of(one.unit) is not None:
+                        units[one.taken_for] = one.unit
+        kept = {column: unit for column, unit in units.items() if column not in self.options.scales}
+        return log_file(self.options, folder, columns, kept)
+
+    def sentences(self) -> list[str]:
+        """The same in words, a line each."""
+        said: list[str] = []
+        for name, facts in self.tables:
+            rows = max((one.samples for one in facts), default=0)
+            said += [f"{name}: {rows} rows, {len(facts)} columns", *lines(facts), ""]
+        said += [f"{self.log!r}, command in {self.log.command_unit}", *_table(self.log.runs)]
+        if self.holdout is not None:
+            said += ["To validate on:", *_table(self.holdout.runs)]
+        said += [f"  unusable: {text}" for text in self.log.faults]
+        said += [f"  warning: {text}" for text in (*self.log.warnings, *self.log.notes)]
+        said += [f"  repaired: {text}" for text in self.log.repairs]
+        return said
+
+    def summary(self) -> dict[str, Any]:
+        """The same as data."""
+        return {
+            "schema": 1,
+            "tables": [{"name": name, "columns": [vars(one) for one in facts]} for name, facts in self.tables],
+            "axis": self.log.axis,
+            "command_unit": self.log.command_unit,
+            "runs": [_facts(run) for run in self.log.runs],
+            "data": {
+                "faults": list(self.log.faults),
+                "warnings": [*self.log.warnings, *self.log.notes],
+                "repairs": list(self.log.repairs),
+            },
+            "source": [{"file": source.file, "sha256": source.sha256} for source in self.log.sources],
+        }
+
+
+def inspected(options: LogOptions, tell: Callable[[str], None] | None = None) -> Inspection:
+    """Read a log and say what it is.
+
+    Raises:
+        MalformedLog: nothing can be made of it.
+        BadParameter: options that do not fit.
+    """
+    if options.dataset is not None or not options.files:
+        measured = options.read(tell)
+        return Inspection(options=options, tables=(), log=measured.log, holdout=measured.holdout)
+    reading = options.reading()
+    tables = [read_table(path) for path in options.files]
+    facts = tuple(_understood(table, reading) for table in joined_if_needed(tables, reading))
+    held = Log.of_files(options.holdout, reading) if options.holdout else None
+    return Inspection(options=options, tables=facts, log=Log.of_tables(tables, reading), holdout=held)
+
+
+def _understood(table: Table, reading: Reading) -> tuple[str, tuple[ColumnFacts, ...]]:
+    own = {column: name for column, name in reading.mapping.items() if name in table.columns}
+    chosen = select_joint(table, reading.joint, mapped=list(own.values()))
+    facts = inventory(chosen, recognise(chosen, reading))
+    said = {column: unit for column, unit in reading.units.items()}
+    return table.name, tuple(replace(one, unit=said.get(one.taken_for, one.unit)) for one in facts)
+
+
+def _facts(run: Run) -> dict[str, Any]:
+    steps = np.diff(run.time)
+    return {
+        "run": run.run,
+        "samples": len(run),
+        "duration": run.duration,
+        "sample_time": run.sample_time,
+        "jitter": float(np.std(steps) / run.sample_time),
+        "longest_gap": float(steps.max()),
+        "masked": int(np.sum(~run.valid)),
+    }
+
+
+def _table(runs: tuple[Run, ...]) -> list[str]:
+    heads = ("run", "samples", "duration [s]", "sample time [ms]", "jitter [%]", "longest gap [ms]", "masked")
+    rows = [heads]
+    for one in map(_facts, runs):
+        rows.append(
+            (
+                one["run"],
+                str(one["samples"]),
+                f"{one['duration']:.5g}",
+                f"{1e3 * one['sample_time']:.4g}",
+                f"{100 * one['jitter']:.2g}",
+                f"{1e3 * one['longest_gap']:.4g}",
+                str(one["masked"]),
+            )
+        )
+    widths = [max(len(row[place]) for row in rows) for place in range(len(heads))]
+    return ["  " + "  ".join(cell.rjust(w) for cell, w in zip(row, widths, strict=True)) for row in rows]
+
+
+def inspection_figures(log: Log, most: int = 4) -> list[tuple[str, Any]]:
+    """Label and picture of the first runs: command and response over time."""
+    from antidrive import figures
+
+    unit = "rad" if log.axis == "rotary" else "m"
+    drawn = []
+    for run in log.runs[:most]:
+        rows = [
+            (f"command [{log.command_unit}]", [("command", figures.BEFORE, run.command)]),
+            (f"response [{unit}]", [("response", figures.AFTER, np.where(run.valid, run.output, np.nan))]),
+        ]
+        drawn.append((run.label, figures.traces_figure(run.time, rows, bounds={})))
+    return drawn

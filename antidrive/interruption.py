@@ -1,0 +1,71 @@
+"""Ctrl-C and SIGTERM: the command is unwound as by an error, so that nothing is left behind, and then ends at once.
+
+Threads may still be in machine code for a while; nobody waits for them.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NoReturn
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Stopped(BaseException):
+    """Somebody asked the command to end; the exit code is that of a shell for the signal."""
+
+    def __init__(self, number: int = signal.SIGINT) -> None:
+        """By a signal of that number."""
+        super().__init__(number)
+        self.code = 128 + number
+
+
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """Within the block a signal raises `Stopped`, once: what cleans up is not stopped again."""
+
+    def stop(number: int, frame: Any) -> NoReturn:
+        for each in _SIGNALS:
+            signal.signal(each, signal.SIG_IGN)
+        raise Stopped(number)
+
+    with _handled(stop):
+        yield
+
+
+@contextmanager
+def unstoppable() -> Iterator[None]:
+    """Within the block a signal waits for its end."""
+    come: list[int] = []
+    with _handled(lambda number, frame: come.append(number)):
+        yield
+    for number in come[:1]:
+        signal.raise_signal(number)
+
+
+@contextmanager
+def _handled(handler: Any) -> Iterator[None]:
+    """Signals go to that handler, in the main thread; another one never gets any."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.signal(number, handler) for number in _SIGNALS}
+    try:
+        yield
+    finally:
+        for number, old in before.items():
+            signal.signal(number, old)
+
+
+def leave(code: int) -> NoReturn:
+    """End the process without waiting for its threads; compilers at work and their folders go."""
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
+    os._exit(code)

@@ -1,0 +1,117 @@
+"""log.toml: what was understood of a log, written down so that no option need be typed again.
+
+files = ["log.csv"]          # beside this file; `holdout` likewise, logs to validate on
+gears = "20,20:161"          # also ratio, rate, torque_constant, kp, kd, joint
+
+[columns]
+angle = "Angle (deg)"
+[units]
+angle = "deg"
+[scale]
+torque = -1.0
+[fit]                        # as `antidrive.fit_options.FitOptions.of` reads it
+exclude = ["backlash"]
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from antidrive.fit_options import FitOptions
+from antidrive.log_options import NUMBERS, LogOptions
+from plant.errors import BadParameter
+
+_HEAD = "# What was understood of this log. Correct it, and give it in place of the log: antidrive diagnose log.toml"
+_TEXTS = ("gears", "ratio", "joint")
+_TABLES = ("columns", "units", "scale", "fit")
+_KEYS = ("files", "holdout", *_TEXTS, *NUMBERS, *_TABLES)
+
+
+def read_log_file(path: Path) -> LogOptions:
+    """The options in a log.toml, its files found from its own folder.
+
+    Raises:
+        BadParameter: it is missing, no TOML, or has a key or value that it cannot have.
+    """
+    try:
+        said = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise BadParameter(f"{path}: the file cannot be opened ({error.strerror}); check the path.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise BadParameter(f"{path.name}: this is no TOML ({error}); correct it, or inspect the log anew.") from None
+    unknown = sorted(set(said) - set(_KEYS))
+    if unknown:
+        raise BadParameter(f"{path.name} has no {unknown[0]!r}; it may have {', '.join(_KEYS)}.")
+    for key in _TABLES:
+        if not isinstance(said.get(key, {}), Mapping):
+            raise BadParameter(f"{path.name}: {key} is not a table; write [{key}] above its lines.")
+    folder = path.parent
+    files = _paths(path, said, "files")
+    if not files:
+        raise BadParameter(f'{path.name}: files is empty; name the log, as in files = ["log.csv"].')
+    return LogOptions(
+        files=files,
+        holdout=_paths(path, said, "holdout"),
+        mapping={column: str(name) for column, name in said.get("columns", {}).items()},
+        units={column: str(unit) for column, unit in said.get("units", {}).items()},
+        scales={column: _number(path, f"scale of {column}", value) for column, value in said.get("scale", {}).items()},
+        **_single(path, said),
+        fit=FitOptions.of(said.get("fit", {}), folder),
+    )
+
+
+def log_file(options: LogOptions, folder: Path, columns: Mapping[str, str], units: Mapping[str, str]) -> str:
+    """The text of a log.toml in a folder.
+
+    Args:
+        options: how the log was read.
+        folder: where the file will stand; files are named from there.
+        columns, units: what was understood, by column of the log contract.
+    """
+    import tomli_w
+
+    content: dict[str, Any] = {"files": _named_from(folder, options.files)}
+    if options.holdout:
+        content["holdout"] = _named_from(folder, options.holdout)
+    for key in (*_TEXTS, *NUMBERS):
+        if (value := getattr(options, key)) is not None:
+            content[key] = value
+    content["columns"] = dict(columns)
+    content["units"] = {**units, **options.units}
+    if options.scales:
+        content["scale"] = dict(options.scales)
+    return f"{_HEAD}\n{tomli_w.dumps(content)}"
+
+
+def _paths(path: Path, said: Mapping[str, Any], key: str) -> tuple[Path, ...]:
+    given = said.get(key, [])
+    given = [given] if isinstance(given, str) else given
+    if not (isinstance(given, list) and all(isinstance(name, str) for name in given)):
+        raise BadParameter(f'{path.name}: {key} must be a list of paths, as in {key} = ["log.csv"].')
+    return tuple(path.parent / name for name in given)
+
+
+def _single(path: Path, said: Mapping[str, Any]) -> dict[str, Any]:
+    texts = {key: str(said[key]) for key in _TEXTS if key in said}
+    return texts | {key: _number(path, key, said[key]) for key in NUMBERS if key in said}
+
+
+def _number(path: Path, key: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise BadParameter(f"{path.name}: {key} is {value!r}, it must be a number.")
+    return float(value)
+
+
+def _named_from(folder: Path, paths: Sequence[Path]) -> list[str]:
+    """Paths as they are called from a folder; those on another disk as they are."""
+    found = []
+    for path in paths:
+        try:
+            found.append(Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix())
+        except ValueError:
+            found.append(str(path.resolve()))
+    return found

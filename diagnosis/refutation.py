@@ -1,0 +1,68 @@
+"""What speaks against a name once it is found: the held-out data, or the values that it came out with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from diagnosis.explanation.wording import change, measured, sentence_case, title_of
+from diagnosis.holdout import cut
+from diagnosis.result import Cause, Estimate
+from identification.log import Log
+from plant.effects.effect import Array
+
+_SURELY = 2.0  # standard errors
+
+
+def spoken_against(before: Array, after: Array) -> str | None:
+    """A sentence if held-out data refute what was added: squared errors (T,) significantly larger with it."""
+    gained, std = cut(before, after)
+    if gained >= -_SURELY * std:
+        return None
+    return (
+        f"The held-out data speak against what was added: with it the simulation error rises there ("
+        f"{change(gained, std)}). A name that they refute is not to be relied upon."
+    )
+
+
+def withdrawn(causes: Iterable[Cause], log: Log, *, refuted: bool) -> tuple[tuple[Cause, ...], list[str]]:
+    """The causes that may still be told, and one sentence for each that may not.
+
+    A name is not told where all its torques are zero within their standard errors, where one is beyond what the log
+    commands, nor where it brings nothing on held-out data that refute what was added.
+
+    Args:
+        causes: as they were found.
+        log: that they were found on.
+        refuted: whether held-out data refute what was added, where the log has been before.
+    """
+    kept, told = [], []
+    for cause in causes:
+        why = _why_not(cause, log, refuted=refuted)
+        if why is None:
+            kept.append(cause)
+        else:
+            told.append(f"{sentence_case(title_of(cause.effect))} is not told: {why}.")
+    return tuple(kept), told
+
+
+def _why_not(cause: Cause, log: Log, *, refuted: bool) -> str | None:
+    torques = {name: value for name, value in cause.parameters.items() if value.unit == log.command_unit}
+    if torques and all(_is_zero(value) for value in torques.values()):
+        return f"its {_said(torques)} {'is' if len(torques) == 1 else 'are'} zero within the standard error"
+    most = max(float(np.max(np.abs(run.command - run.servo_gain * run.output))) for run in log.runs)
+    beyond = {name: value for name, value in torques.items() if abs(value.value) > most}
+    if beyond:
+        return f"its {_said(beyond)} is beyond all that the log commands, {most:.3g} {log.command_unit}"
+    if refuted and cause.gain <= _SURELY * cause.gain_std:
+        return "it brings nothing on the held-out data, which refute what was added"
+    return None
+
+
+def _is_zero(value: Estimate) -> bool:
+    return value.std is not None and abs(value.value) <= value.std
+
+
+def _said(values: dict[str, Estimate]) -> str:
+    return " and ".join(f"{name.replace('_', ' ')} ({measured(v.value, v.std, v.unit)})" for name, v in values.items())

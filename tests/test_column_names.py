@@ -1,0 +1,220 @@
+"""Columns are known by what their names mean, and a heading may carry the unit."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sample_logs import motion, text
+
+from identification import Log, MalformedLog, MissingColumns
+from identification.reading.headings import heading
+from identification.reading.meaning import AMONG_OTHERS, OWN, SYNONYM, meaning
+
+CASES = Path(__file__).parents[1].parent / "shared" / "cases"
+SOUND = motion(samples=600)
+TIME, TORQUE, ANGLE = SOUND["time"], SOUND["torque"], SOUND["angle"]
+
+
+@pytest.fixture
+def csv(tmp_path):
+    def write(columns):
+        path = tmp_path / "log.csv"
+        path.write_text(text(columns), encoding="utf-8")
+        return path
+
+    return write
+
+
+def same(log):
+    """Whether it is the sound log, in SI."""
+    (run,) = log.runs
+    np.testing.assert_allclose(run.time - run.time[0], TIME - TIME[0], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(run.command, TORQUE, rtol=1e-7, atol=1e-7)
+    np.testing.assert_allclose(run.output, ANGLE, rtol=1e-7, atol=1e-7)
+    return True
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "unit"),
+    [
+        ("Time (s)", "time", "s"),
+        ("time_ms", "time", "ms"),
+        ("Torque [mNm]", "torque", "mNm"),
+        ("Torque (N·m)", "torque", "N·m"),
+        ("\ufeffAngle (deg)", "angle", "deg"),
+        ("velocity_rad_s", "velocity", "rad/s"),
+        ("ENC1Position", "enc 1 position", ""),
+        ("knee[DephyActpack]:output_position", "knee dephy actpack output position", ""),
+        ("θ", "theta", ""),
+        ("Torque (filtered)", "torque filtered", ""),
+        ("I_A", "i", "A"),
+    ],
+)
+def test_a_heading_is_words_and_a_unit(name, words, unit):
+    found = heading(name)
+    assert (" ".join(found.words), found.unit) == (words, unit)
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "grade"),
+    [
+        ("Torque [mNm]", "torque", OWN),
+        ("effort", "torque", SYNONYM),
+        ("tau_meas", "torque", SYNONYM),
+        ("i_q", "current", SYNONYM),
+        ("u [V]", "voltage", AMONG_OTHERS),
+        ("theta", "angle", SYNONYM),
+        ("q3", "angle", AMONG_OTHERS),
+        ("dq3", "velocity", AMONG_OTHERS),
+        ("ENC1Position [deg]", "angle", AMONG_OTHERS),
+        ("pos_mm", "position", SYNONYM),
+        ("theta_m", "angle", AMONG_OTHERS),
+        ("Motor Optical Speed (RPM)", "velocity", AMONG_OTHERS),
+        ("target_position", "setpoint", SYNONYM),
+        ("episode_index", "run", SYNONYM),
+    ],
+)
+def test_a_name_means_a_quantity(name, column, grade):
+    found = meaning(name)
+    assert (found.column, found.grade) == (column, grade)
+
+
+@pytest.mark.parametrize("name", ["ddq3", "MaxTorque", "SpeedRef", "position error", "TestIndex", "x", "temperature"])
+def test_a_name_of_something_else_means_nothing(name):
+    assert meaning(name) is None
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("Time (s)", "Torque [N m]", "Angle (rad)"),
+        ("timestamp", "effort", "position"),
+        ("t", "tau", "q"),
+        ("Zeit [s]", "Drehmoment [Nm]", "Winkel [rad]"),
+        ("OSL:timestamp", "a1 torque [Nm]", "a1 position [rad]"),
+        ("TIME", "Joint_Torque", "ENC1Position"),
+    ],
+)
+def test_logs_of_other_names_are_read(csv, names):
+    assert same(Log.read(csv(dict(zip(names, (TIME, TORQUE, ANGLE), strict=True)))))
+
+
+def test_a_unit_of_a_heading_is_used_and_said(csv):
+    columns = {"time_ms": 1e3 * TIME, "Torque [mNm]": 1e3 * TORQUE, "Angle (deg)": np.degrees(ANGLE)}
+    log = Log.read(csv(columns))
+    assert same(log)
+    assert any("'Angle (deg)' in deg" in told and "'Torque [mNm]' in mNm" in told for told in log.warnings)
+
+
+def test_a_unit_that_the_user_gives_comes_before_that_of_the_heading(csv):
+    columns = {"time": TIME, "torque": TORQUE, "Angle (deg)": 1e3 * ANGLE}
+    assert same(Log.read(csv(columns), units={"angle": "mrad"}))
+
+
+def test_a_column_that_is_mapped_is_no_longer_its_own(csv):
+    path = csv({"time": TIME, "torque": TORQUE, "angle": 0 * ANGLE, "position": ANGLE})
+    assert same(Log.read(path, mapping={"angle": "position"}))
+    assert Log.read(csv({"time": TIME, "force": TORQUE, "position": ANGLE})).axis == "linear"
+
+
+def test_columns_may_be_counted(csv):
+    path = csv({"a": TIME, "b": ANGLE, "c": TORQUE})
+    assert same(Log.read(path, mapping={"time": "1", "angle": "2", "torque": "3"}))
+    named = csv({"2": TIME, "b": TORQUE, "c": ANGLE})  # a name comes before a place
+    assert same(Log.read(named, mapping={"time": "2", "torque": "b", "angle": "3"}))
+
+
+def test_a_matrix_without_names_and_time(tmp_path):
+    path = tmp_path / "dump.dat"
+    np.savetxt(path, np.column_stack((TORQUE, ANGLE)), fmt="%.12g")
+    rate = 1.0 / float(TIME[1] - TIME[0])
+    assert same(Log.read(path, mapping={"torque": "1", "angle": "2"}, rate=rate))
+    with pytest.raises(MissingColumns, match="--rate HZ"):
+        Log.read(path, mapping={"torque": "1", "angle": "2"})
+
+
+def test_all_that_is_missing_is_said_at_once(csv):
+    torques = ("FC1Torque", "FC2Torque", "FC3Torque")
+    with pytest.raises(MissingColumns) as caught:
+        Log.read(csv({"b c": TIME, **dict.fromkeys(torques, TORQUE), "angle a": ANGLE, "b": TIME, "angle d": ANGLE}))
+    sentence, *table = str(caught.value).splitlines()
+    assert all(f"'{name}'" in sentence for name in ("time", "torque", "angle"))
+    assert [line.split()[0] for line in table[1:-1]] == [
+        "b",
+        "FC1Torque",
+        "FC2Torque",
+        "FC3Torque",
+        "angle",
+        "b",
+        "angle",
+    ]
+    assert "torque?" in table[2]
+    assert f"{TORQUE.min():.4g} .. {TORQUE.max():.4g}" in table[2]
+    assert caught.value.options == "--map time=NAME --map torque=FC1Torque --map 'angle=angle a'"
+    assert shlex.split(caught.value.options)[-1] == "angle=angle a"
+
+
+def test_two_torques_of_two_motors_are_a_pair(csv):
+    log = Log.read(csv({"time": TIME, "FC1Torque": TORQUE, "FC2Torque": 0 * TORQUE, "angle": ANGLE}), gears=Plain())
+    assert same(log)
+
+
+class Plain:
+    """Two motors right on the load."""
+
+    torque_map = np.array([1.0, 1.0])
+
+
+def test_a_speed_does_not_stand_in_for_an_angle_that_is_not_clear(csv):
+    path = csv({"time": TIME, "torque": TORQUE, "angle a": ANGLE, "angle b": ANGLE, "velocity": SOUND["velocity"]})
+    with pytest.raises(MissingColumns, match="the response"):
+        Log.read(path)
+
+
+@pytest.mark.parametrize("name", ["log_b", "log_c"])
+def test_public_headings_with_units(name):
+    path = CASES / "logs" / "09-units-in-headings" / f"{name}.csv"
+    if not path.exists():
+        pytest.skip("the case is not on this machine")
+    log = Log.read(path)
+    assert log.runs[0].sample_time == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("mapping", [{}, {"torque": "effort", "angle": "position"}], ids=["as it is", "mapped"])
+def test_ros_joint_states(mapping):
+    path = CASES / "use" / "02-ros-joint-states" / "joint_states.csv"
+    if not path.exists():
+        pytest.skip("the case is not on this machine")
+    log = Log.read(path, mapping=mapping)
+    assert (log.axis, log.command_unit, len(log.runs[0])) == ("rotary", "N m", 1600)
+
+
+def test_headings_of_mnm_and_degrees():
+    path = CASES / "use" / "01-csv-header-units" / "header_units.csv"
+    if not path.exists():
+        pytest.skip("the case is not on this machine")
+    (run,) = Log.read(path).runs
+    assert np.abs(run.command).max() < 10.0  # N m, and not mN m
+    assert np.ptp(run.output) < 10.0
+
+
+def test_a_public_file_of_many_columns():
+    path = CASES / "logs" / "08-hint-by-spelling" / "log.csv"
+    if not path.exists():
+        pytest.skip("the case is not on this machine")
+    with pytest.raises(MissingColumns) as caught:
+        Log.read(path)
+    assert "GainTorque" not in caught.value.options
+    assert caught.value.options == "--map torque=FC1Torque --map angle=ENC1Position"
+    assert len(str(caught.value).splitlines()) == 29  # a sentence, 26 columns below their headings, what to type
+
+
+def test_a_public_file_with_one_column_of_each_kind():
+    path = CASES / "logs" / "08-hint-by-spelling" / "log2.csv"
+    if not path.exists():
+        pytest.skip("the case is not on this machine")
+    with pytest.raises(MalformedLog, match="too short"):  # q3 and q3_tau_J are known
+        Log.read(path)

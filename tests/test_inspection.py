@@ -1,0 +1,93 @@
+"""`antidrive inspect` says what is understood of a log, and the log.toml that it writes needs no option again."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+from front_door import antidrive
+from sample_logs import motion, text
+
+SOUND = motion(samples=600)
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    columns = {"Time (ms)": 1e3 * SOUND["time"], "M": -1e3 * SOUND["torque"], "Angle (deg)": np.degrees(SOUND["angle"])}
+    (tmp_path / "log.csv").write_text(text(columns), encoding="utf-8")
+    return tmp_path
+
+
+OPTIONS = ("--map", "torque=M", "--scale", "torque=-1", "--unit", "torque=mN*m")
+
+
+def test_it_shows_columns_units_and_runs(place):
+    spoken = antidrive("inspect", "log.csv", *OPTIONS, "--out", "seen")
+    assert spoken.code == 0, spoken.err
+    rows = {line.split("  ")[1].strip(): line for line in spoken.out.splitlines() if line.startswith("  ")}
+    assert "torque (as you say)" in rows["M"]
+    assert "mN*m" in rows["M"]
+    assert "angle (its own name)" in rows["Angle (deg)"]
+    assert "600" in spoken.out
+    assert sorted(file.name for file in (place / "seen").iterdir()) == ["log.toml", "report.html"]
+
+
+def test_its_log_toml_needs_no_option_typed_again(place):
+    antidrive("inspect", "log.csv", *OPTIONS, "--out", "seen")
+    said = tomllib.loads((place / "seen" / "log.toml").read_text(encoding="utf-8"))
+    assert said["files"] == ["../log.csv"]
+    assert said["columns"] == {"time": "Time (ms)", "torque": "M", "angle": "Angle (deg)"}
+    assert said["scale"] == {"torque": -1.0}
+    typed = antidrive("identify", "log.csv", *OPTIONS, "--json", "--out", "a")
+    described = antidrive("identify", "seen/log.toml", "--json", "--out", "b")
+    assert typed.code == described.code == 0, described.err
+    assert json.loads(typed.out)["parameters"] == json.loads(described.out)["parameters"]
+
+
+def test_what_is_typed_comes_before_the_file(place):
+    antidrive("inspect", "log.csv", *OPTIONS, "--out", "seen")
+    turned = antidrive("inspect", "seen/log.toml", "--scale", "torque=1", "--json", "--out", "again")
+    assert turned.code == 0, turned.err
+    said = tomllib.loads((place / "again" / "log.toml").read_text(encoding="utf-8"))
+    assert said["scale"] == {"torque": 1.0}
+
+
+def test_what_stands_in_the_file_for_a_fit_is_used(place):
+    antidrive("inspect", "log.csv", *OPTIONS, "--out", ".")
+    with (place / "log.toml").open("a", encoding="utf-8") as file:
+        file.write("\n[fit]\nfixed = ['gravity=0.0']\n")
+    found = antidrive("identify", "log.toml", "--json", "--out", "fitted")
+    assert found.code == 0, found.err
+    assert json.loads(found.out)["parameters"]["gravity"]["fixed"]
+
+
+def test_what_is_missing_ends_in_a_command_to_type(place):
+    spoken = antidrive("inspect", "log.csv", "--out", "seen")
+    assert spoken.code == 2
+    assert spoken.err.splitlines()[-1].endswith("antidrive inspect log.csv --out seen --map torque=NAME")
+    assert not (place / "seen").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [
+        ("files = []", "files is empty"),
+        ("files = 3", "list of paths"),
+        ("fils = ['log.csv']", "'fils'"),
+        ("files = ['log.csv']\nrate = 'fast'", "rate"),
+        ("files = ['log.csv']\nunits = 'deg'", "[units]"),
+        ("files = ['log.csv'", "no TOML"),
+        ("files = ['log.csv']\n[fit]\nfixt = ['a']", "'fixt'"),
+        ("files = ['absent.csv']", "absent.csv"),
+    ],
+)
+def test_a_bad_log_toml_is_told_in_a_sentence(place, content, word):
+    (place / "log.toml").write_text(content, encoding="utf-8")
+    spoken = antidrive("inspect", "log.toml", "--out", "seen")
+    assert spoken.code == 2
+    assert word in spoken.err
+    assert spoken.err.count("\n") == 1
+    assert not (place / "seen").exists()

@@ -1,0 +1,121 @@
+"""What is not told, which part is held out, how numbers are put, and what is said of the motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from front_door import columns
+
+from diagnosis.explanation.wording import change, percent
+from diagnosis.holdout import parts, split
+from diagnosis.measured_motion import MeasuredMotion, reading_noise
+from diagnosis.refutation import spoken_against, withdrawn
+from diagnosis.result import Cause, Estimate
+from identification import Log
+
+LOG = Log.from_arrays(**columns())  # its torque is 2 N m at most
+
+
+def cause(value: float, std: float | None, unit: str = "N m", **gain: float) -> Cause:
+    return Cause(
+        effect="coulomb_friction",
+        probability=1.0,
+        alternatives=(),
+        parameters={"torque": Estimate(value=value, std=std, unit=unit)},
+        evidence=50.0,
+        **({"gain": 0.4, "gain_std": 0.1} | gain),
+    )
+
+
+@pytest.mark.parametrize(
+    ("found", "refuted", "why"),
+    [
+        (cause(0.4, 0.01), False, None),
+        (cause(0.4, None), False, None),
+        (cause(0.0005, 0.001), False, "Coulomb friction is not told: its torque (0.0005 ± 0.0010 N m) is zero within"),
+        (cause(18.4, 0.1), False, "is beyond all that the log commands, 2 N m."),
+        (cause(18.4, 20.0, unit="rad"), False, None),  # an angle may be anywhere
+        (cause(0.4, 0.01, gain=-0.2), True, "it brings nothing on the held-out data, which refute what was added."),
+        (cause(0.4, 0.01, gain=-0.2), False, None),
+        (cause(0.4, 0.01), True, None),
+    ],
+)
+def test_a_name_that_its_values_or_the_held_out_data_refute_is_not_told(found, refuted, why):
+    kept, told = withdrawn([found], LOG, refuted=refuted)
+    assert kept == (() if why else (found,))
+    assert [why in text for text in told] == ([True] if why else [])
+
+
+def test_a_rise_is_said_by_one_figure():
+    squares = np.random.default_rng(0).chisquare(1, 2000)
+    told = spoken_against(squares, 500.0 * squares)
+    assert told is not None
+    assert "rises there (22 times)" in told
+    assert change(1.0 - np.sqrt(500.0)) == "22 times"
+    assert percent(3.2, 0.1) == "320 ± 10 %"
+    assert change(-0.3) == "30 %"
+    assert change(0.3) == "30 %"
+    assert percent(21.71) == "22 times"
+    assert percent(float("nan")) == "not measured"
+    assert percent(1.0) == "> 99.9 %"
+
+
+def with_rest(before: int, after: int) -> Log:
+    """The log with the load at rest before and after it."""
+    made = columns()
+    pads = {"torque": (0.0, 0.0), "angle": (made["angle"][0], made["angle"][-1])}
+    rest = {
+        name: np.concatenate((np.full(before, low), made[name], np.full(after, high)))
+        for name, (low, high) in pads.items()
+    }
+    return Log.from_arrays(time=0.01 * np.arange(rest["torque"].size), **rest)
+
+
+def test_the_held_out_part_moves_like_the_rest():
+    kept, held, sentence = split(LOG)
+    assert sentence.startswith("Held out: the last 30 % of the only run, from 8.4 s on")
+    kept, held, sentence = split(with_rest(0, 900))
+    assert "its idle ends are left out" in sentence
+    assert kept.runs[0].duration + held.runs[0].duration < 12.3
+    assert held.runs[0].duration == pytest.approx(3.4, abs=0.4)
+    assert np.ptp(held.runs[0].output) > 0.1 * np.ptp(LOG.runs[0].output)
+
+
+def test_runs_that_stand_still_are_not_held_out():
+    still = replace(LOG.runs[0], output=np.full(len(LOG.runs[0]), 0.3), label="still")
+    log = replace(LOG, runs=(LOG.runs[0], LOG.runs[0], still))
+    kept, held, _ = split(log)
+    assert still not in held.runs
+    assert len(kept.runs) == 2
+    _, held, said = parts(LOG, replace(LOG, runs=(still,)))
+    assert held.runs[0].label.endswith("from 8.4 s")
+    assert said[0].startswith("The held-out part stands still, so another is taken. Held out:")
+    _, held, said = parts(LOG, replace(LOG, runs=(LOG.runs[0], still)))
+    assert held.runs == (LOG.runs[0],)
+    assert said == ["The held-out part stands still in still, which is left out."]
+
+
+def test_the_motion_is_told_as_the_sensor_saw_it():
+    time, rng = 0.01 * np.arange(3000), np.random.default_rng(0)
+    staircase = np.repeat([16.0, 31.0, 47.0, 63.0, 79.0, 94.0, 110.0, 126.0, 63.0, 31.0], 300)
+
+    def moved(speed) -> MeasuredMotion:
+        noise = 1e-4 * rng.standard_normal(3000)
+        return MeasuredMotion.of(Log.from_arrays(time=time, torque=0.1 * speed, angle=np.cumsum(speed) * 0.01 + noise))
+
+    rising = moved(staircase)
+    assert rising.viscous() is None  # many speeds
+    assert rising.inertia() is None
+    assert rising.dry() == "the load never turns back"
+    prbs = moved(np.convolve(np.repeat(rng.choice([-150.0, 150.0], 300), 10), np.ones(8) / 8, "same"))
+    assert (prbs.dry(), prbs.inertia(), prbs.zone()) == (None, None, None)
+    steady = moved(np.full(3000, 3.0))
+    assert steady.viscous() == "the load moves at one speed only"
+    assert steady.inertia() == "the load hardly speeds up"
+    assert steady.breakaway("rad/s") == "the load is never slower than 3 rad/s"
+
+
+def test_the_noise_of_the_reading_holds_no_motion():
+    assert reading_noise(LOG.runs[0]) == pytest.approx(1e-4, rel=0.2)
