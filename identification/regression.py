@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.inverse import filtered_motion, mean_torque, smooth
+from identification.inverse import FilteredMotion, filtered_motion, mean_torque, smooth
 from identification.least_squares import bounded_least_squares
 from identification.log import Log
 from identification.run import Run
@@ -69,11 +69,11 @@ def _alike(log: Log, one: Array, other: Array) -> bool:
 
 def _solved(products: Array) -> Iterator[tuple[str, float, Array]]:
     """Each way of doing it, the share of squares that it leaves, and J, alpha, K (3,), from the products of columns."""
-    for way, others in (("alone", ()), ("beside", (4, 5, 6))):
-        left, (torque, gravity, viscous, *_) = _regressed(products, 0, (3, 1, 2, *others), signs=(1, -1, -1))
+    for way, others in (("alone", ()), ("beside", (3, 4, 6))):
+        left, (torque, gravity, viscous, *_) = _regressed(products, 0, (5, 1, 2, *others), signs=(1, -1, -1))
         if torque > 0.0:
             yield f"motion {way}", left, np.array([1.0, gravity, viscous]) / torque
-        left, rigid = _regressed(products, 3, (0, 1, 2, *others[:2]), signs=(1, 1, 1))
+        left, rigid = _regressed(products, 5, (0, 1, 2, *others[:2]), signs=(1, 1, 1))
         if rigid[0] > 0.0:
             yield f"torque {way}", left, rigid[:3]
 
@@ -94,11 +94,14 @@ def _regressed(
 def _at_cutoff(log: Log, model: ServoModel, cutoff: float) -> list[Array]:
     """The starts (P,) at one cutoff, for each way the best dead zone."""
     best: dict[str, tuple[float, Array]] = {}
+    motions = [filtered_motion(run, cutoff, model) for run in log.runs]
+    moved = [_moved(model, motion, cutoff) for motion in motions]
     for half_width in _half_widths(log, model):
         variant = model.with_effect(DeadZone(half_width=half_width)) if model.effect("dead_zone") else model
-        table = np.vstack([_columns(run, variant, cutoff) for run in log.runs])
+        driven = [_driven(run, variant, m, by, cutoff) for run, m, by in zip(log.runs, motions, moved, strict=True)]
+        table = np.vstack([np.hstack(both)[_inner(m, cutoff)] for *both, m in zip(moved, driven, motions, strict=True)])
         products = table.T @ table
-        if not (np.isfinite(products).all() and (np.diag(products)[[0, 2, 3]] > 0.0).all()):
+        if not (np.isfinite(products).all() and (np.diag(products)[[0, 2, 5]] > 0.0).all()):
             continue
         for way, left, rigid in _solved(products):
             if way not in best or left < best[way][0] - _BETTER:
@@ -115,19 +118,27 @@ def _half_widths(log: Log, model: ServoModel) -> list[float]:
     return [share * largest for share in _ZONES]
 
 
-def _columns(run: Run, model: ServoModel, cutoff: float) -> Array:
-    """(T, 7) acceleration, cos x, velocity, torque, sign, one and slope of the torque behind the low pass.
-
-    Without the ends of the run, which the low pass does not know.
-    """
-    motion = filtered_motion(run, cutoff, model)
+def _moved(model: ServoModel, motion: FilteredMotion, cutoff: float) -> Array:
+    """(T, 5) acceleration, cos x, velocity, its sign and one behind the low pass."""
     dt = float(motion.time[1] - motion.time[0])
     acceleration = np.zeros_like(motion.angle)
     acceleration[1:-1] = np.diff(motion.angle, 2) / dt**2  # the mean over the same two samples as that of the torque
-    torque = smooth(mean_torque(run, model, motion.velocity), cutoff, dt)
-    own = run.own.get("inertia", 0.0) * acceleration + run.own.get("gravity", 0.0) * np.cos(motion.angle)
     sign = np.where(motion.still, 0.0, np.sign(motion.velocity))
     gravity = np.cos(motion.angle) if model.axis == "rotary" else np.zeros_like(motion.angle)
-    columns = (acceleration, gravity, motion.velocity, torque - own, smooth(sign, cutoff, dt), np.ones_like(sign))
+    columns = (acceleration, gravity, motion.velocity, smooth(sign, cutoff, dt), np.ones_like(sign))
+    return np.column_stack(columns)
+
+
+def _driven(run: Run, model: ServoModel, motion: FilteredMotion, moved: Array, cutoff: float) -> Array:
+    """(T, 2) torque, without what a payload of this run takes of it, and its slope behind the low pass."""
+    payload = np.array([run.own.get("inertia", 0.0), run.own.get("gravity", 0.0)])
+    dt = float(motion.time[1] - motion.time[0])
+    torque = smooth(mean_torque(run, model, motion.velocity), cutoff, dt)
+    return np.column_stack((torque - moved[:, :2] @ payload, np.gradient(torque, dt)))
+
+
+def _inner(motion: FilteredMotion, cutoff: float) -> slice:
+    """A run without its ends, which the low pass does not know."""
+    dt = float(motion.time[1] - motion.time[0])
     edge = max(1, min(motion.time.size // 10, int(1.0 / (cutoff * dt))))
-    return np.column_stack((*columns, np.gradient(torque, dt)))[edge:-edge]
+    return slice(edge, -edge)
