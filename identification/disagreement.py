@@ -138,5 +138,6 @@ def _sentence(fit: Fit, names: list[str]) -> str:
     payload = "a payload per run (columns payload_mass and payload_radius, or payload_inertia) or "
     return (
         f"The runs disagree about {' and '.join(told)}: {payload if 'inertia' in names or 'gravity' in names else ''}"
-        f"per_run=({listed}{',' * (len(names) == 1)}) lets it differ from run to run."
+        f"per_run=({listed}{',' * (len(names) == 1)}) lets {'it' if len(names) == 1 else 'them'} differ "
+        "from run to run."
     )

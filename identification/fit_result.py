@@ -194,6 +194,6 @@ def fit_to_dict(fit: Fit) -> dict[str, Any]:
         "log_likelihood": fit.log_likelihood,
         "samples": fit.samples,
         "converged": fit.converged,
-        "data": {"warnings": list(fit.log.warnings), "repairs": list(fit.log.repairs)},
+        "data": {"warnings": list(fit.log.warnings), "repairs": list(fit.log.repairs), "notes": list(fit.log.notes)},
         "source": [{"file": s.file, "sha256": s.sha256} for s in fit.log.sources],
     }
