@@ -357,6 +357,7 @@ def _data_lines(log: Log, unseen: Sequence[str]) -> list[str]:
     return [
         *(f"  warning: {text}" for text in (*log.warnings, *unseen)),
         *(f"  repaired: {text}" for text in log.repairs),
+        *(f"  note: {text}" for text in log.notes),
     ]
 
 

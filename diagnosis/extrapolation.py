@@ -14,7 +14,10 @@ _MUCH = 0.1  # share of another log that may exceed it by more
 def goes_further(held_out: Log, seen: Log) -> str | None:
     """A sentence if much of a held-out log lies at angles, or speeds, that the log before has not come by."""
     angle, unit = ("positions", "m") if seen.axis == "linear" else ("angles", "rad")
-    for name, of, size in ((angle, _angles, unit), ("speeds", _speeds, f"{unit}/s")):
+    ranges = [("speeds", _speeds, f"{unit}/s")]
+    if seen.response == "angle":
+        ranges.insert(0, (angle, _angles, unit))
+    for name, of, size in ranges:
         known, asked = of(seen), of(held_out)
         low, high = float(known.min()), float(known.max())
         margin = _MARGIN * (high - low)

@@ -124,7 +124,11 @@ def missing_torque(fit: Fit, cutoff: float | None = None) -> MissingTorque:
         (named_on("torque", fit.log.axis), force, command),
         ("time", "s", time),
     )
-    curves = [_curve(name, unit, values, torque, independent) for name, unit, values in variables]
+    curves = [
+        _curve(name, unit, values, torque, independent)
+        for name, unit, values in variables
+        if values is not angle or fit.log.response == "angle"
+    ]
     noise = 1.96 * _noise_torque(fit, cutoff)
     return MissingTorque(
         time=time,

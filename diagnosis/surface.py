@@ -23,6 +23,7 @@ from diagnosis.screen import Screen
 from diagnosis.uneven import unevenness
 from diagnosis.unseen import holds_up
 from identification.fit_result import Fit
+from identification.log import Log
 from plant.effects import CoulombFriction, Motion, Trace
 from plant.effects.effect import Array
 
@@ -35,7 +36,7 @@ _REACH = 2.0  # standard deviations of the states over which it keeps its course
 def surface_evidence(fit: Fit) -> float:
     """Log Bayes factor of a smooth function of the state, among what a fitted model leaves, against none."""
     screen = Screen.of(fit, problem_near(fit, fit.model), bandwidth=fit.bandwidth)
-    ((_, evidence, _),) = screen.regress([_trace(screen.motion, fit.model.axis)])
+    ((_, evidence, _),) = screen.regress([_trace(screen.motion, fit.log)])
     return max(evidence, 0.0)
 
 
@@ -149,9 +150,13 @@ def _odds(
     )
 
 
-def _trace(motion: Motion, axis: str) -> Trace:
-    """One column for each of the places, as high as the state is near it."""
-    where = (np.cos(motion.angle), np.sin(motion.angle)) if axis == "rotary" else (motion.angle,)
+def _trace(motion: Motion, log: Log) -> Trace:
+    """One column for each of the places, as high as the state is near it; of a velocity alone the angle is no part."""
+    where: tuple[Array, ...] = (motion.angle,)
+    if log.axis == "rotary":
+        where = (np.cos(motion.angle), np.sin(motion.angle))
+    if log.response == "velocity":
+        where = ()
     states = np.column_stack((*where, motion.velocity, motion.arriving(motion.torque)))
     states = (states - states.mean(axis=0)) / np.maximum(states.std(axis=0), 1e-12)
     places = _far_apart(states)

@@ -60,7 +60,7 @@ class _Run:
 
 def disagreement(fit: Fit) -> str | None:
     """A sentence on the parameters about which the runs of a fit disagree, and by how much; None where they agree."""
-    if len(fit.log.runs) < 2 or fit.runs_off or not fit.free:
+    if len(fit.log.runs) < 2 or not fit.free or not fit.converged:
         return None
     objective = Objective.of(fit.log, fit.model, fixed=fit.fixed)
     values = fit.model.values
@@ -130,6 +130,9 @@ def _sentence(fit: Fit, names: list[str]) -> str:
         at = [int(apart.places(run)[apart.own[column]]) for run in range(len(fit.log.runs))]
         std = np.sqrt(np.diag(spread)[at])
         sure = np.flatnonzero(np.isfinite(std))
+        if sure.size < 2:
+            told.append(name)
+            continue
         low, high = (sure[int(pick(values[sure, column]))] for pick in (np.argmin, np.argmax))
         errors = (values[high, column] - values[low, column]) / float(np.hypot(std[low], std[high]))
         has = [f"{fit.log.runs[run].label} {values[run, column]:.4g} +- {std[run]:.2g}" for run in (low, high)]
@@ -138,5 +141,6 @@ def _sentence(fit: Fit, names: list[str]) -> str:
     payload = "a payload per run (columns payload_mass and payload_radius, or payload_inertia) or "
     return (
         f"The runs disagree about {' and '.join(told)}: {payload if 'inertia' in names or 'gravity' in names else ''}"
-        f"per_run=({listed}{',' * (len(names) == 1)}) lets it differ from run to run."
+        f"per_run=({listed}{',' * (len(names) == 1)}) lets {'it' if len(names) == 1 else 'them'} differ "
+        "from run to run."
     )

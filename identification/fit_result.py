@@ -227,6 +227,6 @@ def fit_to_dict(fit: Fit) -> dict[str, Any]:
         "samples": fit.samples,
         "converged": fit.converged,
         "failed": fit.failed,
-        "data": {"warnings": list(fit.log.warnings), "repairs": list(fit.log.repairs)},
+        "data": {"warnings": list(fit.log.warnings), "repairs": list(fit.log.repairs), "notes": list(fit.log.notes)},
         "source": [{"file": s.file, "sha256": s.sha256} for s in fit.log.sources],
     }

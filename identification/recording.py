@@ -14,8 +14,8 @@ HUGE = 1e12  # no servo's reading in SI units; beyond it squares lose their digi
 
 
 def nothing() -> Array:
-    """A channel that most logs do not have: one zero, to be spread over all samples."""
-    return np.zeros(1)
+    """A channel that most logs do not have: no samples, which become zeros."""
+    return np.zeros(0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,10 +68,10 @@ class Recording:
     start: float = 0.0
 
     def __post_init__(self) -> None:
-        """Name an experiment that nobody named by its number; spread a damping that is the same for all samples."""
+        """Name an experiment that nobody named by its number; a damping of nothing has as many samples as there are."""
         object.__setattr__(self, "run", self.run or str(self.number))
-        if len(self.servo_damping) != len(self.time):
-            object.__setattr__(self, "servo_damping", np.broadcast_to(self.servo_damping, self.time.shape))
+        if not np.any(self.servo_damping):
+            object.__setattr__(self, "servo_damping", np.zeros(len(self.time)))
 
     def __len__(self) -> int:
         """Number of samples."""

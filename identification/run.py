@@ -66,8 +66,8 @@ class Run:
     def __post_init__(self) -> None:
         """Bring the channels to float arrays and refuse what does not fit together."""
         object.__setattr__(self, "run", self.run or str(self.number))
-        if len(self.servo_damping) == 1:
-            object.__setattr__(self, "servo_damping", np.full(len(self.time), self.servo_damping[0]))
+        if not np.any(self.servo_damping):
+            object.__setattr__(self, "servo_damping", np.zeros(len(self.time)))
         shapes: dict[str, tuple[int, ...]] = dict.fromkeys(
             ("time", "command", "output", "servo_gain", "servo_damping", *_OPTIONAL), (len(self.time),)
         )

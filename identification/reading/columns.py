@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from identification.errors import MalformedLog
 from identification.reading.clocks import on_one_clock
 from identification.reading.command import Command, command_of
+from identification.reading.headings import heading
 from identification.reading.inventory import refuse_missing
 from identification.reading.joints import select_joint
 from identification.reading.recognition import Recognition, recognise
@@ -20,7 +21,7 @@ from identification.reading.runs import labels_of, split_runs
 from identification.reading.stated_units import stated_units
 from identification.reading.table import Table
 from identification.reading.time_stamps import seconds_of, with_whole_stamps
-from identification.reading.units import si_factor
+from identification.reading.units import kind_of, si_factor
 from identification.reading.values import numbers_of
 from identification.recording import Array, Recording, Response
 from plant.effects import catalogue
@@ -54,7 +55,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
     table, found = on_one_clock(table, known.found)
     if "time" not in found:
         table, found = _counted(table, found, float(reading.rate or 1.0))
-    axis = _axis(table, found)
+    axis = _axis(table, found, reading)
     for option in (reading.units, reading.scales):
         for column in option:
             if column not in found:
@@ -144,11 +145,14 @@ def _rows_with_numbers(table: Table, channels: Mapping[str, Array]) -> tuple[NDA
     return kept, rows[kept]
 
 
-def _axis(table: Table, found: Mapping[str, str]) -> str:
+def _axis(table: Table, found: Mapping[str, str], reading: Reading) -> str:
     """Of the output; of a velocity alone what drives it tells."""
     rotary, linear = "angle" in found, "position" in found
     if not rotary and not linear:
-        linear = "force" in found
+        unit = (
+            reading.units.get("velocity") or table.units.get(found["velocity"], "") or heading(found["velocity"]).unit
+        )
+        linear = "force" in found or kind_of(unit) == "m/s"
         rotary = not linear
     if rotary and linear:
         raise MalformedLog(
