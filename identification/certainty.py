@@ -28,7 +28,8 @@ def fit_of(objective: Objective, bandwidth: float, minimum: Minimum, evaluations
     predictions = objective.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0)
     innovations = np.concatenate([p.innovations for p in predictions])
     around = _around(objective, values, initial, bandwidth, predictions)
-    power = float(sum(p.innovations @ p.innovations for p in around))
+    with np.errstate(over="ignore", invalid="ignore"):
+        power = float(sum(p.innovations @ p.innovations for p in around))
     variance = power / degrees
     white, coloured = informations(around)
     if objective.prior is not None:

@@ -25,9 +25,11 @@ def autoregression(innovations: Array, order: int = ORDER) -> Array:
     """
     n = innovations.size
     order = min(order, n // 10)
-    if order < 1 or not np.any(innovations):
+    largest = float(np.max(np.abs(innovations), initial=0.0))
+    if order < 1 or not 0.0 < largest < np.inf:
         return np.zeros(0)
-    centred = innovations / np.sqrt(np.mean(innovations**2))
+    centred = innovations / largest
+    centred = centred / np.sqrt(np.mean(centred**2))
     lags = np.array([centred[lag:] @ centred[: n - lag] for lag in range(order + 1)]) / n
     lags[0] *= 1.0 + 1e-9
     best, least = np.zeros(0), 0.0
@@ -46,9 +48,12 @@ def whiten(values: Array, coefficients: Array) -> Array:
 
 
 def short_autoregression(innovations: Array) -> tuple[float, float]:
-    """Yule-Walker coefficients of order two."""
-    n = innovations.size
-    lags = np.array([innovations[lag:] @ innovations[: n - lag] for lag in range(3)]) / n
+    """Yule-Walker coefficients of order two; none of innovations that are all zero or overflowed."""
+    n, largest = innovations.size, float(np.max(np.abs(innovations), initial=0.0))
+    if not 0.0 < largest < np.inf:
+        return 0.0, 0.0
+    scaled = innovations / largest
+    lags = np.array([scaled[lag:] @ scaled[: n - lag] for lag in range(3)]) / n
     first, second = solve_toeplitz(lags[:2] + np.array([1e-12 * lags[0], 0.0]), lags[1:])
     return float(first), float(second)
 
@@ -83,7 +88,8 @@ def coloured_information(jacobian: Array, residuals: Array) -> Array:
 def colouring(residuals: Array) -> tuple[Array, float]:
     """Autoregression (p,) of residuals (T,) and the variance of what drives it."""
     coefficients = autoregression(residuals)
-    return coefficients, float(np.mean(whiten(residuals, coefficients) ** 2))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return coefficients, float(np.mean(whiten(residuals, coefficients) ** 2))
 
 
 def log_likelihood(cost: float, samples: int) -> float:

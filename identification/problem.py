@@ -166,7 +166,7 @@ class Problem(Objective):
     def recoloured(self, fit: Fit, least: float = -np.inf) -> Fit | None:
         """The fit with the colour that the reading's noise has by its own errors, and that of the next, and so on.
 
-        None where its log-likelihood stays below `least`.
+        None where its log-likelihood stays below `least`, or its motion grows without bound.
         """
         problem, point, evaluations = self, self.pack(fit.model.values, fit.initial), fit.evaluations
         for _ in range(_COLOURINGS):
@@ -181,7 +181,7 @@ class Problem(Objective):
             point, evaluations = best.point, evaluations + best.evaluations
             if best.evaluations == 1:  # nothing has moved, and the errors have the same colour again
                 break
-        if log_likelihood(best.equations.cost, self.samples) < least:
+        if not self._plausible(best) or log_likelihood(best.equations.cost, self.samples) < least:
             return None
         ended = problem._ended(best, fit.bandwidth)
         return fit_of(problem, fit.bandwidth, ended, evaluations - best.evaluations)

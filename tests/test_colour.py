@@ -14,7 +14,7 @@ from identification.colour import with_its_colour
 from identification.fit import base_model, fit
 from identification.known import Known
 from identification.log import Log
-from identification.noise import Whitening, short_autoregression, whiten
+from identification.noise import Whitening, autoregression, short_autoregression, whiten
 from identification.problem import Problem
 from plant import ServoModel
 
@@ -138,3 +138,12 @@ def test_a_short_autoregression_finds_what_made_the_noise():
     rng = np.random.default_rng(1)
     noise = lfilter([1.0], [1.0, -1.2, 0.4], rng.standard_normal(20000))
     assert short_autoregression(noise) == pytest.approx((1.2, -0.4), abs=0.03)
+
+
+def test_what_overflows_or_rests_has_no_colour_and_what_is_large_has_its_own() -> None:
+    """From a real log there was an array with infs in it."""
+    noise = lfilter([1.0], [1.0, -FADES], np.random.default_rng(1).standard_normal(4000))
+    assert short_autoregression(1e200 * noise) == pytest.approx(short_autoregression(noise))
+    for nothing in (np.zeros(100), np.append(noise, np.inf), np.append(noise, np.nan)):
+        assert short_autoregression(nothing) == (0.0, 0.0)
+        assert autoregression(nothing).size == 0
