@@ -14,7 +14,7 @@ import typer
 
 from antidrive import __version__, completion
 from antidrive.examples import told
-from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, Prior, fit_options
+from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, PerRun, Prior, fit_options
 from antidrive.log_words import with_log
 from antidrive.program import run
 
@@ -66,6 +66,7 @@ def identify(
     fixed: Fixed = None,
     bounds: Bounds = None,
     prior: Prior = None,
+    per_run: PerRun = None,
     effects: Effects = None,
     force: Force = False,
     out: Out = OUT,
@@ -77,7 +78,7 @@ def identify(
     from antidrive import commands
 
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    known = fit_options(fixed=fixed, bounds=bounds, prior=prior, effects=effects)
+    known = fit_options(fixed=fixed, bounds=bounds, prior=prior, per_run=per_run, effects=effects)
     commands.identify(log, base=base, known=known, force=force, out=out, seed=seed, voice=voice)
 
 

@@ -67,6 +67,7 @@ def identify(
                 fixed={**dict.fromkeys(measured.absent(start)), **known.fixed},
                 bounds=known.bounds,
                 prior=known.prior,
+                per_run=known.per_run,
                 force=force,
                 progress=progress,
             )
@@ -92,6 +93,10 @@ def diagnose(
     from diagnosis.diagnose import diagnose as find_causes
 
     known = options.fit.merged(known)
+    if known.per_run:
+        raise BadParameter(
+            "per_run is for identify: a diagnosis knows of runs that differ by columns such as payload_inertia alone."
+        )
     own = known.own_effects()
     start = _base(base, own)
     with whole_folder(out) as draft:

@@ -21,6 +21,7 @@ class FitOptions:
         fixed: parameters that are not fitted, with their value or None for that of the model.
         bounds: least and greatest value by parameter.
         prior: mean and standard deviation by parameter.
+        per_run: parameters that have a value of their own in each run; of a fit, not of a diagnosis.
         exclude, candidates: names of effects.
         effects: a file that defines effects of one's own.
     """
@@ -28,6 +29,7 @@ class FitOptions:
     fixed: Mapping[str, float | None] = field(default_factory=dict)
     bounds: Mapping[str, Pair] = field(default_factory=dict)
     prior: Mapping[str, Pair] = field(default_factory=dict)
+    per_run: tuple[str, ...] = ()
     exclude: tuple[str, ...] = ()
     candidates: tuple[str, ...] = ()
     effects: Path | None = None
@@ -39,6 +41,7 @@ class FitOptions:
         fixed: Sequence[str] | None = None,
         bounds: Sequence[str] | None = None,
         prior: Sequence[str] | None = None,
+        per_run: Sequence[str] | None = None,
         exclude: Sequence[str] | None = None,
         candidates: Sequence[str] | None = None,
         effects: Path | None = None,
@@ -52,6 +55,7 @@ class FitOptions:
             fixed=_by_name("--fixed", _split(fixed), _maybe, "inertia=0.2"),
             bounds=_by_name("--bounds", _split(bounds), _pair, "inertia=0.1:0.3"),
             prior=_by_name("--prior", _split(prior), _pair, "inertia=0.2:0.05"),
+            per_run=tuple(_split(per_run)),
             exclude=tuple(_split(exclude)),
             candidates=tuple(_split(candidates)),
             effects=effects,
@@ -82,6 +86,7 @@ class FitOptions:
             fixed=_by_name("[fit] fixed", _names(table, "fixed"), _maybe, "inertia=0.2"),
             bounds=_pairs(table, "bounds"),
             prior=_pairs(table, "prior"),
+            per_run=_names(table, "per_run"),
             exclude=_names(table, "exclude"),
             candidates=_names(table, "candidates"),
             effects=None if effects is None else folder / effects,
@@ -94,6 +99,7 @@ class FitOptions:
             fixed=_kept(self.fixed, said) | dict(other.fixed),
             bounds=_kept(self.bounds, {*other.fixed, *other.bounds}) | dict(other.bounds),
             prior=_kept(self.prior, {*other.fixed, *other.prior}) | dict(other.prior),
+            per_run=other.per_run or self.per_run,
             exclude=other.exclude or self.exclude,
             candidates=other.candidates or self.candidates,
             effects=other.effects or self.effects,

@@ -21,6 +21,10 @@ Prior = Annotated[
     list[str] | None,
     typer.Option("--prior", metavar="NAME=MEAN:STD", help="Gaussian prior of a parameter: inertia=0.2:0.05."),
 ]
+PerRun = Annotated[
+    list[str] | None,
+    typer.Option("--per-run", metavar="NAME", help="Parameter with a value of its own in each run: inertia."),
+]
 Exclude = Annotated[
     list[str] | None,
     typer.Option("--exclude", metavar="EFFECT", help="Effect not to name.", autocompletion=completion.effects),

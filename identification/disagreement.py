@@ -137,10 +137,11 @@ def _sentence(fit: Fit, names: list[str]) -> str:
         errors = (values[high, column] - values[low, column]) / float(np.hypot(std[low], std[high]))
         has = [f"{fit.log.runs[run].label} {values[run, column]:.4g} +- {std[run]:.2g}" for run in (low, high)]
         told.append(f"{name} ({has[0]}, {has[1]} {fit[name].unit}, {errors:.3g} standard errors apart)")
-    listed = ", ".join(f"'{name}'" for name in names)
-    payload = "a payload per run (columns payload_mass and payload_radius, or payload_inertia) or "
+    listed = ", ".join(f"'{name}'" for name in names) + "," * (len(names) == 1)
+    payload = "a payload per run (columns payload_mass and payload_radius, or payload_inertia), or "
+    way = f"--per-run {','.join(names)} (in Python per_run=({listed}))"
     return (
-        f"The runs disagree about {' and '.join(told)}: {payload if 'inertia' in names or 'gravity' in names else ''}"
-        f"per_run=({listed}{',' * (len(names) == 1)}) lets {'it' if len(names) == 1 else 'them'} differ "
-        "from run to run."
+        f"The runs disagree about {' and '.join(told)}: "
+        f"{payload if {'inertia', 'gravity'} & set(names) else ''}{way} lets {'it' if len(names) == 1 else 'them'} "
+        "differ from run to run."
     )

@@ -70,7 +70,7 @@ def test_the_command_line_wins() -> None:
 @pytest.mark.parametrize(
     ("table", "expected"),
     [
-        ({"bound": {}}, "has no 'bound'; it may have fixed, bounds, prior, exclude, candidates, effects"),
+        ({"bound": {}}, "has no 'bound'; it may have fixed, bounds, prior, per_run, exclude, candidates, effects"),
         ({"bounds": [0.1, 0.3]}, "must be a table"),
         ({"bounds": {"inertia": 0.3}}, r"write inertia = \[0.1, 0.3\]"),
         ({"fixed": 3}, "must be a list of names"),
