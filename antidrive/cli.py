@@ -203,10 +203,10 @@ def allocate(
     json: Json = False,
 ) -> None:
     """Share follower torques between the two drives, with margin and heat."""
-    from antidrive import commands
+    from antidrive import commands, drive_commands
 
     voice = commands.Voice(quiet=quiet, json=json)
-    commands.allocate(torques, min_torque=min_torque, max_torque=max_torque, voice=voice)
+    drive_commands.allocate(torques, min_torque=min_torque, max_torque=max_torque, voice=voice)
 
 
 @app.command(epilog=told("capability"))
@@ -222,9 +222,9 @@ def capability(
     json: Json = False,
 ) -> None:
     """What the paper's two drives can do with teeth that stay together: capability.csv, report.html."""
-    from antidrive import commands
+    from antidrive import commands, drive_commands
 
-    commands.capability(
+    drive_commands.capability(
         inertia=inertia,
         min_torque=min_torque,
         max_torque=max_torque,
@@ -255,10 +255,10 @@ def export(
     json: Json = False,
 ) -> None:
     """Write the controller as C99 for a target, with driver, CMakeLists.txt, README.txt; or as FMU with its plant."""
-    from antidrive import commands
+    from antidrive import commands, drive_commands
     from plant.gears import GearTrain
 
-    commands.export(
+    drive_commands.export(
         model,
         GearTrain(pinion_teeth=pinion_teeth, follower_teeth=follower_teeth),
         sample_time=sample_time,

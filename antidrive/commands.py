@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +12,8 @@ from antidrive import report
 from antidrive.fit_options import FitOptions
 from antidrive.fitted_model import model_file
 from antidrive.log_options import LogOptions, Measured
-from antidrive.output import whole_file, whole_folder, write_json
+from antidrive.output import whole_file, whole_folder, write_json, written
+from antidrive.own_effects import read_own_model
 from antidrive.provenance import Provenance
 from antidrive.time_left import Tell
 from antidrive.voice import Voice
@@ -28,16 +28,12 @@ if TYPE_CHECKING:
     from diagnosis.diagnosis import Diagnosis
     from diagnosis.experiment import Experiment
     from plant.effects import Effect
-    from plant.gears import GearTrain
 
 __all__ = [
     "Voice",
-    "allocate",
-    "capability",
     "demo",
     "diagnose",
     "effects",
-    "export",
     "identify",
     "inspect",
     "predict",
@@ -82,7 +78,7 @@ def identify(
         write_json(draft / "fit.json", content)
         page = report.fit_page(found, simulated, provenance, notes=measured.notes, warnings=unseen)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [fit_report(found), *_data_lines(found.log, unseen), _written(out, "model.json, fit.json, report.html")]
+    lines = [fit_report(found), *_data_lines(found.log, unseen), written(out, "model.json, fit.json, report.html")]
     voice.result("\n".join(lines), content)
 
 
@@ -131,7 +127,7 @@ def diagnose(
         page = report.diagnosis_page(found, provenance, notes=measured.notes, explanation=explanation)
         (draft / "report.html").write_text(page, encoding="utf-8")
     told = [*sentences(found, explanation), *found.warnings, *said]
-    lines = [headline(found), *(f"  {line}" for line in told), _written(out, f"{files}, report.html")]
+    lines = [headline(found), *(f"  {line}" for line in told), written(out, f"{files}, report.html")]
     voice.result("\n".join(lines), content)
 
 
@@ -156,7 +152,7 @@ def predict(
     """Simulate a log freely and write run, time, angle (or position) as CSV."""
     from antidrive.prediction import write_prediction
 
-    servo = _model(model, _own(effects or options.fit.effects))
+    servo = read_own_model(model, effects or options.fit.effects).model
     if window is not None and not (np.isfinite(window) and window > 0.0):
         raise BadParameter(f"--window must be a positive number of seconds, not {window:g}.")
     with whole_file(out) as draft:
@@ -183,7 +179,7 @@ def inspect(options: LogOptions, *, out: Path, voice: Voice) -> None:
         (draft / "log.toml").write_text(found.log_file(out), encoding="utf-8")
         page = report.inspection_page(found, Provenance.now(voice.words, found.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
-    voice.result("\n".join([*found.sentences(), _written(out, "log.toml, report.html")]), found.summary())
+    voice.result("\n".join([*found.sentences(), written(out, "log.toml, report.html")]), found.summary())
 
 
 def simulate(scenario: str, *, model: Path | None, effects: Path | None, out: Path, seed: int, voice: Voice) -> None:
@@ -191,7 +187,7 @@ def simulate(scenario: str, *, model: Path | None, effects: Path | None, out: Pa
     from antidrive.experiments.outcome import Outcome
     from antidrive.plans import read_plan
 
-    plan, design = read_plan(scenario), _base(model, _own(effects))
+    plan, design = read_plan(scenario), None if model is None else read_own_model(model, effects).model
     with whole_folder(out) as draft:
         with voice.progress(f"simulating {plan.name}") as progress:
             result = plan.run(design, seed, progress)
@@ -203,104 +199,8 @@ def simulate(scenario: str, *, model: Path | None, effects: Path | None, out: Pa
         else:
             page = report.trial_page(result, provenance)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [*result.sentences(), _written(out, "trajectory.csv, summary.json, report.html")]
+    lines = [*result.sentences(), written(out, "trajectory.csv, summary.json, report.html")]
     voice.result("\n".join(lines), result.summary())
-
-
-def allocate(torques: list[float], *, min_torque: float, max_torque: float, voice: Voice) -> None:
-    """Print how follower torques are shared between the drives of the paper's gear train."""
-    from allocation import Allocator
-    from plant.gears import GearTrain
-
-    allocator = Allocator(GearTrain.paper(), min_torque=min_torque, max_torque=max_torque)
-    splits = [(torque, allocator.allocate(torque)) for torque in torques]
-    content = [
-        {
-            "torque": torque,
-            "torques": split.torques,
-            "preload": split.preload,
-            "margin": split.margin,
-            "heat": split.heat,
-            "missing_torque": split.missing_torque,
-            "binding": split.binding,
-            "status": split.status,
-        }
-        for torque, split in splits
-    ]
-    columns = ("torque", "pinion 1", "pinion 2", "margin", "heat", "status")
-    rows = [
-        (f"{torque:.4g}", *(f"{t:+.5f}" for t in s.torques), f"{s.margin:.5f}", f"{s.heat:.6f}", s.status.split(":")[0])
-        for torque, s in splits
-    ]
-    units = ("N m", "N m", "N m", "N m", "N² m²", "")
-    widths = [max(len(row[place]) for row in (columns, units, *rows)) for place in range(len(columns))]
-    lines = ["  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in (columns, units, *rows)]
-    why = [f"{torque:.4g} N m is {s.status}." for torque, s in splits if ":" in s.status]
-    lines += [textwrap.fill(line, 80, subsequent_indent="  ") for line in why]
-    voice.result("\n".join(lines), {"unit": "N m", "splits": content})
-
-
-def capability(
-    *,
-    inertia: float,
-    min_torque: float,
-    max_torque: float,
-    rotor_inertia: float,
-    motor_friction: float,
-    out: Path,
-    voice: Voice,
-) -> None:
-    """Map what the drives of the paper's gear train can do, and write capability.csv and report.html."""
-    from allocation import Allocator
-    from antidrive import capability as told
-    from plant.gears import GearTrain
-
-    allocator = Allocator(
-        GearTrain.paper(),
-        min_torque=min_torque,
-        max_torque=max_torque,
-        rotor_inertia=rotor_inertia,
-        motor_friction=motor_friction,
-    )
-    with whole_folder(out) as draft:
-        found = told.whole_map(allocator, inertia)
-        told.table(found).to_csv(draft / "capability.csv", index=False, float_format="%.10g")
-        page = report.capability_page(found, told.sentences(found), Provenance.now(voice.words))
-        (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [*told.sentences(found), _written(out, "capability.csv, report.html")]
-    voice.result("\n".join(lines), told.summary(found))
-
-
-def export(
-    model: Path,
-    gears: GearTrain,
-    *,
-    single: bool,
-    fmu: bool,
-    effects: Path | None,
-    out: Path,
-    voice: Voice,
-    **numbers: Any,
-) -> None:
-    """Write the controller of a model, with these numbers of `mpc.Controller`, as C99 for a target, or as FMUs."""
-    from antidrive import exports
-    from mpc import Controller
-
-    if fmu and single:
-        raise BadParameter("An FMU calculates in double precision; leave --single or --fmu out.")
-    read = read_model(model, _own(effects))
-    if not read.identified:
-        raise Unidentifiable(
-            f"{model}: no parameter of this model was identified, its values are those that the fit began with; "
-            "identify it from a log that shows them, or write a model by hand."
-        )
-    servo = read.model
-    with whole_folder(out) as draft, voice.progress("compiling the controller") as progress:
-        controller = Controller(servo, gears, **numbers)
-        told, content = (
-            exports.fmus(controller, servo, draft, progress) if fmu else exports.c99(controller, single, draft)
-        )
-    voice.result("\n".join([*told, _written(out, ", ".join(content["files"]))]), content)
 
 
 def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:
@@ -315,7 +215,7 @@ def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:
         with whole_folder(out) as draft, voice.progress("drawing every effect") as progress:
             page = gallery.gallery_page(Provenance.now(voice.words), progress=progress)
             (draft / "gallery.html").write_text(page, encoding="utf-8")
-        told.append(_written(out, "gallery.html"))
+        told.append(written(out, "gallery.html"))
     shown = catalogue.values() if name is None else (catalogue[name],)
     voice.result("\n".join(told), {"effects": [gallery.facts(kind) for kind in shown]})
 
@@ -337,7 +237,7 @@ def demo(*, out: Path, seed: int, voice: Voice) -> None:
         (draft / "report.html").write_text(page, encoding="utf-8")
     files = "log.csv, validation.csv, diagnosis.json, model.json, base-model.json, summary.json, report.html"
     again = f"Try it yourself: antidrive diagnose {out / 'log.csv'} --holdout {out / 'validation.csv'}"
-    lines = [*told.sentences(), _written(out, files), again]
+    lines = [*told.sentences(), written(out, files), again]
     voice.result("\n".join(lines), told.summary())
 
 
@@ -346,16 +246,8 @@ def _read(options: LogOptions, voice: Voice) -> Measured:
         return options.read(progress)
 
 
-def _own(effects: Path | None) -> tuple[type[Effect], ...]:
-    return FitOptions(effects=effects).own_effects()
-
-
-def _model(path: Path, own: Sequence[type[Effect]]) -> ServoModel:
-    return read_model(path, own).model
-
-
 def _base(path: Path | None, own: Sequence[type[Effect]]) -> ServoModel | None:
-    return None if path is None else _model(path, own)
+    return None if path is None else read_model(path, own).model
 
 
 def _data_lines(log: Log, unseen: Sequence[str]) -> list[str]:
@@ -364,7 +256,3 @@ def _data_lines(log: Log, unseen: Sequence[str]) -> list[str]:
         *(f"  repaired: {text}" for text in log.repairs),
         *(f"  note: {text}" for text in log.notes),
     ]
-
-
-def _written(out: Path, files: str) -> str:
-    return f"Written to {out}: {files}"

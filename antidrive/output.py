@@ -102,3 +102,8 @@ def to_json(content: Any, *, ascii: bool = False) -> str:
 def write_json(path: Path, content: Any) -> None:
     """Write one JSON file."""
     path.write_text(to_json(content) + "\n", encoding="utf-8")
+
+
+def written(out: Path, files: str) -> str:
+    """What is said of results when they stand in a folder."""
+    return f"Written to {out}: {files}"

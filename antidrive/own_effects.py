@@ -9,6 +9,7 @@ from pathlib import Path
 from plant.effects import Effect, catalogue
 from plant.effects.effect import Stage
 from plant.errors import BadParameter
+from plant.model_file import ModelFile, read_model
 
 
 def read_effects(path: Path) -> tuple[type[Effect], ...]:
@@ -59,3 +60,8 @@ def _place(path: Path, error: Exception) -> str:
             line = trace.tb_lineno
         trace = trace.tb_next
     return "" if line is None else f"line {line}: "
+
+
+def read_own_model(path: Path, effects: Path | None) -> ModelFile:
+    """A model file, which may have the effects of one's own that another file defines."""
+    return read_model(path, () if effects is None else read_effects(effects))

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Unpack, cast
+from typing import TYPE_CHECKING, Literal, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from identification.checks.check import check, excited
-from identification.checks.idle import leave_idle
+from identification.checked import checked
 from identification.errors import MalformedLog, UnusableLog
 from identification.reading.columns import read_recordings
 from identification.reading.files import read_table
 from identification.reading.frames import columns_of
 from identification.reading.recognition import joined_if_needed
 from identification.reading.request import ALIASES, COLUMNS, Gears, How, Reading
-from identification.reading.table import Table
-from identification.recording import Finding, Recording, Response, counted
+from identification.reading.table import Table, table_of
+from identification.recording import Recording, Response, counted
 from identification.run import Run
-from identification.run_parameters import payload_of
 from plant.effects import Effect
 from plant.errors import BadParameter
 
@@ -33,7 +29,6 @@ if TYPE_CHECKING:
 __all__ = ["Axis", "Log", "Run", "Source"]
 
 Axis = Literal["rotary", "linear"]
-_TOLD = 3  # findings of one kind that are told one by one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +171,7 @@ class Log:
         """A log from the columns of a DataFrame; arguments and errors as in `read`."""
         columns = columns_of(frame)
         reading = Reading(**how)
-        return cls._from_table(_table(columns, label), reading)
+        return cls._from_table(table_of(columns, label), reading)
 
     @classmethod
     def from_arrays(
@@ -217,7 +212,7 @@ class Log:
                 columns[name] = np.asarray(values)
             except ValueError as error:
                 raise MalformedLog(f"{label}: the channel '{name}' is ragged, give one number a sample.") from error
-        return cls._from_table(_table(columns, label), reading)
+        return cls._from_table(table_of(columns, label), reading)
 
     @classmethod
     def from_recordings(
@@ -233,30 +228,13 @@ class Log:
 
         Raises `MalformedLog` when a recording is unusable, all are too short, or nothing ever moves.
         """
-        usable: list[Recording] = []
-        findings: list[Finding] = []
-        for recording in recordings:
-            parts, found = check(recording)
-            usable += parts
-            findings += found
-        if not usable:
-            short = [finding.text for finding in findings if finding.kind == "too short"]
-            raise MalformedLog(short[0].replace("left out, as ", "") + "." if short else "the log holds no runs.")
-        if not any(map(excited, usable)):
-            first = usable[0]
-            raise MalformedLog(
-                f"{first.label}: neither '{first.name('command')}' nor '{first.name('output')}' ever changes, "
-                "record a log in which the drive moves the load."
-            )
-        if not any(np.ptp(recording.output[recording.valid]) > 0 for recording in usable):
-            findings = [replace(found, unusable=found.unusable or found.kind == "never turns") for found in findings]
-        usable, findings = leave_idle(usable, findings)
+        found = checked(recordings)
         return cls(
-            runs=tuple(Run.from_recording(recording, _zero(usable), payload_of(recording)) for recording in usable),
+            runs=found.runs,
             axis=axis,
-            warnings=_told(finding for finding in findings if not finding.repaired and not finding.unusable),
-            faults=_told(finding for finding in findings if finding.unusable),
-            repairs=_told(finding for finding in findings if finding.repaired),
+            warnings=found.warnings,
+            faults=found.faults,
+            repairs=found.repairs,
             sources=tuple(sources),
             command_unit=command_unit,
             notes=tuple(notes),
@@ -326,33 +304,3 @@ class Log:
         if wrong:
             raise BadParameter(f"there is no run at place {wrong[0]}, the log has {len(self.runs)} runs.")
         return replace(self, runs=tuple(self.runs[place] for place in runs))
-
-
-def _table(columns: dict[str, Any], label: str) -> Table:
-    digest = hashlib.sha256()
-    for name, values in columns.items():
-        digest.update(name.encode())
-        digest.update(repr(values.tolist()).encode() if values.dtype.kind == "O" else values.tobytes())
-    return Table(name=label, columns=columns, sha256=digest.hexdigest())
-
-
-def _zero(recordings: Sequence[Recording]) -> float:
-    """When the log began on a clock that had been running for long before it, else zero [s].
-
-    Counted from such a clock's zero, drift is as good as constant and the phase of a wave means nothing.
-    """
-    first = min(float(recording.time[0]) for recording in recordings)
-    last = max(float(recording.time[-1]) for recording in recordings)
-    return first if abs(first) > last - first else 0.0
-
-
-def _told(findings: Iterable[Finding]) -> tuple[str, ...]:
-    """One sentence each, but of many findings of one kind only the first and how many follow."""
-    kinds: dict[str, list[str]] = defaultdict(list)
-    for finding in findings:
-        kinds[finding.kind].append(finding.text)
-    told = []
-    for texts in kinds.values():
-        many = len(texts) > _TOLD
-        told += [f"{texts[0]}; and the like in {len(texts) - 1} further runs"] if many else texts
-    return tuple(told)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -48,3 +49,12 @@ class Table:
         """File, row and line of an index of the columns, for messages."""
         row = self.row(index)
         return f"{self.name}, row {row}" + ("" if self.first_line is None else f" (line {row + self.first_line - 1})")
+
+
+def table_of(columns: Mapping[str, NDArray[Any]], label: str) -> Table:
+    """The table of columns that are no file's, with the hash of their content."""
+    digest = hashlib.sha256()
+    for name, values in columns.items():
+        digest.update(name.encode())
+        digest.update(repr(values.tolist()).encode() if values.dtype.kind == "O" else values.tobytes())
+    return Table(name=label, columns=columns, sha256=digest.hexdigest())
