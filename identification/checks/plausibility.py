@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification.errors import MalformedLog
+from identification.reading.headings import heading
 from identification.recording import Finding, Recording
 
 SLOWEST_SAMPLING = 0.5  # [s]
@@ -33,11 +34,13 @@ def check_time_unit(recording: Recording) -> None:
         return
     step = float(np.median(np.diff(recording.time)))
     if step > SLOWEST_SAMPLING:
-        unit = "ms" if step <= 500 else "us"
-        raise MalformedLog(
-            f"{recording.label}: a sample time of {step:.3g} s is too slow to identify a servo; "
-            f"if '{recording.name('time')}' is not in seconds, give its unit, for example --unit time={unit}."
+        name, unit = recording.name("time"), "ms" if step <= 500 else "us"
+        hint = (
+            "record it faster"
+            if heading(name).unit
+            else f"if '{name}' is not in seconds, give its unit, for example --unit time={unit}"
         )
+        raise MalformedLog(f"{recording.label}: a sample time of {step:.3g} s is too slow to identify a servo; {hint}.")
     if step < FASTEST_SAMPLING:
         raise MalformedLog(
             f"{recording.label}: a sample time of {step:.3g} s is faster than any servo log, "
