@@ -51,6 +51,7 @@ def same(log):
         ("θ", "theta", ""),
         ("Torque (filtered)", "torque filtered", ""),
         ("I_A", "i", "A"),
+        ("encoder_ticks", "encoder", "count"),
     ],
 )
 def test_a_heading_is_words_and_a_unit(name, words, unit):
@@ -66,6 +67,10 @@ def test_a_heading_is_words_and_a_unit(name, words, unit):
         ("tau_meas", "torque", SYNONYM),
         ("i_q", "current", SYNONYM),
         ("u [V]", "voltage", AMONG_OTHERS),
+        ("pos_estimate", "position", SYNONYM),
+        ("q_d", "setpoint", SYNONYM),
+        ("Position (rotations)", "angle", OWN),
+        ("duty_cycle", "duty", SYNONYM),
         ("theta", "angle", SYNONYM),
         ("q3", "angle", AMONG_OTHERS),
         ("dq3", "velocity", AMONG_OTHERS),
@@ -82,7 +87,9 @@ def test_a_name_means_a_quantity(name, column, grade):
     assert (found.column, found.grade) == (column, grade)
 
 
-@pytest.mark.parametrize("name", ["ddq3", "MaxTorque", "SpeedRef", "position error", "TestIndex", "x", "temperature"])
+@pytest.mark.parametrize(
+    "name", ["ddq3", "MaxTorque", "SpeedRef", "position error", "TestIndex", "x", "temperature", "i_d", "dq_d"]
+)
 def test_a_name_of_something_else_means_nothing(name):
     assert meaning(name) is None
 
@@ -107,6 +114,13 @@ def test_a_unit_of_a_heading_is_used_and_said(csv):
     log = Log.read(csv(columns))
     assert same(log)
     assert any("'Angle (deg)' in deg" in told and "'Torque [mNm]' in mNm" in told for told in log.warnings)
+
+
+def test_counts_are_no_radians(csv):
+    path = csv({"time": TIME, "torque": TORQUE, "encoder_ticks": np.round(1e3 * ANGLE)})
+    with pytest.raises(MalformedLog, match="what one step is worth"):
+        Log.read(path)
+    assert Log.read(path, units={"angle": "mrad"}).axis == "rotary"
 
 
 def test_a_unit_that_the_user_gives_comes_before_that_of_the_heading(csv):

@@ -17,7 +17,7 @@ _GREEK = {"θ": "theta", "ϑ": "theta", "φ": "phi", "ϕ": "phi", "τ": "tau", "
 _BRACKETS = re.compile(r"^(.*\S)\s*[\[({<]\s*([^\[\](){}<>]+?)\s*[\])}>]\s*$")
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _LETTERS = re.compile(r"[A-Za-zµ°%]+")
-_UNSIZED = {"%", "‰", "count", "counts", "cnt", "inc", "increments", "ticks", "pulses", "raw", "lsb", "digits", "bit"}
+_COUNTS = {"count", "counts", "cnt", "inc", "increments", "ticks", "pulses", "raw", "lsb", "digits"}
 _AT_THE_END = {  # as a last word, where capitals count for single letters: a motor "a" has no amperes
     *("s", "sec", "ms", "us", "ns", "rad", "mrad", "deg", "turn", "turns", "rev", "revs", "rpm", "mm", "um", "m"),
     *("nm", "Nm", "NM", "mNm", "Ncm", "N", "kN", "A", "mA", "V", "mV", "RPM", "DEG", "Deg", "RAD", "Rad"),
@@ -44,10 +44,12 @@ def heading(text: str) -> Heading:
     plain = unicodedata.normalize("NFKC", text.lstrip("\ufeff")).strip()
     found = _BRACKETS.match(plain)
     if found:
-        unit = found[2]
-        if unit.lower() in _UNSIZED or kind_of(unit) is not None:
+        unit = "count" if found[2].lower() in _COUNTS else found[2]
+        if unit in ("count", "%", "‰") or kind_of(unit) is not None:
             return Heading(words=_words(found[1]), unit=unit)
     words = _words(plain)
+    if len(words) > 1 and words[-1] in _COUNTS:
+        return Heading(words=words[:-1], unit="count")
     for count in (2, 1):
         last = _last_letters(plain, count)
         if len(words) <= count or not last or not all(one in _AT_THE_END for one in last):

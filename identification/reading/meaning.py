@@ -15,19 +15,23 @@ from identification.reading.units import kind_of
 
 OWN, SYNONYM, AMONG_OTHERS = 3, 2, 1  # how surely a name says what a column is
 
+_TIMES = ("ts", "secs", "zeitstempel", "x value", "x axis")
 NOUNS: Mapping[str, tuple[str, ...]] = {
-    "time": ("time", "t", "timestamp", "stamp", "seconds", "sec", "elapsed", "clock", "zeit"),
+    "time": ("time", "t", "timestamp", "stamp", "seconds", "sec", "elapsed", "clock", "zeit", *_TIMES),
     "torque": ("torque", "effort", "tau", "trq", "tq", "moment", "drehmoment"),
     "force": ("force", "thrust", "kraft"),
     "current": ("current", "iq", "i q", "ia", "i a", "i", "amps", "strom"),
     "voltage": ("voltage", "volts", "volt", "uq", "u q", "spannung"),
+    "duty": ("duty", "duty cycle"),
     "angle": ("angle", "theta", "q", "phi", "alpha", "winkel", "rotation"),
     "position": ("position", "pos", "encoder", "enc", "displacement"),
+    "setpoint": ("q d", "theta d", "phi d"),
     "velocity": (
-        *("velocity", "vel", "speed", "omega", "w", "rpm", "dq", "qd", "qdot", "q dot", "dtheta", "d theta"),
+        *("velocity", "vel", "velo", "speed", "omega", "w", "rpm", "dq", "qd", "qdot", "q dot", "dtheta", "d theta"),
         *("theta dot", "thetadot", "drehzahl"),
     ),
     "run": ("run", "experiment", "trial", "episode"),
+    "something else": ("id", "i d", "ud", "u d", "vd", "v d", "dq d", "tau d"),
     "acceleration": ("acceleration", "acc", "accel", "ddq", "qdd", "ddtheta", "jerk"),
 }
 """Words, or several in a row, that name a quantity. A position may be an angle: its unit, or the command, tells."""
@@ -41,10 +45,25 @@ _ASKED = {
 _SOMETHING_ELSE = {
     *("error", "err", "deviation", "max", "min", "limit", "lim", "constant", "temperature", "temp", "std", "variance"),
     *("offset", "gain", "enabled", "enable", "status", "state", "mode", "flag", "delay", "ratio", "power", "index"),
-    *("fault", "estimate", "estimated", "predicted", "filter", "count", "rate"),
+    *("fault", "predicted", "filter", "count", "rate"),
 }
+_OTHERS = ("acceleration", "something else")
 _IN_PASSING = {"index", "id", "number", "no", "nr"}  # beside a run
-_PLAIN = {"actual", "act", "measured", "meas", "value", "val", "present", "feedback", "ist", "signal"}
+_PLAIN = {
+    "actual",
+    "act",
+    "measured",
+    "meas",
+    "value",
+    "val",
+    "present",
+    "feedback",
+    "ist",
+    "signal",
+    "estimate",
+    "estimated",
+    "est",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +89,7 @@ def meaning(name: str, file_unit: str = "") -> Meaning | None:
     fits = noun is not None and _fits(noun, unit)
     if read.trailing and not fits:
         unit, others, fits = file_unit, [*others, read.unit.lower()], noun is not None and _fits(noun, file_unit)
-    if set(others) & _SOMETHING_ELSE or noun == "acceleration":
+    if set(others) & _SOMETHING_ELSE or noun in _OTHERS:
         return None
     if noun is None:
         return _by_unit(unit)
@@ -79,7 +98,7 @@ def meaning(name: str, file_unit: str = "") -> Meaning | None:
     grade = SYNONYM if not set(others) - _PLAIN else AMONG_OTHERS
     column = "angle" if noun == "position" and kind_of(unit) == "rad" else noun
     if set(others) & _ASKED:
-        if column not in ("angle", "position", "torque", "force", "current", "voltage"):
+        if column not in ("angle", "position", "torque", "force", "current", "voltage", "duty"):
             return None
         column = "setpoint" if column in ("angle", "position") else column
         grade = SYNONYM if not set(others) - _ASKED - _PLAIN else AMONG_OTHERS
@@ -113,6 +132,7 @@ _UNITS = {
     "voltage": ("V",),
     "angle": ("rad",),
     "position": ("rad", "m"),
+    "setpoint": ("rad", "m"),
     "velocity": ("rad/s", "m/s"),
 }
 

@@ -17,6 +17,7 @@ from identification.reading.join import join_tables
 from identification.reading.meaning import AMONG_OTHERS, OWN, SYNONYM, Meaning, meaning
 from identification.reading.request import ALIASES, COLUMNS, Reading
 from identification.reading.table import Table
+from identification.reading.units import kind_of
 
 _COMMANDS = ("torque", "force", "torque_1", "torque_2", "current", "voltage", "duty", "setpoint")
 _RESPONSES = ("angle", "position", "velocity")
@@ -123,7 +124,7 @@ def _is_angle(known: Recognition, name: str, left: Mapping[str, str]) -> bool:
 
 def _on_axis(known: Recognition, found: Meaning, meant: Mapping[str, Meaning], linear: bool) -> Meaning:
     """A position without a unit is an angle, unless a force drives it."""
-    if found.column != "position" or found.unit:
+    if found.column != "position" or kind_of(found.unit) is not None:
         return found
     forced = linear or "force" in known.found or any(other.column == "force" for other in meant.values())
     return found if forced else Meaning(column="angle", grade=found.grade, unit=found.unit)

@@ -147,6 +147,7 @@ def _factor(unit: str, wanted: str) -> tuple[float, bool]:
     """Factor to the wanted SI unit, and whether the unit says how large it is; raises anything."""
     if len(unit) > _LONGEST:
         raise ValueError(unit)
+    unit = re.sub(r"\brotations?\b", "turn", unit)
     if wanted == "1":
         unit = unit.replace("%", "percent")
     unit = _NEWTON_METRES.sub(
