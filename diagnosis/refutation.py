@@ -10,6 +10,7 @@ from diagnosis.explanation.wording import change, measured, sentence_case, title
 from diagnosis.holdout import cut
 from diagnosis.result import Cause, Estimate
 from identification.log import Log
+from plant.effects import catalogue
 from plant.effects.effect import Array
 
 _SURELY = 2.0  # standard errors
@@ -29,7 +30,7 @@ def spoken_against(before: Array, after: Array) -> str | None:
 def withdrawn(causes: Iterable[Cause], log: Log, *, refuted: bool) -> tuple[tuple[Cause, ...], list[str]]:
     """The causes that may still be told, and one sentence for each that may not.
 
-    A name is not told where all its torques are zero within their standard errors, where one is beyond what the log
+    A name is not told where all its sizes are zero within their standard errors, where a torque is beyond what the log
     commands, nor where it brings nothing on held-out data that refute what was added.
 
     Args:
@@ -49,8 +50,9 @@ def withdrawn(causes: Iterable[Cause], log: Log, *, refuted: bool) -> tuple[tupl
 
 def _why_not(cause: Cause, log: Log, *, refuted: bool) -> str | None:
     torques = {name: value for name, value in cause.parameters.items() if value.unit == log.command_unit}
-    if torques and all(_is_zero(value) for value in torques.values()):
-        return f"its {_said(torques)} {'is' if len(torques) == 1 else 'are'} zero within the standard error"
+    sizes = torques | {name: cause.parameters[name] for name in _sizes(cause)}
+    if sizes and all(_is_zero(value) for value in sizes.values()):
+        return f"its {_said(sizes)} {'is' if len(sizes) == 1 else 'are'} zero within the standard error"
     most = max(float(np.max(np.abs(run.drive))) for run in log.runs)
     beyond = {name: value for name, value in torques.items() if abs(value.value) > most}
     if beyond:
@@ -58,6 +60,13 @@ def _why_not(cause: Cause, log: Log, *, refuted: bool) -> str | None:
     if refuted and cause.gain <= _SURELY * cause.gain_std:
         return "it brings nothing on the held-out data, which refute what was added"
     return None
+
+
+def _sizes(cause: Cause) -> list[str]:
+    """Parameters of a known effect that count in torque and may be zero: with all of them zero nothing is there."""
+    kind = catalogue.get(cause.effect)
+    specs = () if kind is None else kind.parameters()
+    return [s.name for s in specs if "{torque}" in s.unit and s.lower <= 0.0 and s.name in cause.parameters]
 
 
 def _is_zero(value: Estimate) -> bool:

@@ -82,6 +82,7 @@ def test_both_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.Mo
         time,
         0.005 * constant,
         0 * time,
+        0 * time,
         measured,
         0.1 * constant,
         constant,
@@ -92,7 +93,7 @@ def test_both_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.Mo
         with monkeypatch.context() as patch:
             if not compiled:
                 patch.setattr(machine_code, "compiler", lambda: None)
-            follow = inspect.unwrap(predictor._prediction)(Structure(model), (0, 1, 2, 3), substeps, True)
+            follow = inspect.unwrap(predictor._prediction)(Structure(model), (0, 1, 2, 3), substeps, True, "angle")
             assert follow.wait() == compiled
             carried, shown = follow(begin, np.column_stack(columns), model.values)
             forms.append([*carried, *shown])

@@ -130,6 +130,6 @@ def test_cogging_asks_for_travel() -> None:
 
 def test_within_moves_a_start_inside_its_bounds() -> None:
     lag = catalogue["actuator_lag"]
-    assert within(-1.0, lag, "time_constant") == 1e-8
-    assert within(9.0, lag, "time_constant") == 2.0
+    assert within(-1.0, lag, "time_constant") == lag.parameters()[0].lower > 0.0
+    assert within(9.0, lag, "time_constant") == 9.0  # how long it may be follows from the log
     assert within(0.001, lag, "time_constant", floor=0.01) == 0.01

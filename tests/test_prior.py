@@ -87,10 +87,10 @@ def test_the_slope_of_the_objective_is_that_of_its_cost() -> None:
 
 def test_without_a_curve_nothing_is_known_before() -> None:
     log = record(PLAIN, excitation(4, duration=5.0), seed=4).log()
-    assert Objective.of(log, ServoModel.paper()).precision is None
+    assert Objective.of(log, ServoModel.paper()).prior is None
     curve = CurveOverVelocity(low=-3.0, high=3.0)
     held = ServoModel.paper().with_effect(curve)
-    assert not Objective.of(log, held, fixed=[n for n in held.names if n.startswith(curve.name)]).precision.any()
+    assert Objective.of(log, held, fixed=[n for n in held.names if n.startswith(curve.name)]).prior is None
 
 
 def test_a_curve_begins_flat() -> None:

@@ -36,7 +36,7 @@ def cause(value: float, std: float | None, unit: str = "N m", **gain: float) -> 
         (cause(0.4, None), False, None),
         (cause(0.0005, 0.001), False, "Coulomb friction is not told: its torque (0.0005 ± 0.0010 N m) is zero within"),
         (cause(18.4, 0.1), False, "is beyond all that the log commands, 2 N m."),
-        (cause(18.4, 20.0, unit="rad"), False, None),  # an angle may be anywhere
+        (cause(18.4, 0.1, unit="rad"), False, None),  # an angle may be anywhere
         (cause(0.4, 0.01, gain=-0.2), True, "it brings nothing on the held-out data, which refute what was added."),
         (cause(0.4, 0.01, gain=-0.2), False, None),
         (cause(0.4, 0.01), True, None),
