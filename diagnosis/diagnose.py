@@ -148,7 +148,10 @@ def diagnose(
     if (refuted := spoken_against(squares[0], squares[-1])) is not None:
         warnings.append(" ".join(filter(None, (refuted, further))))
     found = _causes(outcome, final, squares)
-    causes, why_not = withdrawn(found, log, refuted=refuted is not None and further is None)
+    # Judged by the fit of the names alone: beside a curve that has no name, what a name is worth is not known.
+    judged = _causes(outcome, outcome.fit, squares)
+    kept, why_not = withdrawn(judged, log, refuted=refuted is not None and further is None)
+    causes = tuple(cause for cause in found if cause.effect in {each.effect for each in kept})
     warnings.extend(why_not)
     left = repeats(final)
     if left is not None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from diagnosis.explanation.wording import change, measured, sentence_case, title_of
 from diagnosis.holdout import cut
+from diagnosis.odds import CLEAR
 from diagnosis.result import Cause, Estimate
 from identification.log import Log
 from plant.effects import catalogue
@@ -40,7 +41,8 @@ def withdrawn(causes: Iterable[Cause], log: Log, *, refuted: bool) -> tuple[tupl
     """
     kept, told = [], []
     for cause in causes:
-        why = _why_not(cause, log, refuted=refuted)
+        doubted = cause.probability < CLEAR  # it is told with its doubt, and nobody relies on it
+        why = None if doubted else _why_not(cause, log, refuted=refuted)
         if why is None:
             kept.append(cause)
         else:

@@ -16,7 +16,6 @@ __all__ = [
     "Fit",
     "FittedParameter",
     "Log",
-    "LogLike",
     "LostMotion",
     "MalformedLog",
     "MissingColumns",

