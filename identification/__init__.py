@@ -7,7 +7,7 @@ from identification.fit import base_model, fit
 from identification.fit_result import Fit, FittedParameter, fit_report, fit_to_dict
 from identification.inverse import torque_error
 from identification.log import Log
-from identification.log_like import LogLike, log_of
+from identification.log_like import log_of
 from identification.lost_motion import LostMotion, lost_motion
 from identification.run import Run
 from identification.simulation import free_simulation

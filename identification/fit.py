@@ -66,10 +66,20 @@ def fit(
     known = known_of(fixed, bounds, prior, start, stated=model is not None)
     _check(Problem.of(log, known.begun(start), known=known), per_run, known.fixed)
     found = fit_knowing(log, start, known, progress)
+    if found.converged:
+        found = _polished(found)
     if per_run and len(log.runs) > 1:
         return fit_apart(found, tuple(dict.fromkeys(per_run)))
     said = disagreement(found)
     return found if said is None else replace(found, log=replace(found.log, warnings=(*found.log.warnings, said)))
+
+
+def _polished(fit: Fit) -> Fit:
+    """The fit at the very top of its likelihood, where it does not matter in which units it came there."""
+    kept = [p.name for p in fit.parameters if p.fixed]
+    best = Problem.of(fit.log, fit.model, fixed=kept, known=fit.known).polished(fit)
+    lines = zip(best.parameters, fit.parameters, strict=True)
+    return replace(best, parameters=tuple(replace(p, start=was.start, value=was.value and p.value) for p, was in lines))
 
 
 def _check(problem: Problem, per_run: Sequence[str], fixed: Collection[str]) -> None:
@@ -84,8 +94,6 @@ def fit_knowing(log: Log, model: ServoModel, known: Known, progress: Callable[[s
     """The same, with what is known of parameters in one piece, also of such as the model does not have."""
     start = known.begun(model)
     found, traded = _beside_traded(log, start, known, progress)
-    if found.converged:
-        found = Problem.of(found.log, found.model, fixed=found.fixed, known=found.known).polished(found)
     begun = [replace(line, start=float(value)) for line, value in zip(found.parameters, start.values, strict=True)]
     return replace(found, parameters=tuple(replace(p, value=None) if p.name in traded else p for p in begun))
 

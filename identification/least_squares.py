@@ -1,4 +1,4 @@
-"""Damped Gauss-Newton with bounds on the normal equations (Levenberg 1944, Marquardt 1963; damping by Nielsen 1999).
+"""Damped Gauss-Newton with bounds on the normal equations (Levenberg 1944, Marquardt 1963).
 
 Logs are long and parameters few, so the work is one pass over the log for each trial; what remains is a system of the
 size of the parameter vector, solved here with an active set for the bounds.
@@ -17,7 +17,6 @@ from plant.effects.effect import Array
 
 _APART = 0.1  # of the log-likelihood, by which two points have to differ
 _ALIKE = 1e-12  # of the information about some regressors, below which about their difference there is none
-_STRONGER = 4.0  # damping after a first step that was refused; it doubles with each
 _ROUNDING = 1e-8  # component of a unit vector that may be none
 
 
@@ -88,7 +87,7 @@ def minimise(
     """
     point = np.clip(start, lower, upper)
     here = at_start if at_start is not None else evaluate(point)
-    evaluations, damping, stronger, converged = int(at_start is None), 1e-6, _STRONGER, here.cost == 0.0
+    evaluations, damping, converged = int(at_start is None), 1e-6, here.cost == 0.0
     while evaluations < iterations and np.isfinite(here.cost) and here.cost > 0.0:
         # A quantity that is positive by nature (a time, a width, an inertia) changes by a factor of five at most, so
         # that one about which the log is silent does not run away.
@@ -105,10 +104,10 @@ def minimise(
         with np.errstate(over="ignore"):
             kept = (here.cost - there.cost) / promise  # of what was promised
         if kept > 1e-4:
-            point, here, stronger = target, there, _STRONGER
-            damping = max(damping * max(0.1, 1.0 - float(2.0 * kept - 1.0) ** 3), 1e-12)
+            point, here = target, there
+            damping = max(damping * (0.1 if kept > 0.5 else 1.0 if kept > 0.1 else 5.0), 1e-12)
         else:
-            damping, stronger = max(damping * stronger, 1e-5), 2.0 * stronger
+            damping = max(damping * 30.0, 1e-5)
             if damping > 1e10:
                 break
     converged = converged or here.cost == 0.0

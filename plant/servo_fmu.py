@@ -9,12 +9,14 @@ import casadi as ca
 import numpy as np
 
 from plant.discrete import integration_steps, sample_reading, sample_step
-from plant.effects import InputDelay, State
+from plant.effects import State
 from plant.errors import BadParameter
 from plant.fmu import Fmu, Variable
 from plant.gears import GearTrain
 from plant.servo import ServoModel
 from plant.simulation import whole_samples
+
+_LONGEST_DELAY = 1.0  # [s] that the memory of an FMU has room for
 
 
 def servo_fmu(model: ServoModel, *, sample_time: float, gears: GearTrain | None = None) -> Fmu:
@@ -75,14 +77,13 @@ def _machine(model: ServoModel, sample_time: float, torque_map: tuple[float, ...
     generator.add(step)
     generator.add(reading)
     delay = "input_delay.time"
-    longest = next(spec.upper for spec in InputDelay.parameters() if spec.name == "time")
     late = delay in model.names
     numbers = {
         "STATES": len(model.states),
         "PARAMETERS": len(model.names),
         "COMMANDS": len(torque_map),
         "DELAY": model.names.index(delay) if late else -1,
-        "PAST": 2 + (whole_samples(longest, sample_time)[0] if late else 0),
+        "PAST": 2 + (whole_samples(_LONGEST_DELAY, sample_time)[0] if late else 0),
         **_work("STEP", step),
         **_work("READING", reading),
     }
