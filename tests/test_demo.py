@@ -58,7 +58,7 @@ def test_its_log_can_be_taken_by_every_command(told, tmp_path):
     assert json.loads(spoken.out)["runs"][0]["rms"] < 1e-3
     found = fit(log, read_model(out / "base-model.json").model)
     base = json.loads((out / "base-model.json").read_text())["parameters"]
-    assert found["inertia"].value == pytest.approx(base["inertia"]["value"], rel=1e-3)
+    assert found["inertia"].value == pytest.approx(base["inertia"]["value"], rel=1e-2)
     assert log_of(validation).runs[0].duration == pytest.approx(18.0, abs=0.1)
 
 
