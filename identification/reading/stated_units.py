@@ -14,10 +14,10 @@ from identification.errors import MalformedLog
 from identification.reading.cia402 import drive_object
 from identification.reading.headings import heading
 from identification.reading.table import Table
+from identification.reading.unit_row import NO_UNIT
 from identification.reading.units import kind_of, si_factor, si_unit
 from plant.errors import BadParameter
 
-_NO_UNIT = {"", "-", "--", "1", "none", "(none)", "n/a", "[]", "[-]"}  # as files write it
 _DISPENSABLE = ("velocity", "angle_1", "angle_2", "reference")  # without them a log is still one
 
 
@@ -53,7 +53,7 @@ def stated_units(
             continue
         unit = table.units.get(name, "").strip() or _of_heading(name, column, axis)
         try:
-            if unit.lower() not in _NO_UNIT:
+            if unit.lower() not in NO_UNIT:
                 if _counts(column, unit, axis, scaled=column in scales):
                     known[column] = unit
                     told.append(f"'{name}' in {unit}")
