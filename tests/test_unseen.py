@@ -192,7 +192,7 @@ def test_a_gap_that_was_fitted_without_an_observer_is_judged_by_the_whole_run() 
         noise=1e-3,
     ).log()
     before = fit(log, ServoModel.paper())
-    after = fit(log, ServoModel.paper().with_effect(Backlash(gap=0.002, motor_share=0.3)))
+    after = refit(before, Backlash(gap=0.002, motor_share=0.3))
     assert after.bandwidth == 0.0
     gained, left = simulation_gain(before, after)
     assert gained > 4.0
