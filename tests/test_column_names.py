@@ -171,6 +171,11 @@ def test_all_that_is_missing_is_said_at_once(csv):
     assert shlex.split(caught.value.options)[-1] == "angle=angle a"
 
 
+def test_where_the_surest_names_are_two_no_less_sure_one_is_taken(csv):
+    with pytest.raises(MissingColumns, match="the command"):
+        Log.read(csv({"time": TIME, "tau": TORQUE, "trq": TORQUE, "Load torque": TORQUE, "angle": ANGLE}))
+
+
 def test_two_torques_of_two_motors_are_a_pair(csv):
     log = Log.read(csv({"time": TIME, "FC1Torque": TORQUE, "FC2Torque": 0 * TORQUE, "angle": ANGLE}), gears=Plain())
     assert same(log)

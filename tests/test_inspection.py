@@ -40,6 +40,7 @@ def test_its_log_toml_needs_no_option_typed_again(place):
     said = tomllib.loads((place / "seen" / "log.toml").read_text(encoding="utf-8"))
     assert said["files"] == ["../log.csv"]
     assert said["columns"] == {"time": "Time (ms)", "torque": "M", "angle": "Angle (deg)"}
+    assert said["units"] == {"time": "ms", "angle": "deg", "torque": "mN*m"}
     assert said["scale"] == {"torque": -1.0}
     typed = antidrive("identify", "log.csv", *OPTIONS, "--json", "--out", "a")
     described = antidrive("identify", "seen/log.toml", "--json", "--out", "b")

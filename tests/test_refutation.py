@@ -48,6 +48,17 @@ def test_a_name_that_its_values_or_the_held_out_data_refute_is_not_told(found, r
     assert [why in text for text in told] == ([True] if why else [])
 
 
+@pytest.mark.parametrize(("std", "kept"), [(10.0, 1), (110.0, 0)])
+def test_a_name_is_zero_where_all_its_sizes_are_and_not_its_torques_alone(std, kept):
+    sizes = {
+        "forward": Estimate(value=0.0, std=0.4, unit="N m"),
+        "backward": Estimate(value=0.1, std=0.4, unit="N m"),
+        "viscous_difference": Estimate(value=30.0, std=std, unit="N m s/rad"),
+    }
+    asymmetric = replace(cause(0.4, 0.01), effect="asymmetric_friction", parameters=sizes)
+    assert len(withdrawn([asymmetric], LOG, refuted=False)[0]) == kept
+
+
 def test_a_rise_is_said_by_one_figure():
     squares = np.random.default_rng(0).chisquare(1, 2000)
     told = spoken_against(squares, 500.0 * squares)
