@@ -152,8 +152,8 @@ def _is_told(question: _Question, fit: Fit) -> bool:
     name = {"inertia": "inertia", "viscous": "viscous_friction"}.get(question.about)
     if name is None:
         return False
-    value, std = fit[name].value, fit[name].std
-    return value is not None and std is not None and abs(value) > _SURE * std
+    lines = [p for p in fit.parameters if p.name.split("[")[0] == name]  # one a run where it differs from run to run
+    return all(p.value is not None and p.std is not None and abs(p.value) > _SURE * p.std for p in lines)
 
 
 def _reasons(fit: Fit) -> dict[str, str | None]:

@@ -181,3 +181,13 @@ def test_an_effect_of_ones_own_is_named(place, tmp_path) -> None:
     assert spoken.code == 0, spoken.err
     assert "Windage: > 99.9 % sure" in spoken.out
     assert "windage" in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_parameter_may_have_a_value_in_each_run(tmp_path: Path) -> None:
+    one = columns(MODEL, duration=6.0)
+    two = {name: np.concatenate((values, values)) for name, values in one.items()}
+    write_csv(tmp_path / "two.csv", two | {"run": np.repeat((1, 2), len(one["time"]))})
+    spoken = antidrive("identify", tmp_path / "two.csv", "--per-run", "inertia", "--json", "--out", tmp_path / "out")
+    assert spoken.code == 0, spoken.err
+    named = [name for name in json.loads(spoken.out)["parameters"] if name.startswith("inertia[")]
+    assert len(named) == 2
