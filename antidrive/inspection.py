@@ -14,8 +14,8 @@ from identification.log import Log
 from identification.reading.files import read_table
 from identification.reading.inventory import ColumnFacts, inventory, lines
 from identification.reading.joints import select_joint
+from identification.reading.reading_options import Reading
 from identification.reading.recognition import joined_if_needed, recognise
-from identification.reading.request import Reading
 from identification.reading.table import Table
 from identification.reading.units import kind_of
 from identification.run import Run

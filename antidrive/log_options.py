@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from antidrive.fit_options import FitOptions
 from antidrive.time_left import Parts, Tell
 from identification.log import Log
-from identification.reading.request import Reading
+from identification.reading.reading_options import Reading
 from plant.errors import BadParameter
 from plant.gears import GearTrain, Ratios
 from plant.servo import ServoModel
@@ -47,7 +47,7 @@ class LogOptions:
         files: log files.
         mapping, units, scales: by column of the log contract.
         gears, ratio: teeth "20,20:161" or reduction "8.05" of two drives, as they are typed.
-        rate, torque_constant, kp, kd, joint: as in `identification.reading.request.Reading`.
+        rate, torque_constant, kp, kd, joint: as in `identification.reading.reading_options.Reading`.
         dataset: name of a known data set, read from `data` or from `files`.
         data: folder of the data set.
         holdout: files to judge by.

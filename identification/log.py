@@ -14,9 +14,9 @@ from identification.checked import checked
 from identification.errors import MalformedLog, UnusableLog
 from identification.reading.columns import read_recordings
 from identification.reading.files import read_table
-from identification.reading.frames import columns_of
+from identification.reading.formats.frames import columns_of
+from identification.reading.reading_options import ALIASES, COLUMNS, Gears, How, Reading
 from identification.reading.recognition import joined_if_needed
-from identification.reading.request import ALIASES, COLUMNS, Gears, How, Reading
 from identification.reading.table import Table, table_of
 from identification.recording import Recording, Response, counted
 from identification.run import Run
@@ -129,7 +129,7 @@ class Log:
 
         Two files of one experiment, of which one has the command and one the response, are joined on their clocks.
 
-        how: names, units and what the file cannot know, as in `identification.reading.request.Reading`:
+        how: names, units and what the file cannot know, as in `identification.reading.reading_options.Reading`:
             `mapping={"angle": "qm"}`, `units={"angle": "deg"}`, `scales={"torque": 35.15}`, `gears`, `rate`,
             `torque_constant`, `kp`, `kd`, `joint`. A unit that the file itself gives needs not be said; one may have a
             factor: `turn/131072` for counts, `2.4Nm/1000` for per mille of a rated torque.

@@ -15,8 +15,8 @@ from identification.reading.command import Command, command_of
 from identification.reading.headings import heading
 from identification.reading.inventory import refuse_missing
 from identification.reading.joints import select_joint
+from identification.reading.reading_options import Reading
 from identification.reading.recognition import Recognition, recognise
-from identification.reading.request import Reading
 from identification.reading.runs import labels_of, split_runs
 from identification.reading.stated_units import stated_units
 from identification.reading.table import Table

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.errors import MalformedLog
-from identification.reading.request import Reading
+from identification.reading.reading_options import Reading
 from identification.recording import Array
 from plant.errors import BadParameter
 

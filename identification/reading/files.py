@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import cast
 
 from identification.errors import MalformedLog
-from identification.reading.compression import unpacked
-from identification.reading.guard import Read, guarded
+from identification.reading.formats.compression import unpacked
+from identification.reading.formats.damaged_files import Read, guarded
+from identification.reading.formats.lerobot import with_motor_names
 from identification.reading.joints import with_joints
-from identification.reading.lerobot import with_motor_names
 from identification.reading.table import Table
 
 STANDARD_INPUT = "-"
@@ -48,12 +48,12 @@ _READERS = {
     "Feather": ("frames", "read_feather"),
     "HDF5": ("hdf5", "read_hdf5"),
     "MAT": ("arrays", "read_mat"),
-    "MCAP": ("bags", "read_mcap"),
-    "MF4": ("trade", "read_mf4"),
+    "MCAP": ("ros_bags", "read_mcap"),
+    "MF4": ("mdf_tdms", "read_mf4"),
     "NPY": ("arrays", "read_npy"),
     "NPZ": ("arrays", "read_npz"),
     "Parquet": ("frames", "read_parquet"),
-    "TDMS": ("trade", "read_tdms"),
+    "TDMS": ("mdf_tdms", "read_tdms"),
 }
 _PICKLE = "a pickle, which may run any program and is never loaded; save the data as .parquet or .csv"
 _FOREIGN = (
@@ -87,11 +87,11 @@ def read_table(path: str | Path) -> Table:
         _refuse_foreign(content, name, known=bool(kind))
     if kind:
         module, function = _READERS[kind]
-        read = cast(Read, getattr(importlib.import_module(f"identification.reading.{module}"), function))
+        read = cast(Read, getattr(importlib.import_module(f"identification.reading.formats.{module}"), function))
         table = guarded(read, content, name, digest, kind)
     else:
-        from identification.reading.json_tables import parse_json
-        from identification.reading.text import parse_text
+        from identification.reading.formats.json_tables import parse_json
+        from identification.reading.formats.text import parse_text
 
         table = parse_json(content, name, digest) or parse_text(content, name, digest)
     return with_joints(with_motor_names(table, path))

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from identification.errors import MissingColumns
 from identification.reading.headings import heading
+from identification.reading.reading_options import Reading
 from identification.reading.recognition import Recognition, missing
-from identification.reading.request import Reading
 from identification.reading.table import Table
 
 _LONGEST = 24  # characters of a text cell that are shown

@@ -15,7 +15,7 @@ from identification.reading.cia402 import find_objects
 from identification.reading.headings import heading
 from identification.reading.join import join_tables
 from identification.reading.meaning import AMONG_OTHERS, OWN, SYNONYM, Meaning, meaning
-from identification.reading.request import ALIASES, COLUMNS, Reading
+from identification.reading.reading_options import ALIASES, COLUMNS, Reading
 from identification.reading.table import Table
 from identification.reading.units import kind_of
 

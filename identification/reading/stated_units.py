@@ -12,9 +12,9 @@ import numpy as np
 
 from identification.errors import MalformedLog
 from identification.reading.cia402 import drive_object
+from identification.reading.formats.unit_row import NO_UNIT
 from identification.reading.headings import heading
 from identification.reading.table import Table
-from identification.reading.unit_row import NO_UNIT
 from identification.reading.units import kind_of, si_factor, si_unit
 from plant.errors import BadParameter
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.reading.groups import grouped_table, vectors
+from identification.reading.formats.groups import grouped_table, vectors
 from identification.reading.table import Table
 
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from identification.errors import MalformedLog
+from identification.reading.formats.unit_row import row_of_units
 from identification.reading.time_names import is_time
-from identification.reading.unit_row import row_of_units
 
 COMMENT = ("#", "%", "//")
 SEARCHED_LINES = 200  # no export has a longer preamble

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.reading.channels import Channel, table_of
+from identification.reading.formats.channels import Channel, table_of
 from identification.reading.table import Table
 from identification.recording import Array
 

@@ -9,8 +9,8 @@ from datetime import datetime
 from typing import Any
 
 from identification.errors import MalformedLog
+from identification.reading.formats.text import parse_text
 from identification.reading.table import Table
-from identification.reading.text import parse_text
 
 
 def read_excel(content: bytes, name: str, sha256: str) -> Table:

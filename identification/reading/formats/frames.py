@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.reading.nested import Gathered, gathered
+from identification.reading.formats.messages import Gathered, gathered
 from identification.reading.table import Table
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from identification.errors import MalformedLog
-from identification.reading.channels import Channel, table_of
-from identification.reading.nested import gathered
+from identification.reading.formats.channels import Channel, table_of
+from identification.reading.formats.messages import gathered
 from identification.reading.table import Table
 from identification.recording import Array
 

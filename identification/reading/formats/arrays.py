@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from identification.reading.groups import grouped_table, vectors
-from identification.reading.hdf5 import read_hdf5
+from identification.reading.formats.groups import grouped_table, vectors
+from identification.reading.formats.hdf5 import read_hdf5
 from identification.reading.table import Table
 
 

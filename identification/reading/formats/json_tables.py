@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.reading.groups import grouped_table
-from identification.reading.nested import column_of, gathered, names_in
+from identification.reading.formats.groups import grouped_table
+from identification.reading.formats.messages import column_of, gathered, names_in
+from identification.reading.formats.text import decoded
 from identification.reading.table import Table
-from identification.reading.text import decoded
 
 _DEEPEST = 20
 _SUFFIXES = (".json", ".jsonl", ".ndjson")

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.reading.codesys import is_trace, read_trace
-from identification.reading.layout import COMMENT, SEARCHED_LINES, Layout, find_layout, split
-from identification.reading.list_cells import with_lists
-from identification.reading.numerals import has_decimal_comma, plain_numbers
-from identification.reading.scope import find_scope_header, group_starts, read_groups
+from identification.reading.formats.codesys import is_trace, read_trace
+from identification.reading.formats.layout import COMMENT, SEARCHED_LINES, Layout, find_layout, split
+from identification.reading.formats.list_cells import with_lists
+from identification.reading.formats.numerals import has_decimal_comma, plain_numbers
+from identification.reading.formats.twincat_scope import find_scope_header, group_starts, read_groups
 from identification.reading.table import Table
 
 _AS_DATA_BEGIN = frozenset("0123456789+-.,;\t")  # first characters that need no closer look

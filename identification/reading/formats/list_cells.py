@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from identification.reading.nested import Gathered, gathered
+from identification.reading.formats.messages import Gathered, gathered
 
 _LIST = re.compile(r"\s*[\[(].*[\])]\s*$", re.DOTALL)
 
