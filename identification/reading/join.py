@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
+from identification.reading.meaning import is_time, time_unit
 from identification.reading.table import Table
-from identification.reading.time_names import is_time, time_unit
 from identification.reading.time_stamps import clock_of, with_whole_stamps
+from identification.reading.units import si_factor
 from identification.recording import Array
-
-_SECONDS = {"min": 60.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 
 
 def join_tables(tables: Sequence[Table], time: str | None = None) -> Table:
@@ -68,7 +67,7 @@ def join_tables(tables: Sequence[Table], time: str | None = None) -> Table:
 def _clocked(table: Table, time: str | None) -> tuple[dict[str, NDArray[Any]], dict[str, Array]]:
     """The columns of a table but its time, and the clock of each [s]."""
     if table.clocks:
-        scale = _SECONDS.get(table.units.get("time", "s"), 1.0)
+        scale = si_factor("time", table.units.get("time", "s"), "rotary")
         shared = {id(clock): scale * np.asarray(clock, dtype=np.float64) for clock in table.clocks.values()}
         clocks = {name: shared[id(clock)] for name, clock in table.clocks.items()}
         return {name: table.columns[name] for name in clocks}, clocks
@@ -87,7 +86,7 @@ def _clocked(table: Table, time: str | None) -> tuple[dict[str, NDArray[Any]], d
 def _seconds(table: Table, name: str) -> Array:
     """A column of times in seconds: numbers in its unit, dates since 1970, the time of day since midnight."""
     unit = table.units.get(name, "") or time_unit(name)
-    times, begin, _ = clock_of(table, name, _SECONDS.get(unit, 1.0) if unit else None)
+    times, begin, _ = clock_of(table, name, si_factor("time", unit, "rotary") if unit else None)
     return times + begin
 
 

@@ -15,7 +15,7 @@ from identification.reading.units import kind_of
 
 OWN, SYNONYM, AMONG_OTHERS = 3, 2, 1  # how surely a name says what a column is
 
-_TIMES = ("ts", "secs", "zeitstempel", "x value", "x axis")
+_TIMES = ("times", "timestamps", "stamps", "ts", "secs", "zeitstempel", "x value", "x axis")
 NOUNS: Mapping[str, tuple[str, ...]] = {
     "time": ("time", "t", "timestamp", "stamp", "seconds", "sec", "elapsed", "clock", "zeit", *_TIMES),
     "torque": ("torque", "effort", "tau", "trq", "tq", "moment", "drehmoment"),
@@ -106,6 +106,17 @@ def meaning(name: str, file_unit: str = "") -> Meaning | None:
     elif read.words == (noun,):
         grade = OWN
     return Meaning(column=column, grade=grade, unit=unit)
+
+
+def is_time(name: str) -> bool:
+    """Whether a column is called as times are: `time`, `Time (s)`, `%time`, `rel_time`, `Zeit [ms]`."""
+    found = meaning(name)
+    return found is not None and found.column == "time" and found.grade >= SYNONYM
+
+
+def time_unit(name: str) -> str:
+    """The unit in the name of a time, "" where it has none."""
+    return heading(name).unit if is_time(name) else ""
 
 
 def _by_unit(unit: str) -> Meaning | None:

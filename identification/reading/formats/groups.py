@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.reading.meaning import is_time, time_unit
 from identification.reading.table import Table
-from identification.reading.time_names import is_time, time_unit
 
 Groups = Mapping[str, Mapping[str, NDArray[Any]]]
 """Path of a group -> name of a series -> its values; "" is the path of what lies in no group."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from identification.errors import MalformedLog
 from identification.reading.formats.unit_row import row_of_units
-from identification.reading.time_names import is_time
+from identification.reading.meaning import is_time
 
 COMMENT = ("#", "%", "//")
 SEARCHED_LINES = 200  # no export has a longer preamble
