@@ -1,4 +1,4 @@
-"""Units in a model file: another one than the parameter's own is converted, or refused."""
+"""Units as people write them, read by pint; of a parameter in a model file another unit is converted, or refused."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from typing import Any
 
 from plant.errors import BadModelFile
 
-_NEWTON_METRES = re.compile(r"(?<![A-Za-z])([mk]?)N([cm]?)m(?![A-Za-z])")  # pint would read a number_meter
-_LONGEST = 40  # characters; beyond it, this is no unit but an accident
+# What pint would read as a number_meter.
+_NEWTON_METRES = re.compile(r"(?<![A-Za-z])([mk]?)N([cm]?)m(s?)(?![A-Za-z])")
+LONGEST = 40
+"""Characters of a unit; beyond it, this is no unit but an accident."""
 _POWER = re.compile(r"(?<=[A-Za-z])(\^|\*\*)-?\d(?![\d.])")  # of a unit, small: pint would compute 9**9**9 for hours
+_OTHER_POWER = re.compile(r"\^|\*\*|\d\s*[⁰¹²³⁴⁵⁶⁷⁸⁹]")
 
 
 def factor(unit: Any, own: str) -> float:
@@ -30,20 +33,29 @@ def factor(unit: Any, own: str) -> float:
     try:
         return _converted(unit.strip(), own)
     except Exception:  # pint raises a dozen different types on odd text
-        raise BadModelFile(f"the unit {unit[:_LONGEST]!r} cannot be converted to {own!r}") from None
+        raise BadModelFile(f"the unit {unit[:LONGEST]!r} cannot be converted to {own!r}") from None
 
 
 def _converted(unit: str, own: str) -> float:
-    if not unit or len(unit) > _LONGEST or re.search(r"\^|\*\*", _POWER.sub("", unit)):
+    found, wanted = quantity(unit), quantity(own)
+    if ("hertz" in str(found.units)) != ("hertz" in str(wanted.units)):  # turns a second: for pint radians a second
         raise ValueError(unit)
-    registry = _registry()
-    found, wanted = (registry.parse_units(_NEWTON_METRES.sub(r"\1N*\2m", text)) for text in (unit, own))
-    if ("hertz" in str(found)) != ("hertz" in str(wanted)):  # turns a second: for pint as much as radians a second
-        raise ValueError(unit)
-    number = float(registry.Quantity(1.0, found).to(wanted).magnitude)
+    number = float(found.to(wanted.units).magnitude)
     if not 0.0 < number < float("inf"):
         raise ValueError(unit)
     return number
+
+
+def quantity(text: str) -> Any:
+    """The `pint.Quantity` that a unit stands for, with its factor if it has one, as in "2.4 N m/1000".
+
+    Raises whatever pint does on odd text, and `ValueError` for what it had better not try.
+    """
+    if not text or len(text) > LONGEST or _OTHER_POWER.search(_POWER.sub("", text)):
+        raise ValueError(text)
+    spelled = _NEWTON_METRES.sub(lambda found: f"{found[1]}N*{found[2]}m{'*s' * bool(found[3])}", text)
+    registry = _registry()
+    return registry.Quantity(1.0, "") * registry.parse_expression(spelled)
 
 
 @cache

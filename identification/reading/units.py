@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from functools import cache
-from typing import Any
 
 import numpy as np
 
 from plant.errors import BadParameter
+from plant.units import LONGEST, quantity
 
 # What each column of the log contract is measured in.
 SI_UNITS = {
@@ -45,8 +45,6 @@ _KINDS = (
     *((column, "linear") for column in ("force", "position", "velocity")),
 )
 
-# What pint would read as something else: a number_meter, a frequency, an enzyme_unit.
-_NEWTON_METRES = re.compile(r"(?<![A-Za-z])([mk]?)N([cm]?)m(s?)(?![A-Za-z])")
 _PER_MINUTE = re.compile(r"(?<![A-Za-z0-9])((1|U|r|rev|Umdr\.?)/min|min(\^|\*\*)?-1|min⁻¹)(?![A-Za-z0-9])")
 
 # These are numbers for pint, so it would take them for radians; how much they are is known to the user alone.
@@ -59,26 +57,16 @@ _WORTH = {
     "N m": "2.4Nm/1000",
     "1": "1/255",
 }  # of one step of the drive's number
-_LONGEST = 40  # characters; beyond it, this is no unit but an accident
-_POWER = re.compile(r"(?<=[A-Za-z])(\^|\*\*)-?\d(?![\d.])")  # of a unit, small: pint would compute 9**9**9 for hours
-
-
-@cache
-def _registry() -> Any:
-    import pint  # slow to import, and most logs are in SI already
-
-    return pint.UnitRegistry()
 
 
 def is_unit(text: str) -> bool:
     """Whether a text is a unit of any kind, known or not to a log: "N m", "1/min", "V"."""
-    if not text or len(text) > _LONGEST or re.search(r"\d{3}|[<>=!]|\*\*|\^.*\^", text):
+    if re.search(r"\d{3}|[<>=!]", text):
         return False
     try:
-        found = _registry().parse_expression(_PER_MINUTE.sub("rpm", text))
+        return not quantity(_PER_MINUTE.sub("rpm", text)).unitless
     except Exception:  # pint raises a dozen different types on odd text
         return False
-    return not getattr(found, "unitless", True)
 
 
 def si_unit(column: str, axis: str) -> str:
@@ -116,7 +104,7 @@ def si_factor(column: str, unit: str, axis: str) -> float:
     except Exception as error:  # pint raises a dozen different types on odd text
         hint = _hint(column, wanted)
         raise BadParameter(
-            f"the unit '{unit[:_LONGEST]}' of column '{column}' cannot be converted to {wanted}: "
+            f"the unit '{unit[:LONGEST]}' of column '{column}' cannot be converted to {wanted}: "
             f"use a unit of that kind{hint}."
         ) from error
     if not sized:
@@ -145,23 +133,13 @@ def _hint(column: str, wanted: str) -> str:
 
 def _factor(unit: str, wanted: str) -> tuple[float, bool]:
     """Factor to the wanted SI unit, and whether the unit says how large it is; raises anything."""
-    if len(unit) > _LONGEST:
-        raise ValueError(unit)
-    unit = re.sub(r"\brotations?\b", "turn", unit)
-    if wanted == "1":
-        unit = unit.replace("%", "percent")
-    unit = _NEWTON_METRES.sub(
-        lambda found: f"{found[1]}N*{found[2]}m{'*s' * bool(found[3])}", _PER_MINUTE.sub("rpm", unit)
-    )
-    if re.search(r"\^|\*\*|\d\s*[⁰¹²³⁴⁵⁶⁷⁸⁹]", _POWER.sub("", unit)):
-        raise ValueError(unit)
-    registry = _registry()
-    quantity = registry.Quantity(1.0, "") * registry.parse_expression(unit)
-    names = {str(name) for name in quantity.units._units}
+    unit = re.sub(r"\brotations?\b", "turn", _PER_MINUTE.sub("rpm", unit))
+    found = quantity(unit.replace("%", "percent") if wanted == "1" else unit)
+    names = {str(name) for name in found.units._units}
     if names <= _BARE_NUMBERS and not (wanted == "1" and names <= _SHARES):
         return 1.0, False
-    factor = float(quantity.to("" if wanted == "1" else wanted).magnitude)
+    factor = float(found.to("" if wanted == "1" else wanted).magnitude)
     if not (np.isfinite(factor) and factor > 0):
         raise ValueError(unit)
-    turns = "radian" in str(registry.get_root_units(quantity.units)[1])  # pint takes hertz and counts/s for rad/s
+    turns = "radian" in str(found.to_root_units().units)  # pint takes hertz and counts/s for rad/s
     return factor, turns or "rad" not in wanted
