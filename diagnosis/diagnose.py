@@ -17,7 +17,7 @@ from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
 from diagnosis.odds import NONE
 from diagnosis.refit import estimates
-from diagnosis.refutation import spoken_against, withdrawn
+from diagnosis.refutation import rises, spoken_against, squared_innovations, withdrawn
 from diagnosis.repeated_runs import repeats
 from diagnosis.result import Cause, Verdict
 from diagnosis.round import Addition
@@ -148,9 +148,10 @@ def diagnose(
     if (refuted := spoken_against(squares[0], squares[-1])) is not None:
         warnings.append(" ".join(filter(None, (refuted, further))))
     found = _causes(outcome, final, squares)
-    # Judged by the fit of the names alone: beside a curve that has no name, what a name is worth is not known.
-    judged = _causes(outcome, outcome.fit, squares)
-    kept, why_not = withdrawn(judged, log, refuted=refuted is not None and further is None)
+    # Judged by the fits of the names alone: beside a curve that has no name, what a name is worth is not known.
+    predicted = [squared_innovations(held_out, fit) for fit in path[: len(outcome.additions) + 1]]
+    judged = _causes(outcome, outcome.fit, predicted)
+    kept, why_not = withdrawn(judged, log, refuted=further is None and rises(predicted[0], predicted[-1]))
     causes = tuple(cause for cause in found if cause.effect in {each.effect for each in kept})
     warnings.extend(why_not)
     left = repeats(final)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.explanation.wording import change, measured, sentence_case, title_of
-from diagnosis.holdout import cut
+from diagnosis.holdout import bounded, cut
 from diagnosis.odds import CLEAR
 from diagnosis.result import Cause, Estimate
+from identification.fit_result import Fit
 from identification.log import Log
+from identification.problem import Problem, first_states
 from plant.effects import catalogue
 from plant.effects.effect import Array
 
@@ -19,13 +22,32 @@ _SURELY = 2.0  # standard errors
 
 def spoken_against(before: Array, after: Array) -> str | None:
     """A sentence if held-out data refute what was added: squared errors (T,) significantly larger with it."""
-    gained, std = cut(before, after)
-    if gained >= -_SURELY * std:
+    if not rises(before, after):
         return None
     return (
         f"The held-out data speak against what was added: with it the simulation error rises there ("
-        f"{change(gained, std)}). A name that they refute is not to be relied upon."
+        f"{change(*cut(before, after))}). A name that they refute is not to be relied upon."
     )
+
+
+def rises(before: Array, after: Array) -> bool:
+    """Whether squared errors (T,) are surely larger after something was added."""
+    gained, std = cut(before, after)
+    return gained < -_SURELY * std
+
+
+def squared_innovations(log: Log, fit: Fit) -> Array:
+    """(T,) squared one-step prediction errors of a fit on runs that it has not seen; their initial states are fitted.
+
+    The error of a simulation over a single run is mostly that of the initial state, found in its first samples; it does
+    not tell a true model from a false one. One-step errors do.
+    """
+    problem = Problem.of(replace(log, colour=fit.log.colour), fit.model, fixed=fit.model.names)
+    begun = problem.pack(fit.model.values, first_states(log))
+    values, initial = problem.unpack(problem.minimise(begun, fit.bandwidth, 0.0).point)
+    told = problem.predictor.predict(values, initial, bandwidth=fit.bandwidth, width=0.0, sensitivities=False)
+    errors = np.concatenate([one.innovations[run.valid] for one, run in zip(told, log.runs, strict=True)])
+    return bounded(errors) ** 2
 
 
 def withdrawn(causes: Iterable[Cause], log: Log, *, refuted: bool) -> tuple[tuple[Cause, ...], list[str]]:
@@ -35,7 +57,7 @@ def withdrawn(causes: Iterable[Cause], log: Log, *, refuted: bool) -> tuple[tupl
     commands, nor where it brings nothing on held-out data that refute what was added.
 
     Args:
-        causes: as they were found.
+        causes: as they were found, with the share by which the one-step error on held-out data fell as their gain.
         log: that they were found on.
         refuted: whether held-out data refute what was added, where the log has been before.
     """
