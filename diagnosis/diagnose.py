@@ -145,13 +145,15 @@ def diagnose(
     final = path[-1]
     warnings.extend(blind_spots(null, final))
     further = goes_further(held_out, log)
-    if (refuted := spoken_against(squares[0], squares[-1])) is not None:
+    predicted = [squared_innovations(held_out, fit) for fit in path]
+    if (refuted := spoken_against(predicted[0], predicted[-1])) is not None:
         warnings.append(" ".join(filter(None, (refuted, further))))
     found = _causes(outcome, final, squares)
     # Judged by the fits of the names alone: beside a curve that has no name, what a name is worth is not known.
-    predicted = [squared_innovations(held_out, fit) for fit in path[: len(outcome.additions) + 1]]
     judged = _causes(outcome, outcome.fit, predicted)
-    kept, why_not = withdrawn(judged, log, refuted=further is None and rises(predicted[0], predicted[-1]))
+    kept, why_not = withdrawn(
+        judged, log, refuted=further is None and rises(predicted[0], predicted[len(outcome.additions)])
+    )
     causes = tuple(cause for cause in found if cause.effect in {each.effect for each in kept})
     warnings.extend(why_not)
     left = repeats(final)

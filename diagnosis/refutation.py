@@ -21,11 +21,11 @@ _SURELY = 2.0  # standard errors
 
 
 def spoken_against(before: Array, after: Array) -> str | None:
-    """A sentence if held-out data refute what was added: squared errors (T,) significantly larger with it."""
+    """A sentence if held-out data refute what was added: squared one-step errors (T,) significantly larger with it."""
     if not rises(before, after):
         return None
     return (
-        f"The held-out data speak against what was added: with it the simulation error rises there ("
+        f"The held-out data speak against what was added: with it the one-step error rises there ("
         f"{change(*cut(before, after))}). A name that they refute is not to be relied upon."
     )
 
