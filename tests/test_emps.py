@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from diagnosis import diagnose
 from identification.datasets import load_dataset
 from identification.inverse import filtered_motion
+from plant.effects import Moment
 
 DATA = Path(__file__).parents[1].parent / "shared" / "data" / "emps"
 CUTOFF = 40.0  # Hz
@@ -66,6 +68,18 @@ def test_the_force_error_is_measured_as_published(emps, columns, estimation, hel
         assert low < np.linalg.norm(force - regressors @ solution) / np.linalg.norm(force) < high
 
 
+def steady_force(model, velocity):
+    """Force [N] against a steady velocity [m/s], the mean over a turn of the screw."""
+    way, bristles = np.sign(velocity), model.effect("presliding_hysteresis").torque
+    forces = []
+    for place in np.linspace(0.0, 2.0 * np.pi / SCREW, 16, endpoint=False):
+        at = Moment(angle=place, velocity=velocity, torque=0.0, time=0.0)
+        own = {effect.name: (way * bristles,) for effect in model.effects if effect.states}
+        dry = model.dry_friction(at)[0 if way > 0 else 1]
+        forces.append(float(ca.DM(dry)) - way * model.inertia * float(ca.DM(model.smooth_acceleration(at, own))))
+    return float(np.mean(forces))
+
+
 def test_the_diagnosis_names_the_friction_and_the_screw(emps):
     """Among ten causes; `benchmarks/real_logs.py` asks the whole catalogue, which takes twice as long."""
     few = ["asymmetric_friction", "coulomb_friction", "stribeck_friction", "presliding_hysteresis", "quadratic_drag"]
@@ -75,6 +89,11 @@ def test_the_diagnosis_names_the_friction_and_the_screw(emps):
     causes = {cause.effect: cause for cause in found.causes}
     assert set(causes) == {"asymmetric_friction", "presliding_hysteresis", "cogging"}
     assert causes["cogging"].parameters["order"].value == pytest.approx(SCREW, rel=5e-3)
+    # However a curve over the velocity and the names share it: about 20 N, and 170 and 250 N s/m either way.
+    forward, backward = (lambda speed, way=way: steady_force(found.model, way * speed) for way in (1, -1))
+    viscous = found.model.viscous_friction
+    assert [force(0.02) - viscous * 0.02 for force in (forward, backward)] == pytest.approx([20, 20], rel=0.1)
+    assert [(force(0.1) - 20) / 0.1 for force in (forward, backward)] == pytest.approx([170, 250], rel=0.1)
     contact = causes["presliding_hysteresis"].parameters
     assert 1e-5 < contact["torque"].value / contact["stiffness"].value < 2e-4  # m before it slides: a rolling contact's
     error = found.torque_error
