@@ -1,4 +1,4 @@
-"""Held-out data that refute what was added: it is said, and chooses nothing."""
+"""Held-out data that refute what was added: it is said, beside how far the log goes there."""
 
 from __future__ import annotations
 
