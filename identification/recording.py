@@ -44,6 +44,7 @@ class Recording:
     response: what `output` measures, an "angle" (or position), or a "velocity" [rad/s] or [m/s].
     rows: (T,) data row of each sample, counted from 1; `first_line` is the line of row 1 in a text file.
     names: what the file calls "command" and "output", for messages.
+    stated: of "time" and "command" those whose unit somebody gave: the file, its headings, or the user.
     others: further channels by their contract name, (T,) each.
     run: what the run column calls the experiment; its number where there is no such column.
     start: what the clock shows at the first sample of the file [s].
@@ -63,6 +64,7 @@ class Recording:
     command_limit: float = np.inf
     first_line: int | None = None
     names: dict[str, str] = field(default_factory=dict)
+    stated: frozenset[str] = frozenset()
     others: dict[str, Array] = field(default_factory=dict)
     run: str = ""
     start: float = 0.0

@@ -150,6 +150,19 @@ def test_a_matrix_without_names_and_time(tmp_path):
         Log.read(path, mapping={"torque": "1", "angle": "2"})
 
 
+def test_a_torque_that_is_as_the_speed_is_believed_where_its_unit_is_stated(csv):
+    speed = motion(samples=3000)
+    columns = {"time": speed["time"], "angle": speed["angle"]}
+    (fault,) = Log.read(csv(columns | {"torque": speed["velocity"]})).faults
+    assert "a speed or its set-point was taken" in fault
+    for log in (
+        Log.read(csv(columns | {"torque [Nm]": speed["velocity"]})),
+        Log.read(csv(columns | {"torque": speed["velocity"]}), units={"torque": "N*m"}),
+    ):
+        assert not log.faults
+        assert any("neither inertia nor dry friction" in told for told in log.warnings)
+
+
 def test_all_that_is_missing_is_said_at_once(csv):
     torques = ("FC1Torque", "FC2Torque", "FC3Torque")
     with pytest.raises(MissingColumns) as caught:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from identification.errors import MalformedLog
-from identification.reading.headings import heading
 from identification.recording import Finding, Recording
 
 SLOWEST_SAMPLING = 0.5  # [s]
@@ -37,7 +36,7 @@ def check_time_unit(recording: Recording) -> None:
         name, unit = recording.name("time"), "ms" if step <= 500 else "us"
         hint = (
             "record it faster"
-            if heading(name).unit
+            if "time" in recording.stated
             else f"if '{name}' is not in seconds, give its unit, for example --unit time={unit}"
         )
         raise MalformedLog(f"{recording.label}: a sample time of {step:.3g} s is too slow to identify a servo; {hint}.")

@@ -2,8 +2,8 @@
 
 A torque has to accelerate the load, and to overcome friction before it moves at all. A command that is the speed times
 a constant does neither. Where the constant is that of a unit of speed, a loop that follows its set-point with an error
-is known as well; where it is another, the speed itself was taken. A heading with the unit of a torque is believed,
-for a load of viscous friction alone moves like that too.
+is known as well; where it is another, the speed itself was taken. Where somebody gave it the unit of a torque
+that is believed, for a load of viscous friction alone moves like that too.
 """
 
 from __future__ import annotations
@@ -13,15 +13,12 @@ from collections.abc import Iterable
 import numpy as np
 
 from identification.checks.sign import views
-from identification.reading.headings import heading
-from identification.reading.units import kind_of
 from identification.recording import Finding, Recording
 
 _UNITS = {
     "rotary": {"rad/s": 1.0, "rpm": 30 / np.pi, "deg/s": 180 / np.pi, "turn/s": 0.5 / np.pi, "mrad/s": 1e3},
     "linear": {"m/s": 1.0, "mm/s": 1e3, "mm/min": 6e4},
 }
-_DRIVES = ("N m", "N", "A", "V")
 _EXACT, _FOLLOWED = 1e-3, 0.03  # share of the command's square that is not the speed times a constant
 _NEAR = 0.01  # of the factor of a unit
 _VARIES = 0.1  # share of the speed's square that is not its mean
@@ -43,7 +40,7 @@ def speed_for_torque(recording: Recording) -> Iterable[Finding]:
         unit = next((unit for unit, size in units if abs(abs(factor) / size - 1) < _NEAR), None)
         if left < _EXACT or (unit is not None and left < _FOLLOWED):
             name = recording.name("command")
-            stated = kind_of(heading(name).unit) in _DRIVES
+            stated = "command" in recording.stated
             what = f"the speed of '{recording.name('output')}'" + (f" in {unit}" if unit else f" times {factor:.4g}")
             said = (
                 "so the load has neither inertia nor dry friction, or a speed was taken for the torque"

@@ -27,6 +27,8 @@ from identification.recording import Array, Recording, Response
 from plant.effects import catalogue
 from plant.errors import BadParameter
 
+_STATED = ("time", "torque", "torque_1", "torque_2", "force", "current", "voltage", "duty")
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recorded:
@@ -85,6 +87,7 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         response=response,
         first_line=table.first_line,
         names={**found, "command": command.name, "output": found[output]},
+        stated=frozenset("time" if column == "time" else "command" for column in stated.units if column in _STATED),
         others={name: v for name, v in channels.items() if name not in ("time", "torque", "force", output)},
     )
     labels = labels_of(table, found["run"])[kept] if "run" in found else None
