@@ -145,7 +145,8 @@ def diagnose(
     final = path[-1]
     warnings.extend(blind_spots(null, final))
     further = goes_further(held_out, log)
-    predicted = [squared_innovations(held_out, fit) for fit in path]
+    observer = max(fit.bandwidth for fit in path)
+    predicted = [squared_innovations(held_out, fit, observer) for fit in path]
     if (refuted := spoken_against(predicted[0], predicted[-1])) is not None:
         warnings.append(" ".join(filter(None, (refuted, further))))
     found = _causes(outcome, final, squares)

@@ -36,16 +36,22 @@ def rises(before: Array, after: Array) -> bool:
     return gained < -_SURELY * std
 
 
-def squared_innovations(log: Log, fit: Fit) -> Array:
+def squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
     """(T,) squared one-step prediction errors of a fit on runs that it has not seen; their initial states are fitted.
 
-    The error of a simulation over a single run is mostly that of the initial state, found in its first samples; it does
-    not tell a true model from a false one. One-step errors do.
+    The error of a simulation over a single run is mostly that of the initial state, found in its first samples, and of
+    parameters known to a few digits; it does not tell a true model from a false one. One-step errors do, where what is
+    compared is corrected by the same observer.
+
+    Args:
+        log: the runs.
+        fit: of another log.
+        bandwidth: of the observer [rad/s].
     """
     problem = Problem.of(replace(log, colour=fit.log.colour), fit.model, fixed=fit.model.names)
     begun = problem.pack(fit.model.values, first_states(log))
-    values, initial = problem.unpack(problem.minimise(begun, fit.bandwidth, 0.0).point)
-    told = problem.predictor.predict(values, initial, bandwidth=fit.bandwidth, width=0.0, sensitivities=False)
+    values, initial = problem.unpack(problem.minimise(begun, bandwidth, 0.0).point)
+    told = problem.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0, sensitivities=False)
     errors = np.concatenate([one.innovations[run.valid] for one, run in zip(told, log.runs, strict=True)])
     return bounded(errors) ** 2
 

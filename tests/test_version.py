@@ -33,6 +33,7 @@ def test_the_version_is_known_installed_uninstalled_and_copied(monkeypatch, tmp_
         raise PackageNotFoundError(name)
 
     monkeypatch.setattr(version, "version", not_installed)
+    monkeypatch.setattr(version, "__file__", str(ROOT / "antidrive" / "version.py"))  # the tests may run installed
     assert version._found() == PROJECT["version"]
     monkeypatch.setattr(version, "__file__", str(tmp_path / "antidrive" / "version.py"))
     assert version._found() == "unknown"
