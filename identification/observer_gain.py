@@ -23,8 +23,8 @@ def observer_gain(bandwidth: float, dt: Array, *, wandering: bool = False) -> Ar
         wandering: the acceleration wanders instead, which is the alpha-beta-gamma filter; then (3, T), with the gain on
             the acceleration [1/s^2].
     """
-    typical = float(np.median(dt))
-    dt = typical * np.round(dt / typical, _DIGITS)
+    # each by itself: a run in pieces has the gains of the run in one
+    dt = np.round(dt, _DIGITS - int(np.floor(np.log10(np.median(dt)))))
     steps = dt[:1] if (dt == dt[0]).all() else dt
     gains = _third_order_gain(bandwidth, steps) if wandering else _second_order_gain(bandwidth, steps)
     return np.repeat(gains, dt.size, axis=1) if steps.size < dt.size else gains

@@ -44,7 +44,7 @@ def test_the_drivetrain_of_a_small_servo_is_named(case: Hidden) -> None:
     assert "flank_frequency" not in cause.parameters  # it is stated, and no finding
     for name in case.judged:
         scale = 1.0 / TIME if name == "frequency" else 1.0
-        assert cause.parameters[name].value == pytest.approx(scale * case.at(size)[name], rel=0.2)
+        assert cause.parameters[name].value == pytest.approx(scale * case.at(size)[name], rel=0.1)
 
 
 @pytest.mark.parametrize(
