@@ -3,9 +3,9 @@
     python benchmarks/unit_invariance.py [factor] [words of the logs' names ...]
 
 Each quantity is divided and multiplied by the factor, 1,000 by default. Times a power of two numbers keep their digits,
-and what differs by more than 1e-9 is a constant with a unit; times 1,000 rounding is added. The angle is changed on linear
-axes only: on a rotary one, cos x fixes its unit. Compared are the verdict, the names, their probabilities, the gain,
-and all values of both fits, of themselves or of their standard error. Writes results/unit_invariance.txt.
+and what differs by more than 1e-9 is a constant with a unit; times 1,000 rounding is added. The angle is changed on
+linear axes only: on a rotary one, cos x fixes its unit. Compared are the verdict, the names, their probabilities, the
+gain, and all values of both fits, of themselves or of their standard error. Writes results/unit_invariance.txt.
 """
 
 from __future__ import annotations
