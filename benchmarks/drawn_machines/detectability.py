@@ -10,6 +10,7 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+from scipy.signal import lfilter
 
 from drawn_machines.hidden import Basis
 from drawn_machines.motion import Array, Machine, Motion
@@ -29,14 +30,25 @@ class Seen:
         names = motions[0].worth
         self.worth = {name: np.concatenate([motion.worth[name] for motion in motions]) for name in names}
         error = np.concatenate([motion.error for motion in motions])
-        for name in ("encoder_eccentricity", "sensor_lag"):
-            if name in machine.effects:
-                self.worth[name] = self._as_torque(error)
-        self.command = np.concatenate([motion.command for motion in motions])
+        command = np.concatenate([motion.command for motion in motions])
+        self.commanded = command * machine.kp if machine.kp else command
+        if "encoder_eccentricity" in machine.effects:
+            self.worth["encoder_eccentricity"] = self._as_torque(error)
+        for name in {"sensor_lag", "actuator_lag"} & set(machine.effects):  # in series with a linear machine: the same
+            self.worth[name] = self.lagged(machine.effects[name]["time_constant"] / moved.sample_time)
 
     def by_run(self, values: Array) -> list[Array]:
         """Values (T, ...) run by run."""
         return np.split(values, np.cumsum(self.lengths)[:-1])
+
+    def lagged(self, samples: float) -> Array:
+        """What a first-order lag adds to the command [N m]."""
+        keep = float(np.exp(-1.0 / samples))
+        parts = [
+            lfilter([1.0 - keep], [1.0, -keep], part, zi=[keep * part[0]])[0] - part
+            for part in self.by_run(self.commanded)
+        ]
+        return np.concatenate(parts)
 
     def _as_torque(self, error: Array) -> Array:
         """The torque that an error of the reading looks like."""

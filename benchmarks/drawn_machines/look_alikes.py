@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.signal import lfilter
 
 from drawn_machines.detectability import TELLING, Seen
 from drawn_machines.motion import Array
@@ -53,12 +52,21 @@ TABLE: tuple[tuple[str, tuple[str, ...], str], ...] = (
     ("encoder_eccentricity", ("cogging",), "at a steady acceleration an error of the reading is a torque"),
 )
 
+HOLD = {
+    "coulomb_friction": (("stribeck_friction",), ("presliding_hysteresis",), ("asymmetric_friction",)),
+    "torque_offset": (("cable_stiffness",),),
+}
+"""Names that hold another as a special case, on every log; whether they say more than that is asked where it counts."""
+
 
 def alike(name: str, effects: Mapping[str, object], seen: Seen) -> tuple[tuple[str, ...], ...]:
     """The sets of names that say on a log what an effect of it says."""
     found = []
     for true, told, _ in TABLE:
         if true != name or any(one in effects for one in told):
+            continue
+        if told in HOLD.get(name, ()):
+            found.append(told)
             continue
         columns = [_columns(one, seen) for one in told]
         if all(c is not None for c in columns) and seen.visible(name, np.column_stack(columns)) < TELLING:  # type: ignore[arg-type]
@@ -101,11 +109,12 @@ def _dry(seen: Seen) -> Array:
     uneven = seen.machine.effects.get("asymmetric_friction")
     if uneven:
         return seen.worth["asymmetric_friction"] + 0.5 * (uneven["forward"] - uneven["backward"])
-    for name in ("coulomb_friction", "stribeck_friction"):
-        if name in seen.machine.effects:
-            acted = seen.worth[name]
-            slides = np.abs(acted) >= 0.2 * np.abs(acted).max()
-            return np.asarray(np.where(slides, np.sign(acted) * np.abs(acted).max(), acted))
+    if "coulomb_friction" in seen.machine.effects:
+        return seen.worth["coulomb_friction"]
+    curve = seen.machine.effects.get("stribeck_friction")
+    if curve:
+        hump = np.exp(-((seen.moved.velocity / curve["velocity"]) ** 2))
+        return np.clip(seen.worth["stribeck_friction"] / (curve["coulomb"] + curve["excess"] * hump), -1.0, 1.0)
     return np.asarray(-np.sign(seen.moved.velocity))
 
 
@@ -142,19 +151,18 @@ def _waves(told: str, seen: Seen) -> Array | None:
 
 def _late(told: str, seen: Seen) -> Array | None:
     """What a lag or a dead time takes away and brings later, for several times."""
-    times = np.array([0.1, 0.5, 1.0, 2.0, 4.0])
+    effects, dt = seen.machine.effects, seen.moved.sample_time
     if told not in ("input_delay", "actuator_lag", "sensor_lag"):
         return None
-    parts = []
-    servo = seen.machine.kp
-    for command in seen.by_run(seen.command * (servo or 1.0)):
-        place, columns = np.arange(command.size), []
-        for time in times:
-            if told == "input_delay":
-                late = np.interp(place - time, place, command)
-            else:
-                keep = np.exp(-1.0 / time)
-                late, _ = lfilter([1.0 - keep], [1.0, -keep], command, zi=[keep * command[0]])
-            columns.append(late - command)
-        parts.append(np.column_stack(columns))
-    return np.concatenate(parts)
+    times = [0.1, 0.5, 1.0, 2.0, 4.0]
+    own = [effects[name]["time_constant"] / dt for name in ("actuator_lag", "sensor_lag") if name in effects]
+    if told == "input_delay":
+        return np.column_stack([_delayed(seen, time) for time in times])
+    return np.column_stack([seen.lagged(time) for time in (*times, *own)])
+
+
+def _delayed(seen: Seen, samples: float) -> Array:
+    """What a dead time adds to the command [N m]."""
+    parts = seen.by_run(seen.commanded)
+    places = [np.arange(part.size) for part in parts]
+    return np.concatenate([np.interp(k - samples, k, u) - u for k, u in zip(places, parts, strict=True)])

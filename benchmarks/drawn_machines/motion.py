@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import ceil, exp, sin
+from math import ceil, exp, pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from drawn_machines.actuator import Actuator, Lag, Values, links_of
 from drawn_machines.load import Load, Torque, slide
 
 Array = NDArray[np.float64]
+FARTHEST = 2e4 * pi  # [rad]
 Law = Callable[[int, float, float], float]  # sample, reading [rad], time [s] -> command held until the next sample
 
 
@@ -71,6 +72,10 @@ class Motion:
     driving: Array
     error: Array
     worth: Mapping[str, Array]
+
+
+class RunsAway(ArithmeticError):
+    """The load goes where none can: the loop is unstable."""
 
 
 class Servo:
@@ -189,6 +194,8 @@ def play(
         noise: (T,) of the reading [rad], before it is rounded to `count` [rad].
         count: step of the encoder; 0 for none.
         substeps: steps in a sample.
+
+    Raises `RunsAway`.
     """
     servo = Servo(machine, angle, float(times[0]))
     usual = float(times[-1] - times[0]) / noise.size
@@ -210,6 +217,8 @@ def play(
         rows[k] = (command, reading, current, last, before, (servo.v - before) / length, servo.driving / length, shown)
         worth[k] = mean
         servo.forget()
+        if not abs(servo.x) < FARTHEST:
+            raise RunsAway
     command, reading, current, x, v, a, driving, shown = rows.T.copy()
     parts = {name: worth[:, place].copy() for place, name in enumerate(servo.added)}
     parts["rest"] = parts["rest"] + parts.pop("resonant")
