@@ -5,8 +5,8 @@ table of look-alikes. A false sure name is a *part of the rest* where its torque
 that log, and *wrong* where it is larger or is no torque. A wider form of what is there (Stribeck for Coulomb friction)
 is not false while what it adds is below 0.3 % of the torque or the rest.
 
-What a log cannot show nobody must name: an effect is *expected* where its lambda is above 60 and its torque above the
-rest. Naming the others is no fault.
+What a log cannot show nobody must name: an effect is *expected* where its lambda is above 60 and the torque that is
+missed without it is above the rest. Naming the others is no fault.
 
     crash    an error was raised, or there was no end
     wrong    a false sure name that is no part of the rest
@@ -100,8 +100,7 @@ def score(outcome: Outcome) -> Score:
 
 def _expected(hidden: dict[str, Any], outcome: Outcome) -> bool:
     """Whether the log shows it plainly, and as more than a part of the rest."""
-    large = hidden["rms"] is None or hidden["rms"] > outcome["rest"]
-    return bool(hidden["visible"] >= TELLING and large)
+    return bool(hidden["visible"] >= TELLING and hidden["size"] > outcome["rest"])
 
 
 def _found(hidden: dict[str, Any], named: set[str]) -> bool:

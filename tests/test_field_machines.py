@@ -85,8 +85,8 @@ def test_names_of_the_tables_are_those_of_the_catalogue():
     assert {name for true, told, _ in TABLE for name in (true, *told)} <= set(catalogue)
 
 
-def hidden(name, rms=1.0, visible=1e4, alike=()):
-    return {"name": name, "parameters": {}, "rms": rms, "visible": visible, "alike": alike}
+def hidden(name, size=1.0, visible=1e4, alike=()):
+    return {"name": name, "parameters": {}, "size": size, "rms": size, "visible": visible, "alike": alike}
 
 
 def said(effect, probability=0.99, rms=1.0, **more):
@@ -114,7 +114,7 @@ CASES = [
     ("missed", outcome([COULOMB, DRAG], [said("coulomb_friction")])),
     ("missed", outcome([COULOMB], [], "nothing_missing")),
     ("right", outcome([hidden("cogging", visible=20.0)], [], "nothing_missing")),
-    ("right", outcome([hidden("cogging", rms=0.05)], [], "nothing_missing")),
+    ("right", outcome([hidden("cogging", size=0.05)], [], "nothing_missing")),
     ("honest", outcome([COULOMB], [], "unknown", left_out="coulomb_friction", depends_on=["velocity"])),
     ("missed", outcome([COULOMB, DRAG], [said("quadratic_drag")], left_out="coulomb_friction")),
     ("crash", {**outcome([COULOMB], []), "failed": "no end"}),
@@ -136,7 +136,7 @@ def test_what_was_left_out_asks_for_the_right_variable():
 
 
 def test_probabilities_of_names_for_one_effect_count_together():
-    lag = hidden("actuator_lag", rms=None, alike=(("input_delay",), ("sensor_lag",)))
+    lag = hidden("actuator_lag", alike=(("input_delay",), ("sensor_lag",)))
     told = outcome([lag, DRAG], [said("input_delay", 0.6), said("sensor_lag", 0.3), said("cogging", 0.2)])
     assert sorted((round(p, 9), hit) for p, hit in score(told).events) == [(0.0, True), (0.2, False), (0.9, True)]
 

@@ -35,13 +35,15 @@ NO_TORQUE = {
 class Hidden:
     """One hidden effect.
 
-    rms: its torque along the log [N m]; None where it is none.
+    size: rms of the torque that a model without it misses along the log [N m]; rms: the same, None where the effect
+        itself is no torque.
     visible: lambda, about twice the log-likelihood that the log holds for it beside everything else in it.
     alike: sets of names of which each says the same on this log.
     """
 
     name: str
     parameters: dict[str, float]
+    size: float
     rms: float | None
     visible: float
     alike: tuple[tuple[str, ...], ...]
@@ -176,6 +178,7 @@ def _written(
         Hidden(
             name=name,
             parameters=dict(values),
+            size=rms(seen.worth[name]),
             rms=None if name in NO_TORQUE else rms(seen.worth[name]),
             visible=seen.visible(name),
             alike=alike(name, machine.effects, seen),
