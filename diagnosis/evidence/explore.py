@@ -8,22 +8,20 @@ brings nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from diagnosis.evidence.marginal import Explanation, weigh
+from diagnosis.evidence.signatures import Proposal, Signatures
 from diagnosis.look_alikes import refined
-from diagnosis.nuisance import Nuisance
-from diagnosis.refit import fitted_near, is_its_special_case, refit
-from diagnosis.screen import Suspect
+from diagnosis.refit import fitted_near, is_its_special_case, problem_near, refit
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
 from identification.side_by_side import side_by_side, without_blas_threads
 from plant.effects import Effect
 
-_BEAM = 2  # sets that are extended at each size
-_ASKED = 5  # names that are tried beside a set
-_MOST = 5  # names in a set
-_PROMISING = 1.0  # rise of the log-likelihood from which a name is worth a fit
+_ASKED = 5  # sets that are tried beside a set
+_IN_PLACE = 2  # and in the place of one name
+_MOST = 4  # times that names are added
 _CLOSE = (100.0, 0.3)  # behind the best, in evidence or as a share of it: look-alike shapes may still win
 
 
@@ -41,11 +39,6 @@ class Explored:
         """The likeliest."""
         return max(self.known.values(), key=lambda each: each.log_marginal)
 
-    def of_size(self, size: int) -> list[Explanation]:
-        """The likeliest few with so many names."""
-        those = [each for each in self.known.values() if len(each.names) == size]
-        return sorted(those, key=lambda each: -each.log_marginal)[:_BEAM]
-
     def add(self, explanations: Iterable[Explanation | None]) -> None:
         """Keep the better fit of each set."""
         for each in filter(None, explanations):
@@ -62,27 +55,55 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     if root is None:
         raise Unidentifiable("The motion of the base model grows without bound.")
     found = Explored(base=root, effects=effects, tell=progress or (lambda line: None), known={root.names: root})
-    for size in range(_MOST):
-        before = found.best.log_marginal
-        for parent in found.of_size(size):
-            _extend(found, parent)
-        if found.best.log_marginal <= before:
+    for _ in range(_MOST):
+        best = found.best
+        _extend(found, best, _ASKED)
+        if found.best is best:
             break
     for _ in range(_MOST):
         best = found.best
         for name in sorted(best.names):
             _reduce(found, best, name)
-        if found.best is best or found.best.names == best.names:
+        if found.best is best:
             break
+        _extend(found, found.best, _ASKED)
     return found
 
 
-def _extend(found: Explored, parent: Explanation) -> None:
-    """Fit a set with one name more, for those that promise most."""
+def _extend(found: Explored, parent: Explanation, most: int) -> None:
+    """Fit the sets with one or two names more that promise most."""
     asked = {n: kind for n, kind in found.effects.items() if _would_add(parent.fit, kind)}
-    chosen = [s for s in _suspects(parent, asked) if parent.names | {s.name} not in found.known]
-    found.tell(f"beside {', '.join(sorted(parent.names)) or 'nothing'}: {', '.join(s.name for s in chosen)}")
-    _fitted(found, parent, chosen)
+    if not asked:
+        return
+    proposals = Signatures.at(parent, asked, len(found.effects)).proposals(most)
+    chosen = [each for each in proposals if parent.names | each.names not in found.known]
+    told = "; ".join(" and ".join(sorted(each.names)) for each in chosen)
+    found.tell(f"beside {', '.join(sorted(parent.names)) or 'nothing'}: {told or 'nothing more'}")
+    fits = side_by_side(lambda proposal: _fitted(parent.fit, proposal), chosen)
+    least = found.base.fit.log_likelihood
+    most_risen = max([found.best.fit.log_likelihood, *(fit.log_likelihood for fit in fits)]) - least
+    close = most_risen - max(_CLOSE[0], _CLOSE[1] * most_risen)
+
+    def weighed(pair: tuple[Proposal, Fit]) -> Explanation | None:
+        proposal, fit = pair
+        for starts in proposal.starts:
+            if fit.log_likelihood - least > close and starts[0].look_alikes(0):
+                fit = refined(parent.fit, fit, starts[0].name)
+        if fit.runs_off or not fit.converged or any(is_its_special_case(fit, name) for name in proposal.names):
+            return None
+        return weigh(fit, _base_names(found), catalogue=len(found.effects))
+
+    found.add(side_by_side(weighed, list(zip(chosen, fits, strict=True))))
+
+
+def _fitted(fit: Fit, proposal: Proposal) -> Fit:
+    """The model of a fit with what is proposed, fitted from there."""
+    if len(proposal.starts) == 1:
+        return refit(fit, *proposal.starts[0])
+    model = fit.model
+    for starts in proposal.starts:
+        model = model.with_effect(starts[0])
+    return problem_near(fit, model).descend(fit)
 
 
 def _reduce(found: Explored, best: Explanation, name: str) -> None:
@@ -92,38 +113,7 @@ def _reduce(found: Explored, best: Explanation, name: str) -> None:
         fit = fitted_near(best.fit, best.fit.model.without_effect(name))
         found.add([weigh(fit, _base_names(found), catalogue=len(found.effects))])
     if less in found.known:
-        _extend(found, found.known[less])
-
-
-def _fitted(found: Explored, parent: Explanation, suspects: list[Suspect]) -> None:
-    base, count = _base_names(found), len(found.effects)
-    fits = side_by_side(lambda suspect: refit(parent.fit, *suspect.starts), suspects)
-    asked = list(zip(suspects, fits, strict=True))
-    least = found.base.fit.log_likelihood
-    most = max([found.best.fit.log_likelihood, *(fit.log_likelihood for fit in fits)]) - least
-    close = most - max(_CLOSE[0], _CLOSE[1] * most)
-
-    def one(pair: tuple[Suspect, Fit]) -> Explanation | None:
-        suspect, fit = pair
-        if fit.log_likelihood - least > close and suspect.starts[0].look_alikes(0):
-            fit = refined(parent.fit, fit, suspect.name)
-        if fit.runs_off or not fit.converged or is_its_special_case(fit, suspect.name):
-            return None
-        return weigh(fit, base, catalogue=count)
-
-    found.add(side_by_side(one, asked))
-
-
-def _suspects(parent: Explanation, asked: Mapping[str, type[Effect]]) -> list[Suspect]:
-    """Those that promise most beside the discrepancy, and those that do without it."""
-    plain = Nuisance(own=parent.discrepancy.own, shared=parent.discrepancy.shared)
-    beside, alone = parent.screen.ask(asked), replace(parent.screen, nuisance=plain).ask(asked)
-    chosen: dict[str, Suspect] = {}
-    for first, second in zip(alone, beside, strict=True):
-        for suspect in (first, second):
-            if suspect.evidence > _PROMISING and len(chosen) < _ASKED:
-                chosen.setdefault(suspect.name, suspect)
-    return list(chosen.values())
+        _extend(found, found.known[less], _IN_PLACE)
 
 
 def _base_names(found: Explored) -> set[str]:
