@@ -1,4 +1,4 @@
-"""One drawn log diagnosed: what was hidden, what was said, how large the named torques are, and how long it took.
+"""One drawn log diagnosed: what was hidden, what was said, how large the named torques are, and how long it took [s].
 
 An outcome is a dict that a line of JSON holds. What a diagnosis says is read from its `to_dict()`, the contract of
 diagnosis.json, so that another core is measured by the same words; the torque of a name comes from its own extended
@@ -27,12 +27,13 @@ def outcome_of(seed: int, method: str, folder: Path | None) -> Outcome:
     facts = {key: truth[key] for key in ("seed", "kind", "loop", "rate", "clock", "rest_share", "rest", "level")}
     facts |= {"samples": int(made.channels["time"].size), "truth": truth["truth"], "exclude": list(made.exclude)}
     facts["left_out"] = made.left_out
-    begin = time.perf_counter()
+    begin, worked = time.perf_counter(), time.process_time()
     try:
         found = diagnoser(method)(made.log, exclude=made.exclude)
     except Exception as error:
         return facts | {"failed": f"{type(error).__name__}: {error}", "seconds": time.perf_counter() - begin}
-    return facts | {"seconds": time.perf_counter() - begin} | told(found, made)
+    facts |= {"seconds": time.perf_counter() - begin, "processor": time.process_time() - worked}
+    return facts | told(found, made)
 
 
 def diagnoser(method: str) -> Callable[..., Any]:

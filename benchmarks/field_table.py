@@ -114,14 +114,13 @@ def _reliability(pairs: list[Pair]) -> str:
 
 
 def _times(pairs: list[Pair]) -> str:
-    lines = []
-    for title, low, high in (("all", 0, 10**9), ("below 7,000", 0, 7000), ("7,000 and more", 7000, 10**9)):
-        seconds = [o["seconds"] for o, _ in pairs if low <= o["samples"] < high]
-        if seconds:
-            median, most = np.median(seconds), np.quantile(seconds, 0.95)
-            lines.append(
-                f"seconds a log, {title:16} samples: median {median:6.1f}, 95 % {most:6.1f}, most {max(seconds):6.1f}"
-            )
+    lines = [f"{'seconds a log':34}{'median':>9}{'95 %':>9}{'most':>9}"]
+    for clock, key in (("on the clock", "seconds"), ("of the processor", "processor")):
+        for title, low, high in (("all", 0, 10**9), ("7,000 samples and more", 7000, 10**9)):
+            taken = [o[key] for o, _ in pairs if key in o and low <= o["samples"] < high]
+            if taken:
+                cells = (np.median(taken), np.quantile(taken, 0.95), max(taken))
+                lines.append(f"{clock}, {title}"[:34].ljust(34) + "".join(f"{cell:>9.1f}" for cell in cells))
     return "\n".join(lines)
 
 

@@ -1,7 +1,8 @@
 """From the command that is held to the torque that turns the motor, link by link.
 
-A link passes on the mean of its answer over a stretch of constant input, and keeps its state in closed form: short
-lags and steep ramps need no short steps. What a link adds to what enters it is what the effect of its name is worth.
+A link with memory answers a constant input in closed form: at the start of a step, for its middle, and at its end, so
+that Simpson's rule over the three finds the exact mean. Short lags and steep ramps need no short steps. What a link
+adds to what enters it is what the effect of its name is worth.
 """
 
 from __future__ import annotations
@@ -20,48 +21,50 @@ class Link:
     name: str
     law: Callable[[float, float], float]
 
-    def mean(self, entering: float, speed: float, h: float) -> float:
-        return self.law(entering, speed)
 
-    def advance(self, entering: float, h: float) -> None:
-        pass
+@dataclass
+class Memory:
+    """A link whose state is what leaves it; `course` is that at the start of a step, for its middle and at its end."""
+
+    name: str
+    state: float = 0.0
+    course: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def follow(self, entering: float, h: float) -> float:
+        """Go on by `h` under a constant input; the mean of what leaves."""
+        before = self.state
+        mean = self._advance(entering, h)
+        self.course = (before, 1.5 * mean - 0.25 * (before + self.state), self.state)
+        return mean
+
+    def _advance(self, entering: float, h: float) -> float:
+        raise NotImplementedError
 
 
 @dataclass
-class Lag(Link):
-    """First order; the state is what leaves."""
+class Lag(Memory):
+    """First order."""
 
     time_constant: float = 0.0
-    state: float = 0.0
 
-    def mean(self, entering: float, speed: float, h: float) -> float:
-        settled = self.time_constant / h * (1.0 - exp(-h / self.time_constant))
-        return entering + (self.state - entering) * settled
-
-    def advance(self, entering: float, h: float) -> None:
-        self.state = entering + (self.state - entering) * exp(-h / self.time_constant)
+    def _advance(self, entering: float, h: float) -> float:
+        behind, decay = self.state - entering, exp(-h / self.time_constant)
+        self.state = entering + behind * decay
+        return entering + behind * self.time_constant / h * (1.0 - decay)
 
 
 @dataclass
-class Ramp(Link):
-    """A limited slope; the state is what leaves."""
+class Ramp(Memory):
+    """A limited slope."""
 
     rate: float = 0.0
-    state: float = 0.0
 
-    def mean(self, entering: float, speed: float, h: float) -> float:
-        gap, reach = entering - self.state, self.rate * h
+    def _advance(self, entering: float, h: float) -> float:
+        gap, reach, before = entering - self.state, self.rate * h, self.state
+        self.state += min(max(gap, -reach), reach)
         if abs(gap) >= reach:
-            return self.state + (0.5 * reach if gap > 0.0 else -0.5 * reach)
+            return 0.5 * (before + self.state)
         return entering - 0.5 * gap * abs(gap) / reach
-
-    def advance(self, entering: float, h: float) -> None:
-        reach = self.rate * h
-        self.state += min(max(entering - self.state, -reach), reach)
-
-
-def _same(torque: float, speed: float) -> float:
-    return torque
 
 
 def _dead(half_width: float) -> Callable[[float, float], float]:
@@ -72,18 +75,20 @@ def _clipped(limit: float) -> Callable[[float, float], float]:
     return lambda torque, speed: min(max(torque, -limit), limit)
 
 
-def links_of(effects: Mapping[str, Values], dead_zone: float, current_lag: float) -> tuple[list[Link], list[Link]]:
+def links_of(
+    effects: Mapping[str, Values], dead_zone: float, current_lag: float
+) -> tuple[list[Memory], list[Link | Memory]]:
     """The links before a position servo's law, and those behind it, in the order in which the torque meets them."""
-    before: list[Link] = []
-    behind: list[Link] = []
+    before: list[Memory] = []
+    behind: list[Link | Memory] = []
     if "goal_rate_limit" in effects:
-        before.append(Ramp("goal_rate_limit", _same, rate=effects["goal_rate_limit"]["rate"]))
+        before.append(Ramp("goal_rate_limit", rate=effects["goal_rate_limit"]["rate"]))
     if "rate_limit" in effects:
-        behind.append(Ramp("rate_limit", _same, rate=effects["rate_limit"]["rate"]))
+        behind.append(Ramp("rate_limit", rate=effects["rate_limit"]["rate"]))
     if "actuator_lag" in effects:
-        behind.append(Lag("actuator_lag", _same, time_constant=effects["actuator_lag"]["time_constant"]))
+        behind.append(Lag("actuator_lag", time_constant=effects["actuator_lag"]["time_constant"]))
     if current_lag > 0.0:
-        behind.append(Lag("current", _same, time_constant=current_lag))
+        behind.append(Lag("current", time_constant=current_lag))
     if "torque_saturation" in effects:
         behind.append(Link("torque_saturation", _clipped(effects["torque_saturation"]["limit"])))
     if "back_emf" in effects:
@@ -104,41 +109,38 @@ class Actuator:
     added: what each link has added since it was last asked, times its duration [N m s].
     """
 
-    before: list[Link]
-    behind: list[Link]
+    before: list[Memory]
+    behind: list[Link | Memory]
     kp: float = 0.0
     kd: float = 0.0
     added: dict[str, float] = field(default_factory=dict)
+    held: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def begin(self, command: float) -> None:
         """An inner goal begins at the first set-point; everything else begins without torque."""
         for link in self.before:
-            if isinstance(link, Ramp):
-                link.state = command
+            link.state = command
 
-    def torque(self, held: float, angle: float, velocity: float, speed: float, h: float) -> float:
-        """Mean torque that leaves the drive over `h`, of a load at an angle and velocity, a motor at a speed."""
+    def follow(self, command: float, angle: float, velocity: float, speed: float, h: float) -> float:
+        """Go on by `h` under a command that is held, of a load and a motor that move so in the middle; mean torque."""
+        self.held, torque = (command,) * 3, command
         for link in self.before:
-            held = link.mean(held, speed, h)
+            mean = link.follow(torque, h)
+            self.added[link.name] += (mean - torque) * (self.kp or 1.0) * h
+            self.held, torque = link.course, mean
         if self.kp:
-            held = self.kp * (held - angle) - self.kd * velocity
-        for link in self.behind:
-            held = link.mean(held, speed, h)
-        return held
+            torque = self.kp * (torque - angle) - self.kd * velocity
+        for each in self.behind:
+            mean = each.follow(torque, h) if isinstance(each, Memory) else each.law(torque, speed)
+            self.added[each.name] += (mean - torque) * h
+            torque = mean
+        return torque
 
-    def play(self, held: float, angle: float, velocity: float, speed: float, h: float) -> float:
-        """The same, and the states go on by `h`."""
-        factor = (self.kp or 1.0) * h
-        for link in self.before:
-            leaving = link.mean(held, speed, h)
-            link.advance(held, h)
-            self.added[link.name] += (leaving - held) * factor
-            held = leaving
+    def torque(self, part: int, angle: float, velocity: float, speed: float) -> float:
+        """Torque at the start (0), in the middle (1) or at the end (2) of the step that was followed."""
+        torque = self.held[part]
         if self.kp:
-            held = self.kp * (held - angle) - self.kd * velocity
+            torque = self.kp * (torque - angle) - self.kd * velocity
         for link in self.behind:
-            leaving = link.mean(held, speed, h)
-            link.advance(held, h)
-            self.added[link.name] += (leaving - held) * h
-            held = leaving
-        return held
+            torque = link.course[part] if isinstance(link, Memory) else link.law(torque, speed)
+        return torque

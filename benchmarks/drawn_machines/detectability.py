@@ -13,7 +13,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from drawn_machines.hidden import Basis
-from drawn_machines.motion import Array, Machine, Motion
+from drawn_machines.motion import Array, Motion
+from drawn_machines.servo import Machine
 
 TELLING = 60.0  # lambda from which a name is expected, of one effect over a catalogue
 

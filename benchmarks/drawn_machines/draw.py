@@ -10,8 +10,9 @@ from scipy.signal import cont2discrete, lfilter
 from drawn_machines.commands import KINDS, pushes, smoothed
 from drawn_machines.hidden import Basis, drawn_effects, rms
 from drawn_machines.loop import Loop
-from drawn_machines.motion import Array, Law, Machine, Motion, play
+from drawn_machines.motion import Array, Law, Motion, play
 from drawn_machines.rest import drawn_rest
+from drawn_machines.servo import Machine
 
 RATES = (50.0, 100.0, 125.0, 200.0, 250.0, 400.0, 500.0, 1000.0, 2000.0, 4000.0)  # [Hz]
 LOOPS = {"open": 0.45, "closed": 0.28, "closed, current": 0.15, "position servo": 0.12}
@@ -61,9 +62,11 @@ def drawn_setting(rng: np.random.Generator) -> Setting | None:
         return None
     loop = str(rng.choice(list(LOOPS), p=list(LOOPS.values())))
     torque = inertia * push
+    swing = 2.5 * fastest if loop == "open" else 0.3 * rate  # of the load as a pendulum, at most [rad/s]
+    weight = min(torque * 10.0 ** rng.uniform(-1.0, 0.5), inertia * swing**2)
     machine = Machine(
         inertia=inertia,
-        gravity=0.0 if rng.random() < 0.4 else torque * 10.0 ** rng.uniform(-1.0, 0.5),
+        gravity=0.0 if rng.random() < 0.4 else weight,
         viscous_friction=inertia * fastest * 10.0 ** rng.uniform(-1.5, 0.3),
         dead_zone=torque * 10.0 ** rng.uniform(-2.0, -0.8) if rng.random() < 0.25 and "current" not in loop else 0.0,
         effects={},

@@ -18,7 +18,8 @@ from drawn_machines.detectability import Seen
 from drawn_machines.draw import ATTEMPTS, Runs, Setting, basis_of, drawn_runs, drawn_setting, with_hidden
 from drawn_machines.hidden import Basis, rms
 from drawn_machines.look_alikes import alike, left_out_with
-from drawn_machines.motion import Array, Machine, Motion, RunsAway
+from drawn_machines.motion import Array, Motion, RunsAway
+from drawn_machines.servo import Machine
 
 if TYPE_CHECKING:
     from identification.log import Log
@@ -136,24 +137,31 @@ def _attempt(seed: int, rng: np.random.Generator) -> Drawn | None:
 
 
 def _substeps(s: Setting, machine: Machine) -> int:
-    """Steps in a sample: a quarter of a radian of the fastest swing at most, six at least."""
+    """Steps in a sample: a quarter of a radian of the fastest swing at most, four at least."""
     swings = [0.0]
     if machine.motor_share:
         swings.append(machine.effects.get("compliance", {"frequency": 2.0 / s.sample_time})["frequency"])
     if "end_stop" in machine.effects:
         swings.append(4.0 / s.sample_time)
     if "presliding_hysteresis" in machine.effects:
-        swings.append(float(np.sqrt(machine.effects["presliding_hysteresis"]["stiffness"] / machine.inertia)))
-    return min(24, max(6, int(np.ceil(4.0 * max(swings) * s.sample_time))))
+        swings.append(2.5 / s.sample_time)
+    return min(24, max(4, int(np.ceil(4.0 * max(swings) * s.sample_time))))
 
 
 def _sensible(s: Setting, b: Basis) -> bool:
-    """It moves, in every run, by more than its encoder's steps, and no faster than loads do."""
+    """It moves in every run, by more than its encoder's steps, no faster than loads do and than samples can follow.
+
+    A weight that goes round and round without a loop is a lottery and no experiment.
+    """
     if not (np.isfinite(b.angle).all() and np.isfinite(b.torque).all()):
         return False
     ends = np.cumsum(s.samples)
     spans = [np.ptp(part) for part in np.split(b.angle, ends[:-1])]
-    return min(spans) > max(60.0 * s.count, 0.03) and np.abs(b.velocity).max() < 900.0
+    followed = rms(b.acceleration) * s.sample_time < 0.4 * b.speed
+    turned = float(np.quantile(np.abs(b.velocity), 0.99)) * s.sample_time < 0.4 or not s.machine.gravity
+    hangs = s.loop != "open" or not s.machine.gravity or max(spans) < 4.0 * np.pi
+    moves = min(spans) > max(60.0 * s.count, 0.03) and np.abs(b.velocity).max() < 900.0
+    return bool(moves and followed and turned and hangs)
 
 
 def _alike(before: Basis, after: Basis) -> bool:

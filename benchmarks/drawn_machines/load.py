@@ -37,7 +37,7 @@ def smooth_torque(name: str, p: Values) -> Torque | None:
     if name == "friction_drift":
         return lambda x, v, t: -p["viscous_rate"] * t * v
     if name == "payload_change":
-        return lambda x, v, t: -p["gravity"] * cos(x) if t > p["time"] else 0.0
+        return lambda x, v, t: -p["gravity"] * cos(x) if t >= p["time"] else 0.0
     return None
 
 
@@ -87,7 +87,7 @@ class Load:
 
     def inertia_at(self, t: float) -> float:
         """Inertia at a time [kg m^2]."""
-        return self.inertia + (self.change["inertia"] if self.change and t > self.change["time"] else 0.0)
+        return self.inertia + (self.change["inertia"] if self.change and t >= self.change["time"] else 0.0)
 
     def passive(self, x: float, v: float, t: float, travel: float) -> float:
         """Torque on the load without the drive's and without dry friction, `travel` after a step began [N m]."""

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drawn_machines.motion import Array, Law, Machine
+from drawn_machines.motion import Array, Law
+from drawn_machines.servo import Machine
 
 
 @dataclass(frozen=True, kw_only=True)
