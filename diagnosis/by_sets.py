@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from diagnosis.candidates import Choice, chosen
 from diagnosis.evidence.explore import explore
@@ -23,6 +24,7 @@ from plant.servo import ServoModel
 _SURE, _LIKELY = 0.9, 0.5  # probabilities from which a name stands alone, and from which one is told
 _MATERIAL = 0.5  # probability of an unmodelled torque from which it is told
 _TELLING = 0.2  # share of the discrepancy from which a variable is said to carry it
+_LISTED = 0.01  # ... and a set
 _MENTION = 1e-4  # probability from which a rival is listed
 
 
@@ -46,6 +48,37 @@ class SetDiagnosis:
     posterior: Posterior
     base: Fit
     extended: Fit
+
+    @property
+    def model(self) -> ServoModel:
+        """The extended model."""
+        return self.extended.model
+
+    def to_dict(self) -> dict[str, Any]:
+        """What a script reads of it."""
+        return {
+            "verdict": self.verdict,
+            "causes": [
+                {
+                    "effect": cause.effect,
+                    "probability": cause.probability,
+                    "alternatives": [{"effect": name, "probability": p} for name, p in cause.alternatives],
+                }
+                for cause in self.causes
+            ],
+            "minor": [{"effect": name, "probability": p} for name, p in self.minor.items()],
+            "sets": [
+                {"effects": sorted(each.names), "probability": p}
+                for each, p in zip(self.posterior.sets, self.posterior.probabilities, strict=True)
+                if p >= _LISTED
+            ],
+            "unknown": {
+                "probability": self.posterior.best.discrepancy.posterior.material,
+                "depends_on": list(self.unexplained.depends_on),
+                "amplitude": self.posterior.best.discrepancy.posterior.amplitude,
+            },
+            "over_discrepancy": {name: self.posterior.over_discrepancy(name) for name in self.posterior.names()},
+        }
 
 
 @without_blas_threads
