@@ -36,6 +36,7 @@ class Posterior:
         likeliest: index of the amplitude that is.
         functions: (M + R,) mean of f there.
         weights: (M + R, M + R) W, so that the covariance's inverse is (I - D W D') / s^2.
+        scale: (M + R,) standard deviations of f before the log was seen.
         size: norm of D f beyond the parameters [rad].
     """
 
@@ -45,6 +46,7 @@ class Posterior:
     material: float
     functions: Array
     weights: Array
+    scale: Array
     size: float
 
 
@@ -88,6 +90,13 @@ class Discrepancy(Nuisance):
         left = super().beyond(values)
         return left - self.columns @ (self.posterior.weights @ (self.columns.T @ left))
 
+    def weights(self, share: float) -> Array:
+        """(M + R, M + R) W for a discrepancy that is such a share of the likeliest."""
+        scale = share * self.posterior.scale
+        values, vectors = np.linalg.eigh(scale[:, None] * (self.columns.T @ self.columns) * scale)
+        basis = scale[:, None] * vectors
+        return (basis / (np.maximum(values, 0.0) + self.posterior.variance)) @ basis.T
+
     def shares(self, variables: tuple[str, ...]) -> dict[str, float]:
         """Mean square of what each variable's functions do to the innovations, over that of all [-]."""
         found = {}
@@ -106,12 +115,12 @@ def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int)
             scale = np.where(np.arange(len(pull)) < torques, amplitude, reading)
             found = _at(gram, pull, power, degrees, scale)
             prior = -np.log1p((amplitude / _SCALE) ** 2)
-            tried.append((found[0] + prior, amplitude, *found))
+            tried.append((found[0] + prior, amplitude, *found, scale))
     scores = np.array([each[0] for each in tried])
     weights = np.exp(scores - scores.max())
     weights /= weights.sum()
     amplitudes = np.array([each[1] for each in tried])
-    _, _, _, variance, functions, inverse = tried[int(np.argmax(scores))]
+    _, _, _, variance, functions, inverse, scale = tried[int(np.argmax(scores))]
     return Posterior(
         log_likelihood=float(scores.max() + np.log(np.mean(np.exp(scores - scores.max())))),
         variance=variance,
@@ -119,6 +128,7 @@ def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int)
         material=float(weights[amplitudes >= _SCALE].sum()),
         functions=functions,
         weights=inverse,
+        scale=scale,
         size=float(np.sqrt(max(functions @ gram @ functions, 0.0))),
     )
 

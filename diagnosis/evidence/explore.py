@@ -1,37 +1,43 @@
-"""The search over sets of effects: from the best few sets to those with one more, one less or one other.
+"""The search over sets of effects: from the best set to those with one or two more, one less or one other.
 
-Each set is fitted exactly and weighed beside the discrepancy. Which names are worth a fit says the score test at the
-sets known so far, with the discrepancy and without it: beside a discrepancy as large as a missing effect, the effect
-brings nothing.
+Each set is fitted exactly and weighed beside the discrepancy. Noise is a model of its own: all sets that are compared
+are predicted by one observer, whose bandwidth is the likeliest for the best of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from diagnosis.evidence.marginal import Explanation, weigh
 from diagnosis.evidence.signatures import Proposal, Signatures
-from diagnosis.look_alikes import refined
-from diagnosis.refit import fitted_near, is_its_special_case, problem_near, refit
+from diagnosis.refit import is_its_special_case, most_promising, problem_near
+from identification.certainty import fit_of
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
 from identification.side_by_side import side_by_side, without_blas_threads
 from plant.effects import Effect
+from plant.servo import ServoModel
 
 _ASKED = 5  # sets that are tried beside a set
 _IN_PLACE = 2  # and in the place of one name
-_MOST = 4  # times that names are added
-_CLOSE = (100.0, 0.3)  # behind the best, in evidence or as a share of it: look-alike shapes may still win
+_MOST = 5  # times that names are added
+_STEP = 4.0  # from bandwidth to bandwidth
+_FASTEST, _SLOWEST = 0.5, 2e-4  # bandwidths, per sample time
+_STAGES = (0, 1, 2, 2)  # of a search among shapes that look alike
+_ITERATIONS = 20
 
 
 @dataclass(eq=False)
 class Explored:
-    """The sets that were fitted, by their names."""
+    """The sets that were fitted, by their names, all at one bandwidth of the observer [rad/s]."""
 
-    base: Explanation
+    null: Fit
     effects: Mapping[str, type[Effect]]
     tell: Callable[[str], None]
+    bandwidth: float
     known: dict[frozenset[str], Explanation] = field(default_factory=dict)
 
     @property
@@ -46,28 +52,63 @@ class Explored:
             if at_hand is None or each.log_marginal > at_hand.log_marginal:
                 self.known[each.names] = each
 
+    def weighed(self, fit: Fit) -> Explanation | None:
+        """A fit as an explanation; None where it is none, or says what a simpler set says too."""
+        held = {effect.name for effect in self.null.model.effects}
+        names = {effect.name for effect in fit.model.effects} - held
+        if not fit.converged or any(is_its_special_case(fit, name) for name in names):
+            return None
+        return weigh(fit, held, catalogue=len(self.effects))
+
 
 @without_blas_threads
 def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[str], None] | None = None) -> Explored:
     """All sets worth a look beyond a fitted base model."""
-    held = {effect.name for effect in null.model.effects}
-    root = weigh(null, held, catalogue=len(effects))
-    if root is None:
+    found = Explored(null=null, effects=effects, tell=progress or (lambda line: None), bandwidth=null.bandwidth)
+    grid = {0.0, null.bandwidth, *(np.geomspace(_SLOWEST, _FASTEST, 5) / null.log.sample_time)}
+    at_each = side_by_side(lambda bandwidth: found.weighed(_fitted(null, [null.model], bandwidth)), sorted(grid))
+    roots = [root for root in at_each if root is not None]
+    if not roots:
         raise Unidentifiable("The motion of the base model grows without bound.")
-    found = Explored(base=root, effects=effects, tell=progress or (lambda line: None), known={root.names: root})
+    _begin_at(found, max(roots, key=lambda root: root.log_marginal))
     for _ in range(_MOST):
         best = found.best
         _extend(found, best, _ASKED)
+        _without_each(found, found.best)
         if found.best is best:
             break
-    for _ in range(_MOST):
-        best = found.best
-        for name in sorted(best.names):
-            _reduce(found, best, name)
-        if found.best is best:
-            break
+        _retune(found)
+    best = found.best
+    for name in sorted(best.names):
+        if (less := found.known.get(best.names - {name})) is not None:
+            _extend(found, less, _IN_PLACE)
+    if found.best is not best:
+        _without_each(found, found.best)
         _extend(found, found.best, _ASKED)
     return found
+
+
+def _begin_at(found: Explored, best: Explanation) -> None:
+    """Go on from one set, at its bandwidth; what was weighed at another cannot be compared."""
+    found.bandwidth, found.known = best.fit.bandwidth, {best.names: best}
+
+
+def _retune(found: Explored) -> None:
+    """Move the bandwidth to where the best set is likeliest."""
+    best, slowest = found.best, _SLOWEST / found.null.log.sample_time
+    for step in (1.0 / _STEP, _STEP):
+        while True:
+            bandwidth = max(best.fit.bandwidth, slowest) * step
+            if bandwidth < slowest:
+                bandwidth = 0.0
+            if bandwidth == best.fit.bandwidth or bandwidth > _FASTEST / found.null.log.sample_time:
+                break
+            moved = found.weighed(_fitted(best.fit, [best.fit.model], bandwidth))
+            if moved is None or moved.log_marginal <= best.log_marginal:
+                break
+            best = moved
+    if best is not found.best:
+        _begin_at(found, best)
 
 
 def _extend(found: Explored, parent: Explanation, most: int) -> None:
@@ -79,45 +120,58 @@ def _extend(found: Explored, parent: Explanation, most: int) -> None:
     chosen = [each for each in proposals if parent.names | each.names not in found.known]
     told = "; ".join(" and ".join(sorted(each.names)) for each in chosen)
     found.tell(f"beside {', '.join(sorted(parent.names)) or 'nothing'}: {told or 'nothing more'}")
-    fits = side_by_side(lambda proposal: _fitted(parent.fit, proposal), chosen)
-    least = found.base.fit.log_likelihood
-    most_risen = max([found.best.fit.log_likelihood, *(fit.log_likelihood for fit in fits)]) - least
-    close = most_risen - max(_CLOSE[0], _CLOSE[1] * most_risen)
 
-    def weighed(pair: tuple[Proposal, Fit]) -> Explanation | None:
-        proposal, fit = pair
-        for starts in proposal.starts:
-            if fit.log_likelihood - least > close and starts[0].look_alikes(0):
-                fit = refined(parent.fit, fit, starts[0].name)
-        if fit.runs_off or not fit.converged or any(is_its_special_case(fit, name) for name in proposal.names):
-            return None
-        return weigh(fit, _base_names(found), catalogue=len(found.effects))
+    def one(proposal: Proposal) -> Explanation | None:
+        return found.weighed(_with(parent.fit, proposal, found.bandwidth))
 
-    found.add(side_by_side(weighed, list(zip(chosen, fits, strict=True))))
+    found.add(side_by_side(one, chosen))
 
 
-def _fitted(fit: Fit, proposal: Proposal) -> Fit:
+def _with(fit: Fit, proposal: Proposal, bandwidth: float) -> Fit:
     """The model of a fit with what is proposed, fitted from there."""
-    if len(proposal.starts) == 1:
-        return refit(fit, *proposal.starts[0])
-    model = fit.model
+    models = [fit.model]
     for starts in proposal.starts:
-        model = model.with_effect(starts[0])
-    return problem_near(fit, model).descend(fit)
+        models = [model.with_effect(start) for model in models for start in starts]
+    found = _fitted(fit, models, bandwidth)
+    for starts in proposal.starts:
+        found = _among_look_alikes(found, starts[0].name, bandwidth)
+    return found
 
 
-def _reduce(found: Explored, best: Explanation, name: str) -> None:
-    """A set with one name less, and with another in its place."""
-    less = best.names - {name}
-    if less not in found.known:
-        fit = fitted_near(best.fit, best.fit.model.without_effect(name))
-        found.add([weigh(fit, _base_names(found), catalogue=len(found.effects))])
-    if less in found.known:
-        _extend(found, found.known[less], _IN_PLACE)
+def _fitted(start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
+    """The best fit of some models at a bandwidth, from another fit."""
+    near = replace(start, bandwidth=bandwidth)
+    problems = [problem_near(start, model) for model in models]
+    if len(problems) > 1:
+        problems = most_promising(problems, near, bandwidth)[:1]
+    (problem,) = problems
+    begun = problem.begun(near)
+    ended = problem.minimise(begun.point, bandwidth, 0.0, iterations=_ITERATIONS, at_start=begun.equations)
+    return fit_of(problem, bandwidth, ended, begun.evaluations)
 
 
-def _base_names(found: Explored) -> set[str]:
-    return {effect.name for effect in found.base.fit.model.effects}
+def _among_look_alikes(fit: Fit, name: str, bandwidth: float) -> Fit:
+    """The best among shapes of an effect between which a descent cannot choose."""
+    for stage in _STAGES:
+        effect = fit.model.effect(name)
+        alike = () if effect is None else effect.look_alikes(stage)
+        if not alike:
+            break
+        rest = fit.model.without_effect(name)
+        other = _fitted(replace(fit, model=rest), [rest.with_effect(each) for each in alike], bandwidth)
+        fit = max((fit, other), key=lambda each: each.log_likelihood)
+    return fit
+
+
+def _without_each(found: Explored, best: Explanation) -> None:
+    """The sets with one name less."""
+    missing = [name for name in sorted(best.names) if best.names - {name} not in found.known]
+    found.add(
+        side_by_side(
+            lambda name: found.weighed(_fitted(best.fit, [best.fit.model.without_effect(name)], found.bandwidth)),
+            missing,
+        )
+    )
 
 
 def _would_add(fit: Fit, kind: type[Effect]) -> bool:

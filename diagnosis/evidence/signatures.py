@@ -20,6 +20,8 @@ from identification.side_by_side import side_by_side
 from plant.effects import Effect, Motion, Trace
 from plant.effects.effect import Array
 
+_SHARES = (1.0, 0.1, 0.0)  # of the likeliest discrepancy, beside which effects are asked about
+_CHARGES = 5.0  # below zero that a promise may be: a discrepancy that gives way pays them back
 _FIRST = 6  # effects beside which a second is looked for
 _CLOSER = 4  # shapes of an effect between whose neighbours it is looked again
 _NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own
@@ -84,14 +86,14 @@ class Signatures:
     Attributes:
         shapes: all of them.
         plain: products beyond the parameters.
-        beside: products beyond the parameters and the discrepancy.
+        views: products beyond the parameters and the discrepancy: as large as it is, smaller, and without it.
         samples: N.
         catalogue: number of effects.
     """
 
     shapes: tuple[Signature, ...]
     plain: Products
-    beside: Products
+    views: tuple[Products, ...]
     samples: int
     catalogue: int
 
@@ -127,35 +129,44 @@ class Signatures:
         first = _products(found, left, power)
         draw(_closer(list(shapes), first, screen.motion))
         plain = _products(found, left, power)
-        weights, columns = discrepancy.posterior.weights, discrepancy.columns
+        columns = discrepancy.columns
         shared, along = columns.T @ np.hstack(found), columns.T @ left
-        beside = Products(
-            gram=plain.gram - shared.T @ weights @ shared,
-            pull=plain.pull - shared.T @ (weights @ along),
-            power=power - float(along @ weights @ along),
-        )
-        return cls(
-            shapes=tuple(shapes), plain=plain, beside=beside, samples=explanation.fit.samples, catalogue=catalogue
-        )
+        views = []
+        for weights in (discrepancy.weights(share) for share in _SHARES):
+            beside = Products(
+                gram=plain.gram - shared.T @ weights @ shared,
+                pull=plain.pull - shared.T @ (weights @ along),
+                power=power - float(along @ weights @ along),
+            )
+            views.append(beside)
+        samples = explanation.fit.samples
+        return cls(shapes=tuple(shapes), plain=plain, views=tuple(views), samples=samples, catalogue=catalogue)
 
     def proposals(self, most: int) -> list[Proposal]:
-        """The sets of one or two effects that promise most, beside the discrepancy and without it."""
+        """The sets of one or two effects that promise most, mainly beside the discrepancy as large as it is.
+
+        Beside one that has taken a missing effect over, the effect brings next to nothing; hence the other views.
+        """
         chosen: dict[frozenset[str], Proposal] = {}
-        for ranked in zip(*(self._ranked(products) for products in (self.plain, self.beside)), strict=False):
-            for proposal in ranked:
-                if len(chosen) < most:
-                    chosen.setdefault(proposal.names, proposal)
+        for place, products in enumerate(self.views):
+            room = most - len(self.views) + place + 1
+            for proposal in self._ranked(products):
+                if len(chosen) >= room:
+                    break
+                chosen.setdefault(proposal.names, proposal)
         return list(chosen.values())
 
     def _ranked(self, products: Products) -> list[Proposal]:
+        """The best first; two effects only where they promise more than either alone."""
         alone = self._best(products, ())
-        found = [self._proposal(products, (shape,), value) for value, shape in alone.values() if value > 0.0]
+        found = [self._proposal(products, (shape,), value) for value, shape in alone.values()]
         leading = sorted(alone.values(), key=lambda pair: -pair[0])[:_FIRST]
         for value, shape in leading:
             second = self._best(products.beyond(shape.columns), (shape.name,))
             for more, other in sorted(second.values(), key=lambda pair: -pair[0])[:_FIRST]:
-                if more > 0.0 and value + more > 0.0:
+                if more > 0.0 and value + more > alone[other.name][0]:
                     found.append(self._proposal(products, (shape, other), value + more))
+        found = [proposal for proposal in found if proposal.value > -_CHARGES]
         return sorted(found, key=lambda proposal: -proposal.value)
 
     def _best(self, products: Products, without: Sequence[str]) -> dict[str, tuple[float, Signature]]:
