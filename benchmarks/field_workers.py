@@ -51,9 +51,8 @@ def _serve(pipe: Connection, work: Work, limit: float) -> None:
 def results(seeds: Sequence[int], work: Work, processes: int, limit: float) -> Iterator[tuple[int, dict[str, Any]]]:
     """Each seed with what `work` returns, as it comes.
 
-    A seed that takes longer than `limit` [s of the processor], or whose process dies, comes back as {"failed": ...}; a new
-    process
-    goes on with the next.
+    A seed that takes longer than `limit` [s of the processor], or whose process dies, comes back as {"failed": ...},
+    and a new process goes on with the next.
     """
     left = list(reversed(seeds))
     workers = [Worker(work, limit) for _ in range(min(processes, len(left)))]
