@@ -3,7 +3,8 @@
 A name is *sure* above 0.9. It is *false* if it is neither hidden in the log nor stands for something that is, by the
 table of look-alikes. A false sure name is a *part of the rest* where its torque is no larger than what has no name in
 that log, and *wrong* where it is larger or is no torque. A wider form of what is there (Stribeck for Coulomb friction)
-is not false while what it adds is below 0.3 % of the torque or the rest.
+is not false while what it adds is below 0.3 % of the torque or the rest. A narrower form (Coulomb friction for
+Stribeck) is there, so it is not false either; but what it leaves out has then not been named.
 
 What a log cannot show nobody must name: an effect is *expected* where its lambda is above 60 and the torque that is
 missed without it is above the rest. Naming the others is no fault.
@@ -31,6 +32,14 @@ NO_TORQUE = {
     *("input_delay", "actuator_lag", "rate_limit", "goal_rate_limit"),
     *("compliance", "backlash", "encoder_eccentricity", "sensor_lag"),
 }
+PARTS: dict[str, tuple[str, ...]] = {
+    "stribeck_friction": ("coulomb_friction",),
+    "presliding_hysteresis": ("coulomb_friction",),
+    "friction_drift": ("coulomb_friction",),
+    "asymmetric_friction": ("coulomb_friction", "torque_offset"),
+    "cable_stiffness": ("torque_offset",),
+}
+"""What an effect holds, so that it is there too."""
 _OVER: tuple[tuple[set[str], tuple[str, ...]], ...] = (
     ({"velocity"}, ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "quadratic_drag")),
     ({"angle"}, ("gravity_offset", "cable_stiffness", "cogging", "encoder_eccentricity", "end_stop")),
@@ -109,7 +118,7 @@ def _found(hidden: dict[str, Any], named: set[str]) -> bool:
 
 def _true(told: dict[str, Any], outcome: Outcome) -> bool:
     """Whether it is hidden there, or stands for what is."""
-    if any(told["effect"] == h["name"] for h in outcome["truth"]):
+    if any(told["effect"] in (h["name"], *PARTS.get(h["name"], ())) for h in outcome["truth"]):
         return True
     if not any(told["effect"] in names for h in outcome["truth"] for names in h["alike"]):
         return False
@@ -139,5 +148,6 @@ def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
         used |= set(mine)
         if mine or (h["name"] != outcome["left_out"] and _expected(h, outcome)):
             events.append((min(1.0, sum(mine.values())), True))
-    events += [(p, False) for name, p in told.items() if name not in used]
+    parts = {part for h in outcome["truth"] for part in PARTS.get(h["name"], ())}
+    events += [(p, name in parts) for name, p in told.items() if name not in used]
     return tuple(events)
