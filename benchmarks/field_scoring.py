@@ -60,7 +60,8 @@ class Score:
 
     wrong, part: false sure names, larger than the rest and not. lost: expected effects that are not named for sure.
     silent: nothing said of an expected effect that was left out; variable: whether the right one was told; None where
-    that is not asked. events: probabilities with whether they came true.
+    that is not asked. events: probabilities that were told, with whether they came true. unsaid: number of expected
+    effects of which nothing was said.
     """
 
     category: str
@@ -70,6 +71,7 @@ class Score:
     silent: bool | None = None
     variable: bool | None = None
     events: tuple[tuple[float, bool], ...] = ()
+    unsaid: int = 0
 
     @property
     def exact(self) -> bool:
@@ -104,6 +106,7 @@ def score(outcome: Outcome) -> Score:
         silent=bool(wrong) or not open_minded if absent else None,
         variable=bool(variables & set(outcome["depends_on"])) if absent and variables else None,
         events=_events(outcome),
+        unsaid=sum(not _mentioned(h, outcome) for h in outcome["truth"] if h["name"] in lost),
     )
 
 
@@ -131,11 +134,18 @@ def _within_rest(told: dict[str, Any], outcome: Outcome) -> bool:
     return told["effect"] not in NO_TORQUE and told["rms"] is not None and told["rms"] <= outcome["rest"]
 
 
-def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
-    """Every probability that was told, with whether it is true; those of names for one effect together.
+def _mentioned(hidden: dict[str, Any], outcome: Outcome) -> bool:
+    """Whether it, or a name that stands for it, was told with any probability."""
+    alike = {hidden["name"], *(one for names in hidden["alike"] for one in names)}
+    return any(
+        effect in alike
+        for n in outcome["names"]
+        for effect in (n["effect"], *(other for other, _ in n["alternatives"]))
+    )
 
-    A hidden effect of which nothing was said has probability zero and is there: it counts where it is expected.
-    """
+
+def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
+    """Every probability that was told, with whether it is true; those of names for one effect together."""
     told: dict[str, float] = {}
     for name in outcome["names"]:
         for effect, probability in ((name["effect"], name["probability"]), *name["alternatives"]):
@@ -146,7 +156,7 @@ def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
         alike = {h["name"], *(one for names in h["alike"] for one in names)}
         mine = {name: p for name, p in told.items() if name in alike}
         used |= set(mine)
-        if mine or (h["name"] != outcome["left_out"] and _expected(h, outcome)):
+        if mine:
             events.append((min(1.0, sum(mine.values())), True))
     parts = {part for h in outcome["truth"] for part in PARTS.get(h["name"], ())}
     events += [(p, name in parts) for name, p in told.items() if name not in used]
