@@ -60,7 +60,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="at which place of the set to begin")
     parser.add_argument("--seeds", help="single seeds instead, separated by commas; run again if they are there")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--limit", type=float, default=120.0, help="seconds after which a log counts as without end")
+    parser.add_argument(
+        "--limit", type=float, default=120.0, help="seconds of the processor after which a log counts as without end"
+    )
     parser.add_argument("--with", dest="method", default="diagnosis:diagnose", help="module:function that diagnoses")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the outcomes")
     parser.add_argument("--logs", type=Path, default=None, help="folder in which drawn logs are kept")

@@ -3,7 +3,8 @@
 A name is *sure* above 0.9. It is *false* if it is neither hidden in the log nor stands for something that is, by the
 table of look-alikes. A false sure name is a *part of the rest* where its torque is no larger than what has no name in
 that log, and *wrong* where it is larger or is no torque. A wider form of what is there (Stribeck for Coulomb friction)
-is not false while what it adds is below 0.3 % of the torque or the rest.
+is not false while what it adds is below 0.3 % of the torque or the rest. A narrower form (Coulomb friction for
+Stribeck) is there, so it is not false either; but what it leaves out has then not been named.
 
 What a log cannot show nobody must name: an effect is *expected* where its lambda is above 60 and the torque that is
 missed without it is above the rest. Naming the others is no fault.
@@ -31,6 +32,14 @@ NO_TORQUE = {
     *("input_delay", "actuator_lag", "rate_limit", "goal_rate_limit"),
     *("compliance", "backlash", "encoder_eccentricity", "sensor_lag"),
 }
+PARTS: dict[str, tuple[str, ...]] = {
+    "stribeck_friction": ("coulomb_friction",),
+    "presliding_hysteresis": ("coulomb_friction",),
+    "friction_drift": ("coulomb_friction",),
+    "asymmetric_friction": ("coulomb_friction", "torque_offset"),
+    "cable_stiffness": ("torque_offset",),
+}
+"""What an effect holds, so that it is there too."""
 _OVER: tuple[tuple[set[str], tuple[str, ...]], ...] = (
     ({"velocity"}, ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "quadratic_drag")),
     ({"angle"}, ("gravity_offset", "cable_stiffness", "cogging", "encoder_eccentricity", "end_stop")),
@@ -51,7 +60,8 @@ class Score:
 
     wrong, part: false sure names, larger than the rest and not. lost: expected effects that are not named for sure.
     silent: nothing said of an expected effect that was left out; variable: whether the right one was told; None where
-    that is not asked. events: probabilities with whether they came true.
+    that is not asked. events: probabilities that were told, with whether they came true. unsaid: number of expected
+    effects of which nothing was said.
     """
 
     category: str
@@ -61,6 +71,7 @@ class Score:
     silent: bool | None = None
     variable: bool | None = None
     events: tuple[tuple[float, bool], ...] = ()
+    unsaid: int = 0
 
     @property
     def exact(self) -> bool:
@@ -95,6 +106,7 @@ def score(outcome: Outcome) -> Score:
         silent=bool(wrong) or not open_minded if absent else None,
         variable=bool(variables & set(outcome["depends_on"])) if absent and variables else None,
         events=_events(outcome),
+        unsaid=sum(not _mentioned(h, outcome) for h in outcome["truth"] if h["name"] in lost),
     )
 
 
@@ -109,7 +121,7 @@ def _found(hidden: dict[str, Any], named: set[str]) -> bool:
 
 def _true(told: dict[str, Any], outcome: Outcome) -> bool:
     """Whether it is hidden there, or stands for what is."""
-    if any(told["effect"] == h["name"] for h in outcome["truth"]):
+    if any(told["effect"] in (h["name"], *PARTS.get(h["name"], ())) for h in outcome["truth"]):
         return True
     if not any(told["effect"] in names for h in outcome["truth"] for names in h["alike"]):
         return False
@@ -122,11 +134,18 @@ def _within_rest(told: dict[str, Any], outcome: Outcome) -> bool:
     return told["effect"] not in NO_TORQUE and told["rms"] is not None and told["rms"] <= outcome["rest"]
 
 
-def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
-    """Every probability that was told, with whether it is true; those of names for one effect together.
+def _mentioned(hidden: dict[str, Any], outcome: Outcome) -> bool:
+    """Whether it, or a name that stands for it, was told with any probability."""
+    alike = {hidden["name"], *(one for names in hidden["alike"] for one in names)}
+    return any(
+        effect in alike
+        for n in outcome["names"]
+        for effect in (n["effect"], *(other for other, _ in n["alternatives"]))
+    )
 
-    A hidden effect of which nothing was said has probability zero and is there: it counts where it is expected.
-    """
+
+def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
+    """Every probability that was told, with whether it is true; those of names for one effect together."""
     told: dict[str, float] = {}
     for name in outcome["names"]:
         for effect, probability in ((name["effect"], name["probability"]), *name["alternatives"]):
@@ -137,7 +156,8 @@ def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
         alike = {h["name"], *(one for names in h["alike"] for one in names)}
         mine = {name: p for name, p in told.items() if name in alike}
         used |= set(mine)
-        if mine or (h["name"] != outcome["left_out"] and _expected(h, outcome)):
+        if mine:
             events.append((min(1.0, sum(mine.values())), True))
-    events += [(p, False) for name, p in told.items() if name not in used]
+    parts = {part for h in outcome["truth"] for part in PARTS.get(h["name"], ())}
+    events += [(p, name in parts) for name, p in told.items() if name not in used]
     return tuple(events)

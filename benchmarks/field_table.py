@@ -10,7 +10,7 @@ import numpy as np
 from field_scoring import Outcome, Score, score
 
 CATEGORIES = ("right", "honest", "wrong", "missed", "crash")
-_UNSEEN = 1e-3  # probability of what is not mentioned, in the log score
+_UNSEEN = 1e-3  # probability of an expected effect that is not mentioned, in the log score
 Pair = tuple[Outcome, Score]
 
 
@@ -106,6 +106,7 @@ def _reliability(pairs: list[Pair]) -> str:
             )
     told = np.clip(said, _UNSEEN, 1.0 - _UNSEEN)
     score_sum = float(np.sum(np.where(true > 0.0, np.log(told), np.log1p(-told))))
+    score_sum += np.log(_UNSEEN) * sum(found.unsaid for _, found in pairs)
     logs = sum(found.category != "crash" for _, found in pairs)
     lines.append(
         f"expected calibration error (<= 0.02): {error:.4f};  log score per log: {score_sum / max(logs, 1):.4f}"
