@@ -23,6 +23,7 @@ from plant.servo import ServoModel
 
 _SURE, _LIKELY = 0.9, 0.5  # probabilities from which a name stands alone, and from which one is told
 _MATERIAL = 0.5  # probability of an unmodelled torque from which it is told
+_FAILED = 0.05  # of the torque in the log, from which what is unmodelled leaves no name standing
 _TELLING = 0.2  # share of the discrepancy from which a variable is said to carry it
 _LISTED = 0.01  # ... and a set
 _MENTION = 1e-4  # probability from which a rival is listed
@@ -107,10 +108,10 @@ def diagnose(
         raise Unidentifiable(f"The fit of the base model failed: {null.failed}")
     posterior = Posterior.over(explore(null, effects, progress).known.values())
     best = posterior.best
-    found = {name: p for name, p in posterior.names().items() if p > _LIKELY}
-    large = {name for name in found if posterior.over_discrepancy(name) > 1.0}
-    depends_on = tuple(v for v, share in best.shares.items() if share > _TELLING)
     beside = best.discrepancy.posterior
+    told = {name: posterior.told(name) for name, p in posterior.names().items() if p > _LIKELY}
+    found = {} if beside.amplitude > _FAILED else {name: p for name, p in told.items() if p > _LIKELY}
+    depends_on = tuple(v for v, share in best.shares.items() if share > _TELLING)
     unnamed = beside.material > _MATERIAL
     causes = tuple(
         Cause(
@@ -122,12 +123,11 @@ def diagnose(
             evidence=0.0,
         )
         for name in found
-        if name in large
     )
     return SetDiagnosis(
         verdict=_verdict(posterior, causes, unnamed),
         causes=causes,
-        minor={name: p for name, p in found.items() if name not in large},
+        minor={name: p for name, p in told.items() if name not in found},
         unexplained=Unexplained(share=0.0, depends_on=depends_on if unnamed else ()),
         posterior=posterior,
         base=null,

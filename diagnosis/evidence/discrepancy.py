@@ -17,7 +17,7 @@ from diagnosis.linear import Linear, response
 from diagnosis.nuisance import Nuisance
 from plant.effects.effect import Array
 
-AMPLITUDES = (0.0, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)  # of the torque in the log
+AMPLITUDES = (0.0, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)  # of the torque in the log
 _READINGS = (0.0, 0.3, 1.0)  # errors of the measurement, of its noise
 _SCALE = 0.01  # of the half-Cauchy prior of the amplitude
 _HUGE = 1e100  # the response of a free simulation that runs off

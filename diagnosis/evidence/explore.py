@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from diagnosis.evidence.marginal import Explanation, weigh
 from diagnosis.evidence.signatures import Proposal, Signatures
 from diagnosis.refit import is_its_special_case, most_promising, problem_near
@@ -24,8 +22,7 @@ from plant.servo import ServoModel
 _ASKED = 5  # sets that are tried beside a set
 _IN_PLACE = 2  # and in the place of one name
 _MOST = 5  # times that names are added
-_STEP = 4.0  # from bandwidth to bandwidth
-_FASTEST, _SLOWEST = 0.5, 2e-4  # bandwidths, per sample time
+_STEP, _STEPS = 4.0, 4  # from bandwidth to bandwidth, and how many below that of the base model alone
 _STAGES = (0, 1, 2, 2)  # of a search among shapes that look alike
 _ITERATIONS = 20
 
@@ -65,7 +62,7 @@ class Explored:
 def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[str], None] | None = None) -> Explored:
     """All sets worth a look beyond a fitted base model."""
     found = Explored(null=null, effects=effects, tell=progress or (lambda line: None), bandwidth=null.bandwidth)
-    grid = {0.0, null.bandwidth, *(np.geomspace(_SLOWEST, _FASTEST, 5) / null.log.sample_time)}
+    grid = {0.0, *(null.bandwidth / _STEP**step for step in range(_STEPS))}
     at_each = side_by_side(lambda bandwidth: found.weighed(_fitted(null, [null.model], bandwidth)), sorted(grid))
     roots = [root for root in at_each if root is not None]
     if not roots:
@@ -94,19 +91,18 @@ def _begin_at(found: Explored, best: Explanation) -> None:
 
 
 def _retune(found: Explored) -> None:
-    """Move the bandwidth to where the best set is likeliest."""
-    best, slowest = found.best, _SLOWEST / found.null.log.sample_time
-    for step in (1.0 / _STEP, _STEP):
-        while True:
-            bandwidth = max(best.fit.bandwidth, slowest) * step
-            if bandwidth < slowest:
-                bandwidth = 0.0
-            if bandwidth == best.fit.bandwidth or bandwidth > _FASTEST / found.null.log.sample_time:
-                break
-            moved = found.weighed(_fitted(best.fit, [best.fit.model], bandwidth))
-            if moved is None or moved.log_marginal <= best.log_marginal:
-                break
-            best = moved
+    """Lower the bandwidth to where the best set is likeliest: what is named or smooth is no observer's work.
+
+    It never rises: behind an observer that is faster than the log asks for, innovations have a colour, which anything
+    that carries the measurement's noise would explain.
+    """
+    best, slowest = found.best, found.null.bandwidth / _STEP**_STEPS
+    while best.fit.bandwidth:
+        bandwidth = best.fit.bandwidth / _STEP
+        moved = found.weighed(_fitted(best.fit, [best.fit.model], bandwidth if bandwidth > slowest else 0.0))
+        if moved is None or moved.log_marginal <= best.log_marginal:
+            break
+        best = moved
     if best is not found.best:
         _begin_at(found, best)
 

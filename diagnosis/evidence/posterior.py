@@ -48,3 +48,11 @@ class Posterior:
         """Size of an effect over that of the discrepancy, in the likeliest set that holds it."""
         holder = next(each for each in self.sets if name in each.names)
         return holder.sizes[name] / max(holder.discrepancy.posterior.size, 1e-300)
+
+    def told(self, name: str) -> float:
+        """Probability that an effect is there, times the share that it has of what it and the discrepancy explain.
+
+        What is significant, but smaller than what no name explains, may well be a part of that.
+        """
+        ratio = min(self.over_discrepancy(name), 1e6)
+        return self.of(name) * ratio**2 / (1.0 + ratio**2)
