@@ -65,7 +65,7 @@ class Discrepancy(Nuisance):
     posterior: Posterior
 
     @classmethod
-    def of(
+    def learned(
         cls, nuisance: Nuisance, families: Families, filters: tuple[Linear, ...], innovations: Array, samples: int
     ) -> Discrepancy:
         """Learned from the innovations (T,) of a fit."""
@@ -88,14 +88,14 @@ class Discrepancy(Nuisance):
     def beyond(self, values: Array) -> Array:
         """Values (T,) or (T, M) beyond the parameters, weighted by the inverse covariance times s^2."""
         left = super().beyond(values)
-        return left - self.columns @ (self.posterior.weights @ (self.columns.T @ left))
+        return np.asarray(left - self.columns @ (self.posterior.weights @ (self.columns.T @ left)))
 
     def weights(self, share: float) -> Array:
         """(M + R, M + R) W for a discrepancy that is such a share of the likeliest."""
         scale = share * self.posterior.scale
         values, vectors = np.linalg.eigh(scale[:, None] * (self.columns.T @ self.columns) * scale)
         basis = scale[:, None] * vectors
-        return (basis / (np.maximum(values, 0.0) + self.posterior.variance)) @ basis.T
+        return np.asarray((basis / (np.maximum(values, 0.0) + self.posterior.variance)) @ basis.T)
 
     def shares(self, variables: tuple[str, ...]) -> dict[str, float]:
         """Mean square of what each variable's functions do to the innovations, over that of all [-]."""
@@ -129,7 +129,7 @@ def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int)
         functions=functions,
         weights=inverse,
         scale=scale,
-        size=float(np.sqrt(max(functions @ gram @ functions, 0.0))),
+        size=float(np.sqrt(max(float(functions @ gram @ functions), 0.0))),
     )
 
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from plant.effects import Motion
@@ -72,11 +74,10 @@ def _torques(motion: Motion) -> Iterator[tuple[str, float, Array]]:
         yield "angle and velocity", 1.0 / k, across * direction
     for samples in _LAGS:
         keep = float(np.exp(-1.0 / samples))
-        lagged = motion.by_run(lambda rows, a=keep: _lagged(motion.torque[rows], a))
-        yield "past torque", 1.0, lagged - motion.torque
+        yield "past torque", 1.0, motion.by_run(partial(_lagged, motion.torque, keep)) - motion.torque
     for share in _WAYS:
         way = share * float(np.ptp(motion.angle))
-        yield "way since turning", 1.0, motion.by_run(lambda rows, w=way: _bristle(motion.angle[rows], w))
+        yield "way since turning", 1.0, motion.by_run(partial(_bristle, motion.angle, way))
 
 
 def _readings(motion: Motion) -> Iterator[tuple[float, Array]]:
@@ -101,16 +102,16 @@ def _unit(column: Array) -> Array | None:
     return column / rms if np.isfinite(rms) and rms > 1e-12 * float(np.max(np.abs(column), initial=1e-300)) else None
 
 
-def _lagged(torque: Array, keep: float) -> Array:
-    """(T,) a torque behind a first-order lag."""
-    lagged, _ = lfilter([1.0 - keep], [1.0, -keep], torque, zi=[keep * torque[0]])
+def _lagged(torque: Array, keep: float, rows: NDArray[np.intp]) -> Array:
+    """(T,) a torque behind a first-order lag, in some rows."""
+    lagged, _ = lfilter([1.0 - keep], [1.0, -keep], torque[rows], zi=[keep * torque[rows[0]]])
     return np.asarray(lagged)
 
 
-def _bristle(angle: Array, way: float) -> Array:
-    """(T,) direction of motion that builds up over a way: from -1 to 1 (Dahl's model)."""
-    bent, found = 0.0, np.empty_like(angle)
-    for k, step in enumerate(np.diff(angle, prepend=angle[0]) / max(way, 1e-300)):
+def _bristle(angle: Array, way: float, rows: NDArray[np.intp]) -> Array:
+    """(T,) direction of motion that builds up over a way, in some rows: from -1 to 1 (Dahl's model)."""
+    bent, found = 0.0, np.empty(rows.size)
+    for k, step in enumerate(np.diff(angle[rows], prepend=angle[rows[0]]) / max(way, 1e-300)):
         goal = 1.0 if step > 0.0 else -1.0
         bent = goal + (bent - goal) * np.exp(-abs(step))
         found[k] = bent

@@ -17,7 +17,7 @@ import numpy as np
 from diagnosis.evidence.discrepancy import Discrepancy
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.prior import log_density
-from diagnosis.linear import AT_ONCE, linearised, score
+from diagnosis.linear import AT_ONCE, Linear, linearised, score
 from diagnosis.motion import motion_of
 from diagnosis.nuisance import Nuisance
 from diagnosis.screen import Screen
@@ -72,7 +72,7 @@ def weigh(fit: Fit, base: Collection[str], *, catalogue: int) -> Explanation | N
     nothing = np.zeros((innovations.size, 1))
     motion = motion_of(fit, problem, told, fit.bandwidth, (nothing, nothing))
     families = Families.along(motion)
-    discrepancy = Discrepancy.of(Nuisance.of(told), families, filters, innovations, fit.samples)
+    discrepancy = Discrepancy.learned(Nuisance.of(told), families, filters, innovations, fit.samples)
     torque, reading = score(filters, discrepancy.beyond(innovations)[:, None])
     motion = replace(
         motion, score=torque[:, 0], reading_score=reading[:, 0], chance=cache(partial(_chance, filters, discrepancy))
@@ -135,6 +135,6 @@ def _nuisance(told: list[Prediction], rows: list[int]) -> Nuisance:
     return Nuisance.of([replace(p, jacobian=p.jacobian[:, kept]) for p in told])
 
 
-def _chance(filters: tuple, nuisance: Nuisance) -> tuple[Array, Array]:
+def _chance(filters: tuple[Linear, ...], nuisance: Nuisance) -> tuple[Array, Array]:
     draws = np.random.default_rng(0).normal(size=(len(nuisance.shared), AT_ONCE))
     return score(filters, nuisance.beyond(draws))
