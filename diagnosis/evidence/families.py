@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 from plant.effects import Motion
 from plant.effects.effect import Array
 
-_BENDS = 6  # of a function of one variable
+_BENDS = 10  # of a function of one variable
 _LAGS = (2.0, 6.0, 20.0, 60.0)  # time constants of a lagged torque, in samples
 _WAYS = (0.003, 0.03, 0.3)  # after which the direction is forgotten, as shares of the range of angles
 
