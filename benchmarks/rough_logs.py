@@ -3,7 +3,7 @@
     python benchmarks/rough_logs.py [logs] [processes] [most samples of a log] [fits]
 
 With `fits` the diagnosis is left out. Prints a line for each log at fault, and the table, which it writes to
-benchmarks/results/rough_logs.txt.
+benchmarks/results/rough_logs.txt, or rough_fits.txt; also of the logs so far, from time to time.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 
 HERE = Path(__file__).parent
+_SAVED = 50  # logs after which the table is written
 sys.path.insert(0, str(HERE.parent / "tests"))
 
 from rough_logs import RoughLog, rough_log  # noqa: E402
@@ -44,27 +45,33 @@ def table(what: str, results: list[tuple[RoughLog, Tried]]) -> str:
     )
 
 
+def tables(results: list[tuple[RoughLog, *tuple[Tried, ...]]], of: str) -> str:
+    """What became of the fits and the diagnoses so far."""
+    parts = [table("identify", [(found[0], found[1]) for found in results])]
+    if len(results[0]) > 2:
+        parts.append(table("diagnose with two candidates", [(found[0], found[2]) for found in results]))
+    return "\n".join((f"{len(results)} rough logs {of}", *parts))
+
+
 def main() -> None:
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     processes = int(sys.argv[2]) if len(sys.argv) > 2 else 2
     longest = int(sys.argv[3]) if len(sys.argv) > 3 else 50_000
     both = "fits" not in sys.argv[4:]
     work = partial(tried, longest=longest, both=both)
-    results = []
+    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=HERE, capture_output=True, text=True)
+    of, path = commit.stdout.strip(), HERE / "results" / ("rough_logs.txt" if both else "rough_fits.txt")
+    path.parent.mkdir(exist_ok=True)
+    results: list[tuple[RoughLog, *tuple[Tried, ...]]] = []
     with multiprocessing.get_context("spawn").Pool(processes, maxtasksperchild=50) as pool:
         for done, found in enumerate(pool.imap_unordered(work, range(count)), start=1):
             results.append(found)
             for what, one in zip(("identify", "diagnose"), found[1:], strict=False):
                 if one.faults:
                     print(f"{done}/{count} {what} {found[0]}: {'; '.join(one.faults)}", flush=True)
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=HERE, capture_output=True, text=True)
-    parts = [table("identify", [(f[0], f[1]) for f in results])]
-    if both:
-        parts.append(table("diagnose with two candidates", [(f[0], f[2]) for f in results]))
-    text = "\n".join((f"{count} rough logs of 50 to {longest} samples on commit {commit.stdout.strip()}", *parts))
-    print(text)
-    (HERE / "results").mkdir(exist_ok=True)
-    (HERE / "results" / "rough_logs.txt").write_text(text + "\n")
+            if done % _SAVED == 0 or done == count:
+                path.write_text(tables(results, f"of 50 to {longest} samples on commit {of}") + "\n")
+    print(path.read_text())
 
 
 if __name__ == "__main__":

@@ -23,9 +23,8 @@ _BLOCKS, _IDLE = 100, 0.02  # pieces of a log, and the share of the longest way 
 _LEAST = 50  # samples of a run
 _UNEVEN, _MORE = 0.05, 3.0  # spread of the sample time; times the noise that the readings themselves show
 _HUGE = 1e50  # error in place of one that overflowed; its fourth power is still a number
-_SECOND = 1.0  # between restarts where nothing pulls the load back, unless the log asks for another time
-_SAMPLES = 200  # between restarts at least, however slow the sampling
-_PIECES = 20  # of the longest run at least, however fast the servo
+_SAMPLES = 200  # between restarts at least, where nothing pulls the load back
+_PIECES = 60  # of the longest run, however fast the sampling
 _STARTS = 0.2  # of the time between restarts: where the output is looked at to find the state
 
 
@@ -114,8 +113,7 @@ def _clock(run: Run, place: int) -> str:
 
 def restart_window(log: Log) -> float:
     """Seconds between restarts of a simulation, in which a slow servo and a fast one do about the same."""
-    longest = max(map(len, log.runs)) * log.sample_time
-    return max(_SAMPLES * log.sample_time, min(_SECOND, longest / _PIECES))
+    return max(_SAMPLES, max(map(len, log.runs)) / _PIECES) * log.sample_time
 
 
 def scoring_window(*path: Fit) -> float | None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from diagnosis.jackknife import jackknife
 from identification.fit_result import Fit
-from identification.inverse import filtered_motion, needed_torque
+from identification.inverse import filtered_motion, lowest_cutoff, needed_torque
 from identification.run_parameters import own_model
 from plant.effects.effect import Array, Axis
 
@@ -110,7 +110,7 @@ def missing_torque(fit: Fit, cutoff: float | None = None) -> MissingTorque:
     parts = []
     for run in fit.log.runs:
         motion = filtered_motion(run, cutoff, fit.model)
-        edge = min(motion.time.size // 10, int(1.0 / (cutoff * run.sample_time)))
+        edge = min(motion.time.size // 10, round(1.0 / (cutoff * run.sample_time)))
         inner = slice(edge, motion.time.size - edge)
         missing = needed_torque(own_model(run, fit.model), motion) - motion.torque
         parts.append([a[inner] for a in (motion.time, missing, motion.angle, motion.velocity, motion.torque)])
@@ -150,11 +150,11 @@ def named_on(variable: str, axis: Axis) -> str:
 
 
 def noise_cutoff(fit: Fit) -> float:
-    """Cutoff [Hz] at which the encoder's noise makes 3 % of the rms torque, within 0.5 Hz and 1/10 of the rate."""
+    """Cutoff [Hz] at which the encoder's noise makes 3 % of the rms torque, up to 1/10 of the rate."""
     dt = fit.log.runs[0].sample_time
     torque = np.concatenate([run.drive for run in fit.log.runs])
     target = _TORQUE_SHARE * float(np.sqrt(np.mean(torque**2)))
-    lowest, highest = min(0.5, 0.05 / dt), 0.1 / dt
+    lowest, highest = min(lowest_cutoff(fit.log), 0.05 / dt), 0.1 / dt
     per_unit = _noise_torque(fit, 1.0)
     if per_unit <= 0.0 or target <= 0.0:
         return highest

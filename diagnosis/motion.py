@@ -15,7 +15,7 @@ from identification.problem import Problem
 from identification.run import Run
 from plant.discrete import Structure
 from plant.effects import Motion
-from plant.effects.effect import Array
+from plant.effects.effect import POSITIVE, TURN, Array, Axis
 from plant.recursion import Recursion
 from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
@@ -36,7 +36,8 @@ def motion_of(
         return np.asarray(np.clip(command - returned, -limit, limit))
 
     dt = runs[0].sample_time
-    typical = float(np.quantile(np.abs(velocity), 0.9))
+    typical, fastest = np.quantile(np.abs(velocity), [0.9, 1.0])
+    resolution = fit.noise_std * bandwidth * np.sqrt(bandwidth * dt)
     return Motion(
         time=np.concatenate([run.time for run in runs]),
         angle=np.concatenate([p.states[0] for p in predictions]),
@@ -51,8 +52,14 @@ def motion_of(
         law=law,
         arriving=lambda torque: _arriving(fit.model, torque, velocity),
         run=np.repeat(np.arange(len(runs)), [len(run) for run in runs]),
-        velocity_resolution=max(1e-3 * typical, fit.noise_std * bandwidth * np.sqrt(bandwidth * dt), 1e-12),
+        velocity_resolution=float(max(1e-3 * typical, 1e-9 * fastest, resolution, POSITIVE)),
+        turn=turn_of(fit.model.axis),
     )
+
+
+def turn_of(axis: Axis) -> float:
+    """A turn of a load on such an axis [rad]; 0 where it has none."""
+    return TURN if axis == "rotary" else 0.0
 
 
 def _arriving(model: ServoModel, torque: Array, velocity: Array) -> Array:

@@ -27,6 +27,7 @@ SEEN = 0.8  # probability from which it is told that something is missing at all
 CLEAR = 0.9  # ... from which a name stands alone, and from which one is added to what was found before
 _VISIBLE = 50.0  # lambda for each parameter that an effect is expected to have before the log is seen
 _SCALES = 9  # sizes of a curve that are tried
+_LATE = 20.0  # samples by which a servo may plausibly be late
 UNKNOWN = 2.0  # times that a search is charged whose neighbourhood is not known
 
 
@@ -104,16 +105,13 @@ def plausible_range(quantity: str, fit: Fit) -> float | None:
     torque = np.concatenate([run.drive for run in fit.log.runs])
     level = float(np.sqrt(np.mean(torque**2)))
     fast = typical_speed(fit)
+    force, length = {"rotary": ("N m", "rad"), "linear": ("N", "m")}[fit.log.axis]
     return {
-        "N m": level,
-        "N": level,
-        "s": 0.1,
-        "rad/s": fast,
-        "m/s": fast,
-        "N m s/rad": level / fast,
-        "N s/m": level / fast,
-        "N m s^2/rad^2": level / fast**2,
-        "N s^2/m^2": level / fast**2,
+        force: level,
+        "s": _LATE * fit.log.sample_time,
+        f"{length}/s": fast,
+        f"{force} s/{length}": level / fast,
+        f"{force} s^2/{length}^2": level / fast**2,
     }.get(quantity)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from diagnosis.motion import turn_of
 from diagnosis.odds import typical_speed
 from diagnosis.result import Estimate
 from identification.fit_result import Fit
@@ -115,7 +116,7 @@ def is_plausible(fit: Fit, name: str) -> bool:
         return True
     angles = np.concatenate([run.output[run.valid] for run in fit.log.runs])
     ends = {"low": float(angles.min()), "high": float(angles.max())}
-    return effect.plausible(**ends, speed=typical_speed(fit), inertia=fit.model.inertia)
+    return effect.plausible(**ends, speed=typical_speed(fit), inertia=fit.model.inertia, turn=turn_of(fit.model.axis))
 
 
 def is_its_special_case(fit: Fit, name: str) -> bool:

@@ -30,6 +30,7 @@ from plant.effects.effect import Array
 _CLEARS = np.log(1000.0)  # log of the odds from which there is such a function, and a name beside it
 _PLACES = 40  # states between which it is drawn
 _PASSES = 4  # over all names: what becomes of one may change what the others are worth
+_ROUNDING = 1e-12  # of a state, that is no change of it
 _REACH = 2.0  # standard deviations of the states over which it keeps its course
 
 
@@ -158,7 +159,8 @@ def _trace(motion: Motion, log: Log) -> Trace:
     if log.response == "velocity":
         where = ()
     states = np.column_stack((*where, motion.velocity, motion.arriving(motion.torque)))
-    states = (states - states.mean(axis=0)) / np.maximum(states.std(axis=0), 1e-12)
+    least = np.maximum(_ROUNDING * np.abs(states).max(axis=0), 1e-300)
+    states = (states - states.mean(axis=0)) / np.maximum(states.std(axis=0), least)
     places = _far_apart(states)
     prior = np.linalg.inv(_near(places, places) + 1e-4 * np.eye(len(places))).astype(np.float64)
     return Trace(columns=_near(states, places), prior=prior, start=lambda c: CoulombFriction(torque=0.0))

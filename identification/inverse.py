@@ -25,6 +25,8 @@ from plant.servo import ServoModel
 from plant.simulation import actuator_torque
 from plant.symbolic import one_at_a_time
 
+_PERIODS = 5.0  # of the lowest cutoff in the longest run
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FilteredMotion:
@@ -41,6 +43,11 @@ class FilteredMotion:
     acceleration: Array
     torque: Array
     still: NDArray[np.bool_]
+
+
+def lowest_cutoff(log: Log) -> float:
+    """Cutoff of a low pass that leaves a few periods of the longest run [Hz]: less would be no motion."""
+    return _PERIODS / max(run.duration for run in log.runs)
 
 
 def filtered_motion(run: Run, cutoff: float, model: ServoModel | None = None) -> FilteredMotion:
@@ -116,7 +123,7 @@ def torque_misses(log: Log, model: ServoModel, *, cutoff: float) -> tuple[Array,
     misses, torques = [], []
     for run in log.runs:
         m = filtered_motion(run, cutoff, model)
-        edge = min(m.time.size // 10, int(2.0 / (cutoff * run.sample_time)))
+        edge = min(m.time.size // 10, round(2.0 / (cutoff * run.sample_time)))
         inner = slice(edge, m.time.size - edge)
         misses.append((m.torque - needed_torque(own_model(run, model), m))[inner])
         torques.append(m.torque[inner])

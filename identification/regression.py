@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.inverse import FilteredMotion, filtered_motion, mean_torque, smooth
+from identification.inverse import FilteredMotion, filtered_motion, lowest_cutoff, mean_torque, smooth
 from identification.least_squares import bounded_least_squares
 from identification.log import Log
 from identification.run import Run
@@ -24,7 +24,6 @@ from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 _WIDEST, _APART = 0.2, 3.0  # highest cutoff, of the sampling rate, and from one to the next
-_PERIODS = 5.0  # of the lowest cutoff in the longest run
 _FEWEST = 30  # samples that the low pass needs
 _ZONES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)  # half widths of a dead zone, of the largest torque
 _ALIKE = 0.02  # share of the torque in which two starts may differ that are one
@@ -50,9 +49,8 @@ def starting_values(log: Log, model: ServoModel) -> list[Array]:
 
 def _cutoffs(log: Log) -> list[float]:
     """From high to low [Hz]."""
-    cutoff, longest = _WIDEST / log.sample_time, max(run.duration for run in log.runs)
-    found = [cutoff]
-    while found[-1] / _APART * longest > _PERIODS:
+    found, lowest = [_WIDEST / log.sample_time], lowest_cutoff(log)
+    while found[-1] / _APART > lowest:
         found.append(found[-1] / _APART)
     return found
 
@@ -140,5 +138,5 @@ def _driven(run: Run, model: ServoModel, motion: FilteredMotion, moved: Array, c
 def _inner(motion: FilteredMotion, cutoff: float) -> slice:
     """A run without its ends, which the low pass does not know."""
     dt = float(motion.time[1] - motion.time[0])
-    edge = max(1, min(motion.time.size // 10, int(1.0 / (cutoff * dt))))
+    edge = max(1, min(motion.time.size // 10, round(1.0 / (cutoff * dt))))
     return slice(edge, -edge)

@@ -17,6 +17,7 @@ from plant.errors import BadParameter
 from plant.servo import ServoModel
 
 _FEWEST = 5  # samples of a piece that is started anew
+_ROUNDING = 1e-9  # of a window, by which a sample at its end may miss it
 SETTLE = 0.2  # seconds of the measured output that a simulation may see, to find its initial state
 
 
@@ -55,9 +56,8 @@ def free_simulation(
 def _simulate_run(
     log: Log, run: Run, model: ServoModel, window: float | None, settle: float, done: Callable[[int], None]
 ) -> Array:
-    length = run.duration + 1.0 if window is None else window
     elapsed = run.time - run.time[0]
-    piece = np.floor(elapsed / length + 1e-9).astype(int)
+    piece = np.floor(elapsed / (np.inf if window is None else window) + _ROUNDING).astype(int)
     starts = np.flatnonzero(np.diff(piece, prepend=-1))
     # A piece of a few samples has no start to be found in it: it belongs to the piece before.
     starts = starts[np.diff(starts, append=len(run)) >= _FEWEST] if len(run) >= _FEWEST else starts[:1]
@@ -65,7 +65,7 @@ def _simulate_run(
     parts, end = [], None
     for first, last in zip(starts, [*starts[1:], len(run)], strict=True):
         part = run.slice(int(first), int(last))
-        seen = int(np.searchsorted(part.time, part.time[0] + settle, side="right"))
+        seen = int(np.searchsorted(part.time - part.time[0], settle * (1.0 + _ROUNDING), side="right"))
         if not part.valid[:seen].any():
             # Nothing to restart from: go on from where the last piece ended.
             state = end if end is not None else np.zeros(2)

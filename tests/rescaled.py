@@ -1,42 +1,82 @@
-"""The same experiment in other units of torque, angle and time."""
+"""The same experiment in other units of torque, angle and time, and in what two diagnoses of it differ."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
-from identification.fit_result import Fit
+from diagnosis import Diagnosis
+from identification.fit_result import Fit, FittedParameter
 from identification.log import Log
 
+_IN_ITS_VARIABLE = ("low", "high", "rate")  # of what has no name, which states no unit: its heights are compared
 
-def rescaled(log: Log, *, torque: float = 1.0, angle: float = 1.0, time: float = 1.0) -> Log:
-    """The log with its numbers times these factors; the angle of a rotary axis is in radians, as cos x is to say."""
-    runs = tuple(
-        replace(
-            run,
-            time=time * run.time,
-            command=torque * run.command,
-            output=angle * run.output,
-            servo_gain=torque / angle * run.servo_gain,
-            command_limit=torque * run.command_limit,
+
+@dataclass(frozen=True, kw_only=True)
+class Units:
+    """Factors of all numbers of a log; the angle of a rotary axis is in radians, as cos x is to say."""
+
+    torque: float = 1.0
+    angle: float = 1.0
+    time: float = 1.0
+
+    def log(self, log: Log) -> Log:
+        """The log in these units."""
+        torque, angle, time = self.torque, self.angle, self.time
+        runs = (
+            replace(
+                run,
+                time=time * run.time,
+                start=time * run.start,
+                command=torque * run.command,
+                output=angle * run.output,
+                velocity=None if run.velocity is None else angle / time * run.velocity,
+                servo_gain=torque / angle * run.servo_gain,
+                servo_damping=torque * time / angle * run.servo_damping,
+                command_limit=torque * run.command_limit,
+            )
+            for run in log.runs
         )
-        for run in log.runs
-    )
-    return replace(log, runs=runs)
+        return replace(log, runs=tuple(runs))
+
+    def factor(self, unit: str) -> float:
+        """What a number of a unit such as "N m s/rad" or "N s^2/m" is multiplied by."""
+        inertia = self.torque * self.time**2 / self.angle
+        sizes = {"N": self.torque, "m": self.angle, "s": self.time, "Hz": 1.0 / self.time, "kg": inertia}
+        found, (above, *below) = 1.0, unit.split("/")
+        for sign, part in ((1, above), *((-1, part) for part in below)):
+            for name, power in re.findall(r"([a-zA-Z]+)(?:\^(\d))?", part):
+                found *= sizes.get(name, 1.0) ** (sign * int(power or 1))
+        return found
 
 
-def apart(one: Fit, other: Fit, *, torque: float = 1.0, angle: float = 1.0, time: float = 1.0) -> float:
-    """Largest difference of the values of a fit and of one in other units, of the value or its standard error."""
-    factors = {
-        "inertia": torque * time**2 / angle,
-        "gravity": torque,
-        "viscous_friction": torque * time / angle,
-        "dead_zone.half_width": torque,
-    }
-    worst = 0.0
+def fit_differences(one: Fit, other: Fit, units: Units) -> Iterator[tuple[str, float]]:
+    """By name, how far the values of a fit are from those of another in other units, of the value or standard error."""
+    if one.model.names != other.model.names:
+        yield f"{', '.join(one.model.names)} or {', '.join(other.model.names)}", float("inf")
+        return
     for a, b in zip(one.parameters, other.parameters, strict=True):
-        if (a.value is None) != (b.value is None):
-            return float("inf")
-        if a.value is not None and b.value is not None:
-            size = max(abs(a.value), a.std or 0.0) or 1.0
-            worst = max(worst, abs(b.value / factors[a.name] - a.value) / size)
-    return worst
+        if a.name.split(".")[-1] not in _IN_ITS_VARIABLE:
+            yield a.name, _apart(a, b, units)
+
+
+def _apart(a: FittedParameter, b: FittedParameter, units: Units) -> float:
+    if a.value is None or b.value is None:
+        return 0.0 if a.value is b.value else float("inf")
+    return abs(b.value / units.factor(a.unit) - a.value) / (max(abs(a.value), a.std or 0.0) or 1.0)
+
+
+def differences(one: Diagnosis, other: Diagnosis, units: Units) -> Iterator[tuple[str, float]]:
+    """The same of two diagnoses; of what is said and not counted, infinity where it differs."""
+    said = [(d.verdict, [c.effect for c in d.causes], d.unexplained.depends_on) for d in (one, other)]
+    if said[0] != said[1]:
+        yield f"{said[0]} or {said[1]}", float("inf")
+        return
+    for a, b in zip(one.causes, other.causes, strict=True):
+        yield f"probability of {a.effect}", abs(b.probability - a.probability)
+    yield "gain", abs(one.gain.cut - other.gain.cut)
+    yield "what is unexplained", abs(one.unexplained.share - other.unexplained.share)
+    yield "missing torque", abs(one.missing_after.excess - other.missing_after.excess)
+    yield from fit_differences(one.base, other.base, units)
+    yield from fit_differences(one.extended, other.extended, units)

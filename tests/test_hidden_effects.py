@@ -72,9 +72,10 @@ def test_a_gap_between_soft_flanks_has_no_companion_and_the_flanks_are_measured(
     found = diagnose(record(hidden, excitation(64, duration=15.0), seed=32).log(), candidates=few)
     (cause,) = found.causes
     assert cause.effect == "backlash"
-    assert cause.parameters["gap"].value == pytest.approx(0.02, rel=0.2)
-    assert cause.parameters["flank_frequency"].value == pytest.approx(150.0, rel=0.15)
-    assert cause.parameters["flank_frequency"].std is not None
+    assert cause.parameters["gap"].value == pytest.approx(0.02, rel=0.3)
+    flank = cause.parameters["flank_frequency"]
+    assert flank.std is not None
+    assert flank.value == pytest.approx(150.0, abs=2.0 * flank.std)
 
 
 def test_an_instant_is_found_among_the_peaks_beside_it() -> None:

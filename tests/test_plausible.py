@@ -17,6 +17,7 @@ from diagnosis.refit import evidence_of, is_plausible, refit
 from diagnosis.search import Outcome
 from identification.fit import base_model, fit
 from plant.effects import CableStiffness, Effect, EncoderEccentricity, EndStop
+from plant.effects.effect import TURN
 
 
 @pytest.mark.parametrize(
@@ -37,7 +38,7 @@ from plant.effects import CableStiffness, Effect, EncoderEccentricity, EndStop
     ids=lambda value: " ".join(map(str, (value.name, *value.values))) if isinstance(value, Effect) else "",
 )
 def test_what_a_cause_can_be(effect: Effect, plausible: bool) -> None:
-    assert effect.plausible(low=-4.0, high=5.0, speed=2.0, inertia=2.0) is plausible
+    assert effect.plausible(low=-4.0, high=5.0, speed=2.0, inertia=2.0, turn=TURN) is plausible
 
 
 def test_a_soft_spring_over_most_of_the_travel_is_a_cable_and_not_a_stop() -> None:
@@ -56,8 +57,15 @@ def test_a_soft_spring_over_most_of_the_travel_is_a_cable_and_not_a_stop() -> No
 
 def test_a_wave_slower_than_a_turn_is_believed_where_two_periods_were_seen() -> None:
     geared = EncoderEccentricity(amplitude=0.001, order=0.25, phase=0.3)
-    assert not geared.plausible(low=0.0, high=40.0, speed=2.0, inertia=2.0)
-    assert geared.plausible(low=-20.0, high=40.0, speed=2.0, inertia=2.0)
+    assert not geared.plausible(low=0.0, high=40.0, speed=2.0, inertia=2.0, turn=TURN)
+    assert geared.plausible(low=-20.0, high=40.0, speed=2.0, inertia=2.0, turn=TURN)
+
+
+def test_on_a_linear_axis_nothing_comes_once_a_turn() -> None:
+    """One metre is no measure of a screw or a scale: only what was seen twice is a wave."""
+    pitch = EncoderEccentricity(amplitude=1e-5, order=5.0, phase=0.3)
+    assert not pitch.plausible(low=0.0, high=1.0, speed=2.0, inertia=2.0, turn=0.0)
+    assert pitch.plausible(low=0.0, high=3.0, speed=2.0, inertia=2.0, turn=0.0)
 
 
 def test_strange_values_have_to_explain_much_more() -> None:

@@ -33,7 +33,7 @@ class CableStiffness(Effect):
         bend = at.angle - self.rest_angle
         return -self.stiffness * bend - self.cubic * bend**3
 
-    def plausible(self, *, low: float, high: float, speed: float, inertia: float) -> bool:
+    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
         """A cable pulls back, to an angle no further than a travel away: from afar its pull is the same everywhere."""
         return bool(self.stiffness >= 0.0 and 2.0 * low - high <= self.rest_angle <= 2.0 * high - low)
 

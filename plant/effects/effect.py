@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias
 
+from plant.effects.motion import TURN as TURN
 from plant.effects.motion import Array as Array
 from plant.effects.motion import Motion as Motion
 from plant.effects.motion import Place as Place
@@ -274,7 +275,7 @@ class Effect:
         """
         return False
 
-    def plausible(self, *, low: float, high: float, speed: float, inertia: float) -> bool:
+    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
         """Whether the values are such as the cause can well have; with others it has to explain much more to be named.
 
         Args:
@@ -282,6 +283,7 @@ class Effect:
             high: greatest.
             speed: typical of the log [rad/s].
             inertia: of the load [N m s^2/rad].
+            turn: of the load [rad]; 0 on a linear axis, which has none.
         """
         return True
 

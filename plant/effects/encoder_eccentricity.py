@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
+from plant.effects.effect import TURN, Effect, Expression, Motion, Stage, Trace, parameter
 from plant.effects.order_lines import as_wave, closer, lines_over_angle, neighbouring, waves
 
 _FIRST = (1.0, 2.0)  # orders of a disc off its centre, and of one that is not round
@@ -37,18 +37,18 @@ class EncoderEccentricity(Effect):
         """The angle and its error."""
         return angle + self.amplitude * ca.sin(self.order * angle + self.phase)
 
-    def plausible(self, *, low: float, high: float, speed: float, inertia: float) -> bool:
+    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
         """Once a turn or more often, or two periods were seen: a slower wave is the bend of something else."""
-        return bool(self.order >= _ONCE or self.order * (high - low) >= 4.0 * np.pi)
+        return bool(self.order * turn >= _ONCE * TURN or self.order * (high - low) >= 2.0 * TURN)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """Sine and cosine at the first two orders, and at those that would improve the fit most.
+        """Sine and cosine at the first two orders of a turn, and at those that would improve the fit most.
 
         A part of a wave that is no longer than a radian cannot be told from a scale that is a little off.
         """
         found, searched = lines_over_angle(motion, "reading")
-        first = [(order, 2) for order in _FIRST if order * float(np.ptp(motion.angle)) > 1.0]
+        first = [(order, 2) for order in _FIRST if motion.turn and order * float(np.ptp(motion.angle)) > 1.0]
         return (cls._at(order, motion, among) for order, among in [*first, *((order, searched) for order in found)])
 
     def closer(self, motion: Motion) -> Iterator[Trace]:

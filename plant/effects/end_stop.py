@@ -33,7 +33,7 @@ class EndStop(Effect):
         upper = ca.if_else(self.stiffness > 0, ca.fmax(beyond, 0), ca.fmin(beyond, 0))
         return -ca.fabs(self.stiffness) * upper
 
-    def plausible(self, *, low: float, high: float, speed: float, inertia: float) -> bool:
+    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
         """A stop stops: at its usual speed the load gets no deeper than half of its travel."""
         return bool(np.sqrt(inertia / max(abs(self.stiffness), 1e-300)) * speed < 0.5 * (high - low))
 

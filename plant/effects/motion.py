@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Array: TypeAlias = NDArray[np.float64]
 Place: TypeAlias = Literal["torque", "reading"]
 """What a cause adds to: the torque on the load, or the reading."""
+TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,6 +36,7 @@ class Motion:
         velocity_resolution: velocity below which its sign is not known [rad/s].
         law: torque (T,) that the drive gives for a command (T,), at the measured angle [N m].
         arriving: what of a torque (T,) behind the drive's law arrives at the load (T,), by the model at hand [N m].
+        turn: of the load [rad]; 0 on a linear axis, which has none.
     """
 
     time: Array
@@ -52,6 +54,7 @@ class Motion:
     law: Callable[[Array], Array] = field(default=lambda command: command)
     arriving: Callable[[Array], Array] = field(default=lambda torque: torque)
     chance: Callable[[], tuple[Array, Array]] | None = None
+    turn: float = TURN
 
     def scores(self, acts_on: Place) -> tuple[Array, Array]:
         """The score (T,) of what acts there, and those (T, M) that chance has."""

@@ -14,6 +14,7 @@ _BY_POWER, _BY_MEASURE = 16, 12  # lines that are tried for their power, and for
 _ROUNDED = 0.2  # share of the covariance of sine and cosine that is taken to be the same for both
 _BESIDE = 16  # lines on each side of one by which it is told what chance, or a poor model, makes there
 _BETWEEN = (-0.25, -0.125, 0.125, 0.25)  # of a resolvable line
+_EVEN = 1e-9  # what rounding does to a place on an even grid
 _LONGEST = 4000  # lines that a search may reach
 _RETURNS = 0.7  # mean agreement of a wave's phases between visits to a state, from which it is taken for the state's
 
@@ -95,7 +96,7 @@ def strongest_lines(place: Array, score: Array, chance: Array, highest: float) -
     highest = min(highest, _LONGEST * apart)
     if highest <= 2.0 * apart:
         return [], 1
-    frequencies = np.arange(2.0 * apart, highest, apart / 4.0)
+    frequencies = apart * np.arange(8.0, np.floor(4.0 * highest / apart * (1.0 + _EVEN)) + 1.0) / 4.0
     seen, *white = _sines_and_cosines(place, (score, *chance.T), frequencies)
     heights = [(np.sum(seen**2, axis=0), _BY_POWER)]
     if white:
@@ -126,7 +127,7 @@ def _explained(seen: Array, white: Array) -> Array:
 def _sines_and_cosines(place: Array, scores: Iterable[Array], frequencies: Array) -> list[Array]:
     """(2, F) sums of each score (T,) times sine and cosine over `place`, by binning it finely."""
     step = 2.0 * np.pi / frequencies[-1] / 6.0
-    bins = np.floor((place - place.min()) / step).astype(int)
+    bins = np.floor((place - place.min()) / step + _EVEN).astype(int)
     length = next_fast_len(8 * int(bins.max() + 1), real=True)
     nearest = np.minimum(np.rint(frequencies * length * step / (2.0 * np.pi)).astype(int), length // 2)
     spectra = (rfft(np.bincount(bins, weights=score), length)[nearest] for score in scores)

@@ -141,7 +141,7 @@ class RippleOfReading(Ripple):
     def lines(cls, motion: Motion) -> tuple[list[float], int]:
         """One turn, and what an error of the reading would improve most."""
         found, searched = lines_over_angle(motion, "reading")
-        return [*([1.0] if np.ptp(motion.angle) > 1.0 else []), *found], searched
+        return [*([1.0] if motion.turn and np.ptp(motion.angle) > 1.0 else []), *found], searched
 
 
 ripples: Mapping[str, type[Ripple]] = MappingProxyType(
