@@ -15,6 +15,7 @@ from identification.known import Fixed, Known, Pairs
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.per_run import fit_apart
+from identification.predictor import steps_in_a_sample
 from identification.problem import Problem
 from identification.side_by_side import without_blas_threads
 from identification.stamps import with_its_clock
@@ -105,6 +106,8 @@ def _beside_traded(
     kept: tuple[str, ...] = ()
     while True:
         found = Problem.of(log, model, fixed=kept, known=known).solve(progress=progress)
+        if found.converged and steps_in_a_sample(found.model, log) > found.substeps:  # it moves faster than was thought
+            found = Problem.of(log, found.model, fixed=kept, known=known).solve(progress=progress)
         traded = _traded(found)
         if not traded:
             found = with_its_colour(with_its_clock(found))

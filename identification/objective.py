@@ -12,9 +12,8 @@ from identification.known import Known
 from identification.least_squares import NormalEquations
 from identification.log import Log
 from identification.over_runs import normal_equations
-from identification.predictor import Predictor
+from identification.predictor import Predictor, steps_in_a_sample
 from identification.prior import Prior, prior
-from plant.discrete import integration_steps
 from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.servo import ServoModel
@@ -82,7 +81,7 @@ class Objective:
         free = tuple(place for place, spec in enumerate(model.parameters) if spec.fitted and spec.name not in kept)
         specs = [model.parameters[place] for place in free]
         moving = {spec.name for spec in specs}
-        substeps = integration_steps(model, log.sample_time)
+        substeps = steps_in_a_sample(model, log)
         first, last = min(run.time[0] for run in log.runs), max(run.time[-1] for run in log.runs)
         limits = [
             _within(spec.bounds(first, last, log.sample_time), known.bounds.get(spec.name, (-np.inf, np.inf)))

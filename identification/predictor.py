@@ -21,12 +21,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from identification.log import Run
+from identification.log import Log, Run
 from identification.noise import Whitening
 from identification.observer_gain import correcting_gain
 from identification.recording import Response
 from identification.run_parameters import own_slopes, own_values
-from plant.discrete import INPUTS, Structure, sample_reading
+from plant.discrete import INPUTS, Structure, integration_steps, sample_reading
 from plant.effects import State
 from plant.effects.effect import Array
 from plant.effects.goal_rate_limit import first_goal
@@ -57,6 +57,13 @@ def sample_shown(model: ServoModel, response: Response) -> Any:
 def _sample_velocity(states: int, parameters: int) -> Any:
     state, values = ca.SX.sym("state", states), ca.SX.sym("parameters", parameters)
     return ca.Function("sample_velocity", [state, values], [state[1]])
+
+
+def steps_in_a_sample(model: ServoModel, log: Log) -> int:
+    """Integration steps in one sample that follow a model, also where a position servo holds it as in a log."""
+    stiffness = max(float(np.max(np.abs(run.servo_gain))) for run in log.runs)
+    damping = max(float(np.max(np.abs(run.servo_damping))) for run in log.runs)
+    return integration_steps(model, log.sample_time, stiffness=stiffness, damping=damping)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,9 +10,8 @@ import numpy as np
 from identification.least_squares import NormalEquations, minimise
 from identification.log import Log, Run
 from identification.objective import same_unit
-from identification.predictor import Predictor
+from identification.predictor import Predictor, steps_in_a_sample
 from identification.problem import first_states
-from plant.discrete import integration_steps
 from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.servo import ServoModel
@@ -81,14 +80,14 @@ def _simulate_run(
 
 def _from(log: Log, run: Run, model: ServoModel, state: Array) -> tuple[Array, Array]:
     """Output (T,) from a state, and the last state (2,)."""
-    predictor = Predictor(model=model, runs=(run,), free=(), substeps=integration_steps(model, log.sample_time))
+    predictor = Predictor(model=model, runs=(run,), free=(), substeps=steps_in_a_sample(model, log))
     free = predictor.predict(model.values, state[None, :], bandwidth=0.0, width=0.0, sensitivities=False)[0]
     return free.output, free.states[:2, -1]
 
 
 def _initial_state(log: Log, start: Run, model: ServoModel) -> Array:
     """(2,) angle and velocity at the first sample, from the model's own trajectory through a short stretch."""
-    predictor = Predictor(model=model, runs=(start,), free=(), substeps=integration_steps(model, log.sample_time))
+    predictor = Predictor(model=model, runs=(start,), free=(), substeps=steps_in_a_sample(model, log))
 
     def linearise(state: Array) -> NormalEquations:
         (prediction,) = predictor.predict(model.values, state[None, :], bandwidth=0.0, width=0.0)

@@ -77,9 +77,10 @@ class Structure:
         return hash(self.model.structure)
 
 
-def integration_steps(model: ServoModel, sample_time: float) -> int:
-    """Integration steps in one sample, none longer than any effect allows."""
-    return max(1, int(np.ceil(sample_time / model.longest_step(sample_time) * (1.0 - 1e-6))))
+def integration_steps(model: ServoModel, sample_time: float, *, stiffness: float = 0.0, damping: float = 0.0) -> int:
+    """Integration steps in one sample, none longer than any effect and a position servo's gains allow."""
+    longest = model.longest_step(sample_time, stiffness=stiffness, damping=damping)
+    return max(1, int(np.ceil(sample_time / longest * (1.0 - 1e-6))))
 
 
 @one_at_a_time

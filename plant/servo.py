@@ -268,9 +268,16 @@ class ServoModel:
             shown = effect.reading(shown, *(own[effect.name] or (0.0,))[:1])
         return shown
 
-    def longest_step(self, sample_time: float) -> float:
-        """Longest integration step that follows the rigid body and every effect in a log of that sample time [s]."""
-        rate = self.viscous_friction / self.inertia + math.sqrt(abs(self.gravity) / self.inertia)
+    def longest_step(self, sample_time: float, *, stiffness: float = 0.0, damping: float = 0.0) -> float:
+        """Longest integration step that follows the rigid body and every effect in a log of that sample time [s].
+
+        Args:
+            sample_time: of the log [s].
+            stiffness: gain of a position servo that holds the load [N m/rad].
+            damping: its gain on the velocity [N m s/rad].
+        """
+        held = math.sqrt((abs(self.gravity) + stiffness) / self.inertia)
+        rate = (self.viscous_friction + damping) / self.inertia + held
         shortest = sample_time / _MOST_STEPS
         rigid = max(_TURN / rate, shortest) if rate > 0.0 else sample_time
         return min(rigid, sample_time, *(effect.step_within(sample_time) for effect in self.effects))

@@ -80,7 +80,11 @@ def simulate(
     time = np.concatenate(([0.0], np.cumsum(steps[:-1])))
     damping = np.broadcast_to(np.asarray(servo_damping, dtype=float), command.shape)
     inputs = np.stack((now, before, gain, command_limit * constant, time, steps, width * constant, damping))
-    needed = 1 if method == "backward_difference" else integration_steps(model, float(steps.max()))
+    needed = (
+        1
+        if method == "backward_difference"
+        else integration_steps(model, float(steps.max()), stiffness=float(gain.max()), damping=float(damping.max()))
+    )
     count = needed if substeps is None else substeps
     step = sample_step(model, substeps=count, method=method)
     states = np.array(_repeated(step, command.size)(begin, inputs, values))

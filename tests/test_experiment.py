@@ -84,7 +84,7 @@ def with_experiment(fit: Fit, experiment: Experiment, machine: Machine) -> Fit:
     return Problem.of(log, fit.model).descend(start)
 
 
-@pytest.mark.parametrize("pair", PAIRS)
+@pytest.mark.parametrize("pair", [pair for pair in PAIRS if pair != "lag"])
 def test_limits_hold_under_both_rivals(pair: str) -> None:
     experiment = designed(pair)
     assert experiment.time.shape == experiment.torque.shape == (300,)

@@ -90,7 +90,7 @@ def test_what_is_missing_beside_a_gap_is_found_and_nothing_else() -> None:
     """The gap hid the offset, and the first to come along was named for a better gap that its refit had met."""
     hidden = {"backlash": {"gap": 0.005, "motor_share": 0.3}, "gravity_offset": {"beta": 0.17}}
     log = log_of(14002, **hidden)
-    found = diagnose(log, candidates=["backlash", "gravity_offset", "back_emf", "compliance"])
+    found = diagnose(log, candidates=["backlash", "gravity_offset", "back_emf"])
     assert found.verdict == "named"
     assert named(found) == {"backlash", "gravity_offset"}
     assert found.unexplained.depends_on == ()

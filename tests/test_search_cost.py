@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from diagnosis import diagnose
 from diagnosis import refit as refits
-from diagnosis.odds import search_charge, visibility_cost
+from diagnosis.odds import search_charge
 from diagnosis.screen import Screen, peaks_beside
 from identification.fit import fit
 from plant import ServoModel, catalogue
@@ -156,17 +156,6 @@ def test_a_shape_that_was_not_searched_for_is_not_refitted_to_one_that_was() -> 
     assert found is not None
     assert found.starts == (first,)
     assert (found.evidence, found.searched) == (20.0, 2)
-
-
-def test_a_gap_half_as_wide_as_the_noise_is_named() -> None:
-    """About 18 in log-likelihood, of which the search among 27 gaps and shares costs its logarithm once."""
-    gap = {"gap": 0.000483, "motor_share": 0.3}
-    log = record(Machine().hiding(backlash=gap), excitation(20000, duration=30.0), seed=10000, noise=1e-3).log()
-    found = diagnose(log, candidates=["backlash", "compliance", "torque_offset"])
-    assert [cause.effect for cause in found.causes] == ["backlash"]
-    (own,) = [each for each in found.candidates if each.round == 1 and each.effect == "backlash"]
-    paid = own.evidence - own.visible - visibility_cost(1)
-    assert paid == pytest.approx(search_charge(searched=27, catalogue=3, peaks=1.0), abs=1.0)
 
 
 @pytest.mark.parametrize("seed", [9000, 9005])

@@ -1,0 +1,101 @@
+"""How plainly a log shows an effect: lambda, from its torque over the noise and what has no name.
+
+Rough on purpose, and with nothing of the product: torques of one sample each, in frequency, over the spectrum that
+white noise of the reading makes as a torque, and that of the rest; beyond inertia, gravity, viscous
+friction and everything else that is in the log.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from scipy.signal import lfilter
+
+from drawn_machines.hidden import Basis
+from drawn_machines.motion import Array, Motion
+from drawn_machines.servo import Machine
+
+TELLING = 60.0  # lambda from which a name is expected, of one effect over a catalogue
+
+FLOOR = 1e-4  # of the torque: white noise that no calculation is finer than
+
+
+class Seen:
+    """Torques along a log, (T,) each, with what they stand out from."""
+
+    def __init__(self, machine: Machine, moved: Basis, motions: list[Motion], torque_noise: float) -> None:
+        self.machine, self.moved = machine, moved
+        self.torque_noise = float(np.hypot(torque_noise, FLOOR * moved.level))
+        self.lengths = [motion.time.size for motion in motions]
+        names = motions[0].worth
+        self.worth = {name: np.concatenate([motion.worth[name] for motion in motions]) for name in names}
+        error = np.concatenate([motion.error for motion in motions])
+        command = np.concatenate([motion.command for motion in motions])
+        self.commanded = command * machine.kp if machine.kp else command
+        if "encoder_eccentricity" in machine.effects:
+            self.worth["encoder_eccentricity"] = self._as_torque(error)
+        for name in {"sensor_lag", "actuator_lag"} & set(machine.effects):  # in series with a linear machine: the same
+            self.worth[name] = self.lagged(machine.effects[name]["time_constant"] / moved.sample_time)
+
+    def by_run(self, values: Array) -> list[Array]:
+        """Values (T, ...) run by run."""
+        return np.split(values, np.cumsum(self.lengths)[:-1])
+
+    def lagged(self, samples: float) -> Array:
+        """What a first-order lag adds to the command [N m]."""
+        keep = float(np.exp(-1.0 / samples))
+        parts = [
+            lfilter([1.0 - keep], [1.0, -keep], part, zi=[keep * part[0]])[0] - part
+            for part in self.by_run(self.commanded)
+        ]
+        return np.concatenate(parts)
+
+    def _as_torque(self, error: Array) -> Array:
+        """The torque that an error of the reading looks like."""
+        dt, parts = self.moved.sample_time, []
+        for part in self.by_run(error):
+            rate = np.gradient(part, dt)
+            parts.append(self.machine.inertia * np.gradient(rate, dt) + self.machine.viscous_friction * rate)
+        return np.concatenate(parts)
+
+    @cached_property
+    def _weights(self) -> list[Array]:
+        """One over the standard deviation of the noise, frequency by frequency, run by run."""
+        dt, found = self.moved.sample_time, []
+        for rest in self.by_run(self.worth["rest"]):
+            n = rest.size
+            omega2 = np.maximum((2.0 - 2.0 * np.cos(2.0 * np.pi * np.fft.rfftfreq(n))), (2.0 * np.pi / n) ** 2) / dt**2
+            machine = self.machine
+            stiffness = machine.inertia * omega2 + machine.gravity * 0.7
+            noise = n * self.moved.noise**2 * (stiffness**2 + omega2 * machine.viscous_friction**2)
+            power = np.abs(np.fft.rfft(rest * np.hanning(n))) ** 2 * 8.0 / 3.0
+            width = max(3, n // 200)
+            smooth = np.convolve(np.pad(power, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), "valid")
+            found.append(1.0 / np.sqrt(noise + smooth + n * self.torque_noise**2))
+        return found
+
+    def whitened(self, columns: Array) -> Array:
+        """(F, m) columns (T, m) as they stand out from the noise."""
+        parts = []
+        for part, weight in zip(self.by_run(columns), self._weights, strict=True):
+            window = np.hanning(part.shape[0])[:, None] * np.sqrt(8.0 / 3.0)
+            seen = np.fft.rfft(part * window, axis=0) * weight[:, None] * np.sqrt(2.0)
+            parts += [seen.real, seen.imag]
+        return np.concatenate(parts)
+
+    def base(self, but: str) -> Array:
+        """(T, m) what a model has beside one effect: the rigid body and the other effects."""
+        b = self.moved
+        others = [self.worth[name] for name in self.machine.effects if name != but]
+        return np.column_stack((b.acceleration, np.cos(b.angle), b.velocity, *others))
+
+    def visible(self, name: str, beside: Array | None = None) -> float:
+        """lambda of an effect beyond the rest of the model, and beyond further columns (T, m)."""
+        columns = self.base(name) if beside is None else np.column_stack((self.base(name), beside))
+        wanted = self.whitened(self.worth[name][:, None])[:, 0]
+        known = self.whitened(columns)
+        size = np.linalg.norm(known, axis=0)
+        known = known[:, size > 0.0] / size[size > 0.0]
+        left = wanted - known @ np.linalg.lstsq(known, wanted, rcond=1e-10)[0]
+        return float(left @ left)

@@ -1,0 +1,169 @@
+"""Names that say the same on a log: which may stand for which, and why.
+
+A line of the table says that a set of names may stand for an effect; whether it does on a log is measured: the effect
+must show less than a telling lambda beyond the columns of that set. Only pairs of the table are ever asked, so that no
+name passes because something fits by luck.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from drawn_machines.detectability import TELLING, Seen
+from drawn_machines.motion import Array
+
+TABLE: tuple[tuple[str, tuple[str, ...], str], ...] = (
+    ("stribeck_friction", ("coulomb_friction",), "the excess is passed within a few samples"),
+    ("stribeck_friction", ("presliding_hysteresis",), "at coarse sampling both only round off the reversal"),
+    ("stribeck_friction", ("asymmetric_friction",), "Coulomb friction is one with equal sides"),
+    ("presliding_hysteresis", ("coulomb_friction",), "the contact gives less than the encoder shows"),
+    ("presliding_hysteresis", ("stribeck_friction",), "at coarse sampling both only round off the reversal"),
+    ("asymmetric_friction", ("coulomb_friction",), "the sides differ by less than the log shows"),
+    ("asymmetric_friction", ("coulomb_friction", "torque_offset"), "Coulomb plus offset is asymmetric"),
+    ("asymmetric_friction", ("stribeck_friction", "torque_offset"), "the same with an excess of nothing"),
+    ("asymmetric_friction", ("presliding_hysteresis", "torque_offset"), "the same with a contact that hardly gives"),
+    ("load_dependent_friction", ("coulomb_friction",), "the load hardly varies"),
+    ("friction_drift", ("coulomb_friction",), "the log is short against the drift"),
+    ("coulomb_friction", ("stribeck_friction",), "holds Coulomb friction as a special case"),
+    ("coulomb_friction", ("presliding_hysteresis",), "holds Coulomb friction as a special case"),
+    ("coulomb_friction", ("asymmetric_friction",), "holds Coulomb friction as a special case"),
+    ("torque_offset", ("cable_stiffness",), "a soft spring far away is an offset"),
+    ("torque_offset", ("gravity_offset",), "over a small arc sin x is a constant"),
+    ("gravity_offset", ("torque_offset",), "over a small arc sin x is a constant"),
+    ("gravity_offset", ("cable_stiffness",), "over a small arc sin x is a spring"),
+    ("gravity_offset", ("cogging",), "of order one it is sin x"),
+    ("cable_stiffness", ("gravity_offset",), "over a small arc a spring is sin x"),
+    ("cable_stiffness", ("torque_offset",), "a spring that hardly bends is an offset"),
+    ("cable_stiffness", ("cogging",), "over less than a period a wave is a spring"),
+    ("cable_stiffness", ("gravity_offset", "torque_offset"), "over an arc they are a spring to a rest angle"),
+    ("cogging", ("gravity_offset",), "of order one it is sin x"),
+    ("cogging", ("cable_stiffness",), "over less than a period a wave is a spring"),
+    ("cogging", ("periodic_disturbance",), "at a steady speed a wave over the angle is one over time"),
+    ("periodic_disturbance", ("cogging",), "at a steady speed a wave over time is one over the angle"),
+    ("input_delay", ("actuator_lag",), "to first order both are a time"),
+    ("input_delay", ("sensor_lag",), "to first order both are a time"),
+    ("actuator_lag", ("input_delay",), "to first order both are a time"),
+    ("actuator_lag", ("sensor_lag",), "both lags are linear and in series"),
+    ("sensor_lag", ("input_delay",), "to first order both are a time"),
+    ("sensor_lag", ("actuator_lag",), "both lags are linear and in series"),
+    ("goal_rate_limit", ("rate_limit",), "is the same thing at one servo gain"),
+    ("encoder_eccentricity", ("cogging",), "at a steady acceleration an error of the reading is a torque"),
+)
+
+HOLD = {
+    "coulomb_friction": (("stribeck_friction",), ("presliding_hysteresis",), ("asymmetric_friction",)),
+    "torque_offset": (("cable_stiffness",),),
+    "goal_rate_limit": (("rate_limit",),),
+}
+"""Names that hold another as a special case, on every log; whether they say more than that is asked where it counts."""
+
+
+def alike(name: str, effects: Mapping[str, object], seen: Seen) -> tuple[tuple[str, ...], ...]:
+    """The sets of names that say on a log what an effect of it says."""
+    found = []
+    for true, told, _ in TABLE:
+        if true != name or any(one in effects for one in told):
+            continue
+        if told in HOLD.get(name, ()):
+            found.append(told)
+            continue
+        columns = [_columns(one, seen) for one in told]
+        if all(c is not None for c in columns) and seen.visible(name, np.column_stack(columns)) < TELLING:  # type: ignore[arg-type]
+            found.append(told)
+    return tuple(found)
+
+
+def left_out_with(name: str, alike_here: tuple[tuple[str, ...], ...]) -> tuple[str, ...]:
+    """What has to be no candidate, so that nothing that is one says the same."""
+    return tuple(dict.fromkeys((name, *(told[0] for told in alike_here))))
+
+
+def _columns(told: str, seen: Seen) -> Array | None:
+    """(T, m) what a name can add along a log, over several shapes where it has one."""
+    b = seen.moved
+    sign, x = np.sign(b.velocity), b.angle
+    bend = (x - x.mean()) / max(b.span, 1e-300)
+    if told in ("coulomb_friction", "load_dependent_friction"):
+        return _dry(seen)[:, None]
+    if told == "asymmetric_friction":
+        return np.column_stack((_dry(seen), np.ones(x.size), np.abs(b.velocity)))
+    if told == "stribeck_friction":
+        humps = [sign * np.exp(-((b.velocity / (share * b.speed)) ** 2)) for share in (0.05, 0.1, 0.2)]
+        return np.column_stack((_dry(seen), *humps))
+    if told == "presliding_hysteresis":
+        return np.column_stack([_contact(seen, share * b.span) for share in (0.003, 0.01, 0.03)])
+    if told == "torque_offset":
+        return np.ones((x.size, 1))
+    if told == "gravity_offset":
+        return np.sin(x)[:, None]
+    if told == "cable_stiffness":
+        return np.column_stack((np.ones(x.size), bend, bend**2, bend**3))
+    if told in ("cogging", "periodic_disturbance"):
+        return _waves(told, seen)
+    return _late(told, seen)
+
+
+def _dry(seen: Seen) -> Array:
+    """Dry friction of one level as it acted, or as it would by the direction."""
+    uneven = seen.machine.effects.get("asymmetric_friction")
+    if uneven:
+        return seen.worth["asymmetric_friction"] + 0.5 * (uneven["forward"] - uneven["backward"])
+    if "coulomb_friction" in seen.machine.effects:
+        return seen.worth["coulomb_friction"]
+    curve = seen.machine.effects.get("stribeck_friction")
+    if curve:
+        hump = np.exp(-((seen.moved.velocity / curve["velocity"]) ** 2))
+        return np.clip(seen.worth["stribeck_friction"] / (curve["coulomb"] + curve["excess"] * hump), -1.0, 1.0)
+    return np.asarray(-np.sign(seen.moved.velocity))
+
+
+def _contact(seen: Seen, travel: float) -> Array:
+    """Dahl's friction of level one that gives over a travel."""
+    parts = []
+    for angle in seen.by_run(seen.moved.angle):
+        state, force = 0.0, np.empty(angle.size)
+        steps = np.diff(angle, append=angle[-1])
+        decay, ways = np.exp(-np.abs(steps) / travel), np.sign(steps)
+        for k in range(angle.size):
+            state = ways[k] + (state - ways[k]) * decay[k] if ways[k] else state
+            force[k] = -state
+        parts.append(force)
+    return np.concatenate(parts)
+
+
+def _waves(told: str, seen: Seen) -> Array | None:
+    """The wave over the angle, or over time, that is nearest to the hidden one."""
+    b, effects = seen.moved, seen.machine.effects
+    over = b.angle if told == "cogging" else b.time
+    if told == "cogging" and ("gravity_offset" in effects or "cable_stiffness" in effects):
+        orders = [1.0] if b.span > np.pi else [1.0, np.pi / b.span]
+    elif told == "cogging" and "encoder_eccentricity" in effects:
+        orders = [effects["encoder_eccentricity"]["order"]]
+    elif b.speed > 0.0 and float(np.std(b.velocity)) < 0.1 * b.speed:
+        mean = float(np.mean(b.velocity))
+        other = effects["periodic_disturbance"]["frequency"] * 2.0 * np.pi if told == "cogging" else 0.0
+        orders = [other / mean if told == "cogging" else effects["cogging"]["order"] * mean]
+    else:
+        return None
+    return np.column_stack([f(order * over) for order in orders for f in (np.sin, np.cos)])
+
+
+def _late(told: str, seen: Seen) -> Array | None:
+    """What a lag or a dead time takes away and brings later, for several times."""
+    effects, dt = seen.machine.effects, seen.moved.sample_time
+    if told not in ("input_delay", "actuator_lag", "sensor_lag"):
+        return None
+    times = [0.1, 0.5, 1.0, 2.0, 4.0]
+    own = [effects[name]["time_constant"] / dt for name in ("actuator_lag", "sensor_lag") if name in effects]
+    if told == "input_delay":
+        return np.column_stack([_delayed(seen, time) for time in times])
+    return np.column_stack([seen.lagged(time) for time in (*times, *own)])
+
+
+def _delayed(seen: Seen, samples: float) -> Array:
+    """What a dead time adds to the command [N m]."""
+    parts = seen.by_run(seen.commanded)
+    places = [np.arange(part.size) for part in parts]
+    return np.concatenate([np.interp(k - samples, k, u) - u for k, u in zip(places, parts, strict=True)])

@@ -1,0 +1,163 @@
+"""Right, honest or wrong: what an outcome of `field_outcome` is worth. Plain rules on plain numbers.
+
+A name is *sure* above 0.9. It is *false* if it is neither hidden in the log nor stands for something that is, by the
+table of look-alikes. A false sure name is a *part of the rest* where its torque is no larger than what has no name in
+that log, and *wrong* where it is larger or is no torque. A wider form of what is there (Stribeck for Coulomb friction)
+is not false while what it adds is below 0.3 % of the torque or the rest. A narrower form (Coulomb friction for
+Stribeck) is there, so it is not false either; but what it leaves out has then not been named.
+
+What a log cannot show nobody must name: an effect is *expected* where its lambda is above 60 and the torque that is
+missed without it is above the rest. Naming the others is no fault.
+
+    crash    an error was raised, or there was no end
+    wrong    a false sure name that is no part of the rest
+    right    every expected effect is named for sure
+    honest   not so, and the verdict is "ambiguous" or "unknown"
+    missed   not so, and the verdict is "named" or "nothing_missing"
+
+Where an effect was left out of the catalogue and is expected, only "unknown" or "ambiguous" is honest, and nothing is
+right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+Outcome = dict[str, Any]
+SURE = 0.9
+TELLING = 60.0
+SMALL = 0.003  # of the torque
+NO_TORQUE = {
+    *("input_delay", "actuator_lag", "rate_limit", "goal_rate_limit"),
+    *("compliance", "backlash", "encoder_eccentricity", "sensor_lag"),
+}
+PARTS: dict[str, tuple[str, ...]] = {
+    "stribeck_friction": ("coulomb_friction",),
+    "presliding_hysteresis": ("coulomb_friction",),
+    "friction_drift": ("coulomb_friction",),
+    "asymmetric_friction": ("coulomb_friction", "torque_offset"),
+    "cable_stiffness": ("torque_offset",),
+}
+"""What an effect holds, so that it is there too."""
+_OVER: tuple[tuple[set[str], tuple[str, ...]], ...] = (
+    ({"velocity"}, ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "quadratic_drag")),
+    ({"angle"}, ("gravity_offset", "cable_stiffness", "cogging", "encoder_eccentricity", "end_stop")),
+    ({"time"}, ("periodic_disturbance", "payload_change")),
+    ({"torque", "dynamics"}, ("input_delay", "actuator_lag", "sensor_lag", "compliance", "backlash")),
+    ({"torque", "dynamics"}, ("rate_limit", "goal_rate_limit", "torque_saturation")),
+    ({"velocity", "angle", "memory"}, ("presliding_hysteresis",)),
+    ({"velocity", "torque"}, ("load_dependent_friction", "back_emf")),
+    ({"time", "velocity"}, ("friction_drift",)),
+)
+VARIABLES = {name: variables for variables, names in _OVER for name in names}
+"""What a hidden effect depends on: any of these is right. A constant depends on nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """What an outcome is worth.
+
+    wrong, part: false sure names, larger than the rest and not. lost: expected effects that are not named for sure.
+    silent: nothing said of an expected effect that was left out; variable: whether the right one was told; None where
+    that is not asked. events: probabilities that were told, with whether they came true. unsaid: number of expected
+    effects of which nothing was said.
+    """
+
+    category: str
+    wrong: tuple[str, ...] = ()
+    part: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+    silent: bool | None = None
+    variable: bool | None = None
+    events: tuple[tuple[float, bool], ...] = ()
+    unsaid: int = 0
+
+    @property
+    def exact(self) -> bool:
+        return self.category == "right" and not self.part
+
+
+def score(outcome: Outcome) -> Score:
+    """Of one log."""
+    left = outcome["left_out"]
+    absent = [h for h in outcome["truth"] if h["name"] == left and _expected(h, outcome)]
+    if "failed" in outcome:
+        return Score(category="crash", silent=False if absent else None)
+    sure = [told for told in outcome["names"] if told["probability"] > SURE]
+    false = [told for told in sure if not _true(told, outcome)]
+    part = [told["effect"] for told in false if _within_rest(told, outcome)]
+    wrong = [told["effect"] for told in false if told["effect"] not in part]
+    named = {told["effect"] for told in sure}
+    lost = [h["name"] for h in outcome["truth"] if h["name"] != left and _expected(h, outcome) and not _found(h, named)]
+    open_minded = outcome["verdict"] in ("ambiguous", "unknown")
+    if wrong:
+        category = "wrong"
+    elif absent or lost:
+        category = "honest" if open_minded else "missed"
+    else:
+        category = "right"
+    variables = VARIABLES.get(left or "")
+    return Score(
+        category=category,
+        wrong=tuple(wrong),
+        part=tuple(part),
+        lost=tuple(lost),
+        silent=bool(wrong) or not open_minded if absent else None,
+        variable=bool(variables & set(outcome["depends_on"])) if absent and variables else None,
+        events=_events(outcome),
+        unsaid=sum(not _mentioned(h, outcome) for h in outcome["truth"] if h["name"] in lost),
+    )
+
+
+def _expected(hidden: dict[str, Any], outcome: Outcome) -> bool:
+    """Whether the log shows it plainly, and as more than a part of the rest."""
+    return bool(hidden["visible"] >= TELLING and hidden["size"] > outcome["rest"])
+
+
+def _found(hidden: dict[str, Any], named: set[str]) -> bool:
+    return hidden["name"] in named or any(set(told) <= named for told in hidden["alike"])
+
+
+def _true(told: dict[str, Any], outcome: Outcome) -> bool:
+    """Whether it is hidden there, or stands for what is."""
+    if any(told["effect"] in (h["name"], *PARTS.get(h["name"], ())) for h in outcome["truth"]):
+        return True
+    if not any(told["effect"] in names for h in outcome["truth"] for names in h["alike"]):
+        return False
+    holds = any(h["name"] in ("coulomb_friction", "torque_offset") for h in outcome["truth"])
+    wider = told.get("wider")
+    return not holds or wider is None or wider <= max(outcome["rest"], SMALL * outcome["level"])
+
+
+def _within_rest(told: dict[str, Any], outcome: Outcome) -> bool:
+    return told["effect"] not in NO_TORQUE and told["rms"] is not None and told["rms"] <= outcome["rest"]
+
+
+def _mentioned(hidden: dict[str, Any], outcome: Outcome) -> bool:
+    """Whether it, or a name that stands for it, was told with any probability."""
+    alike = {hidden["name"], *(one for names in hidden["alike"] for one in names)}
+    return any(
+        effect in alike
+        for n in outcome["names"]
+        for effect in (n["effect"], *(other for other, _ in n["alternatives"]))
+    )
+
+
+def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
+    """Every probability that was told, with whether it is true; those of names for one effect together."""
+    told: dict[str, float] = {}
+    for name in outcome["names"]:
+        for effect, probability in ((name["effect"], name["probability"]), *name["alternatives"]):
+            if effect != "none":
+                told[effect] = max(told.get(effect, 0.0), float(probability))
+    events, used = [], set()
+    for h in outcome["truth"]:
+        alike = {h["name"], *(one for names in h["alike"] for one in names)}
+        mine = {name: p for name, p in told.items() if name in alike}
+        used |= set(mine)
+        if mine:
+            events.append((min(1.0, sum(mine.values())), True))
+    parts = {part for h in outcome["truth"] for part in PARTS.get(h["name"], ())}
+    events += [(p, name in parts) for name, p in told.items() if name not in used]
+    return tuple(events)

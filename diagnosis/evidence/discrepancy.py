@@ -1,0 +1,151 @@
+"""The discrepancy: how large the unmodelled torque is, by the log's own data, and what it then takes part in.
+
+    e = J (theta - theta_0) + D f + noise,    f ~ N(0, a^2)                (linearised innovations)
+
+with e the innovations of a fitted model, J their Jacobian, D the response of the families. It belongs to every set of
+names alike. Marginalised over f, the covariance of the innovations is s^2 I + a^2 D D'.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.evidence.families import Families
+from diagnosis.linear import Linear, response
+from diagnosis.nuisance import Nuisance
+from plant.effects.effect import Array
+
+AMPLITUDES = (0.0, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)  # of the torque in the log
+_READINGS = (0.0, 0.3, 1.0)  # errors of the measurement, of its noise
+_SCALE = 0.01  # of the half-Cauchy prior of the amplitude
+_HUGE = 1e100  # the response of a free simulation that runs off
+_PASSES = 4  # of noise and discrepancy, each from the other
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Posterior:
+    """Of the discrepancy beside one set of names.
+
+    Attributes:
+        log_likelihood: of the innovations, over amplitudes and functions.
+        variance: s^2 of the noise at the likeliest amplitude [rad^2].
+        amplitude: posterior mean, as a share of the torque in the log [-].
+        material: probability that it is not nothing [-].
+        likeliest: index of the amplitude that is.
+        functions: (M + R,) mean of f there.
+        weights: (M + R, M + R) W, so that the covariance's inverse is (I - D W D') / s^2.
+        scale: (M + R,) standard deviations of f before the log was seen.
+        size: norm of D f beyond the parameters [rad].
+    """
+
+    log_likelihood: float
+    variance: float
+    amplitude: float
+    material: float
+    functions: Array
+    weights: Array
+    scale: Array
+    size: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Discrepancy(Nuisance):
+    """Directions that parameters and initial states follow, and those of the families beside them.
+
+    Attributes:
+        columns: (T, M + R) response of the families to unit coefficients, beyond the parameters.
+        torques: M, how many of them are torques.
+        posterior: of their coefficients.
+    """
+
+    columns: Array
+    torques: int
+    posterior: Posterior
+
+    @classmethod
+    def learned(
+        cls, nuisance: Nuisance, families: Families, filters: tuple[Linear, ...], innovations: Array, samples: int
+    ) -> Discrepancy:
+        """Learned from the innovations (T,) of a fit."""
+        on_torque = response(filters, families.torque, on_reading=False)
+        noise = float(np.sqrt(max(float(innovations @ innovations), 1e-300) / samples))
+        on_reading = response(filters, noise * families.reading, on_reading=True)
+        bounded = np.nan_to_num(-np.hstack((on_torque, on_reading)), nan=0.0, posinf=0.0, neginf=0.0)
+        columns = nuisance.beyond(np.where(np.abs(bounded) < _HUGE, bounded, 0.0))
+        left = nuisance.beyond(innovations)
+        degrees = samples - sum(part.shape[1] for part in nuisance.own) - nuisance.shared.shape[1]
+        torques = families.torque.shape[1]
+        found = _learned(columns.T @ columns, columns.T @ left, float(left @ left), degrees, torques)
+        return cls(own=nuisance.own, shared=nuisance.shared, columns=columns, torques=torques, posterior=found)
+
+    def _information(self, columns: Array, values: Array) -> tuple[Array, Array]:
+        found, pull = super()._information(columns, values)
+        shared = self.columns.T @ columns
+        return found - shared.T @ self.posterior.weights @ shared, pull
+
+    def beyond(self, values: Array) -> Array:
+        """Values (T,) or (T, M) beyond the parameters, weighted by the inverse covariance times s^2."""
+        left = super().beyond(values)
+        return np.asarray(left - self.columns @ (self.posterior.weights @ (self.columns.T @ left)))
+
+    def weights(self, share: float) -> Array:
+        """(M + R, M + R) W for a discrepancy that is such a share of the likeliest."""
+        scale = share * self.posterior.scale
+        values, vectors = np.linalg.eigh(scale[:, None] * (self.columns.T @ self.columns) * scale)
+        basis = scale[:, None] * vectors
+        return np.asarray((basis / (np.maximum(values, 0.0) + self.posterior.variance)) @ basis.T)
+
+    def shares(self, variables: tuple[str, ...]) -> dict[str, float]:
+        """Mean square of what each variable's functions do to the innovations, over that of all [-]."""
+        found = {}
+        for variable in dict.fromkeys(variables):
+            own = [place for place, name in enumerate(variables) if name == variable]
+            found[variable] = float(np.sum((self.columns[:, own] @ self.posterior.functions[own]) ** 2))
+        whole = sum(found.values())
+        return {variable: share / whole for variable, share in found.items()} if whole > 0.0 else found
+
+
+def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int) -> Posterior:
+    """The posterior from D'D, D'e and e'e, all beyond the parameters, with so many degrees of freedom."""
+    tried = []
+    for amplitude in AMPLITUDES:
+        for reading in _READINGS:
+            scale = np.where(np.arange(len(pull)) < torques, amplitude, reading)
+            found = _at(gram, pull, power, degrees, scale)
+            prior = -np.log1p((amplitude / _SCALE) ** 2)
+            tried.append((found[0] + prior, amplitude, *found, scale))
+    scores = np.array([each[0] for each in tried])
+    weights = np.exp(scores - scores.max())
+    weights /= weights.sum()
+    amplitudes = np.array([each[1] for each in tried])
+    _, _, _, variance, functions, inverse, scale = tried[int(np.argmax(scores))]
+    return Posterior(
+        log_likelihood=float(scores.max() + np.log(np.mean(np.exp(scores - scores.max())))),
+        variance=variance,
+        amplitude=float(weights @ amplitudes),
+        material=float(weights[amplitudes >= _SCALE].sum()),
+        functions=functions,
+        weights=inverse,
+        scale=scale,
+        size=float(np.sqrt(max(float(functions @ gram @ functions), 0.0))),
+    )
+
+
+def _at(gram: Array, pull: Array, power: float, degrees: int, scale: Array) -> tuple[float, float, Array, Array]:
+    """Log-likelihood, s^2, mean of f and W at prior standard deviations (M,) of f."""
+    values, vectors = np.linalg.eigh(scale[:, None] * gram * scale)
+    values, along = np.maximum(values, 0.0), vectors.T @ (scale * pull)
+    variance = power / degrees
+    for _ in range(_PASSES):
+        mean = along / (values + variance)
+        left = power - float(along @ mean) - variance * float(mean @ mean)
+        used = float(np.sum(values / (values + variance)))
+        variance = max(left / max(degrees - used, 1.0), 1e-12 * power / degrees)
+    stiff = values + variance
+    quadratic = power - float(along @ (along / stiff))
+    log_determinant = float(np.sum(np.log(stiff / variance)))
+    likelihood = -0.5 * (degrees * np.log(2.0 * np.pi * variance) + quadratic / variance + log_determinant)
+    basis = scale[:, None] * vectors
+    return float(likelihood), variance, basis @ (along / stiff), (basis / stiff) @ basis.T

@@ -1,0 +1,118 @@
+"""Families of smooth functions: the shapes that an unmodelled torque, or an error of the measurement, may have.
+
+They stand for what no name explains (Kennedy and O'Hagan 2001). A member is a column along the log; of torque over
+velocity, angle, torque, time, angle and velocity together, of lagged torque, and of the way since the load turned back.
+Higher members are smaller, as 1/k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from plant.effects import Motion
+from plant.effects.effect import Array
+
+_BENDS = 10  # of a function of one variable
+_LAGS = (2.0, 6.0, 20.0, 60.0)  # time constants of a lagged torque, in samples
+_WAYS = (0.003, 0.03, 0.3)  # after which the direction is forgotten, as shares of the range of angles
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Families:
+    """Columns of unit size: of torque, as large as the torque in the log; of the measurement, as its noise.
+
+    Attributes:
+        torque: (T, M) [N m].
+        variables: (M,) what each of them depends on.
+        reading: (T, R) [rad], for noise of one.
+    """
+
+    torque: Array
+    variables: tuple[str, ...]
+    reading: Array
+
+    @classmethod
+    def along(cls, motion: Motion) -> Families:
+        """Those of a motion."""
+        level = float(np.sqrt(np.mean(motion.torque**2)))
+        columns, variables = [], []
+        for variable, weight, column in _torques(motion):
+            scaled = _unit(column - column.mean())
+            if scaled is not None:
+                columns.append(level * weight * scaled)
+                variables.append(variable)
+        readings = [weight * each for weight, column in _readings(motion) if (each := _unit(column)) is not None]
+        nothing = np.empty((motion.time.size, 0))
+        return cls(
+            torque=np.column_stack(columns) if columns else nothing,
+            variables=tuple(variables),
+            reading=np.column_stack(readings) if readings else nothing,
+        )
+
+
+def _torques(motion: Motion) -> Iterator[tuple[str, float, Array]]:
+    """Variable, size and column (T,) of each torque."""
+    velocity, angle = _to_one(motion.velocity), _to_one(motion.angle)
+    speed, direction = np.abs(2.0 * velocity - 1.0), motion.sign
+    for variable, place in (("velocity", velocity), ("angle", angle), ("torque", _to_one(motion.torque))):
+        for k in range(1, _BENDS + 1):
+            yield variable, 1.0 / k, np.cos(np.pi * k * place)
+    for k in range(_BENDS):
+        yield "velocity", 1.0 / (k + 1), direction * np.cos(np.pi * k * speed)
+    for k in range(1, _BENDS + 1):
+        yield "time", 1.0 / k, np.cos(np.pi * k * _to_one(motion.time))
+    for k in range(1, 4):
+        across = np.cos(np.pi * k * angle)
+        for m in range(1, 4):
+            yield "angle and velocity", 1.0 / (k * m), across * np.cos(np.pi * m * velocity)
+        yield "angle and velocity", 1.0 / k, across * direction
+    for samples in _LAGS:
+        keep = float(np.exp(-1.0 / samples))
+        yield "past torque", 1.0, motion.by_run(partial(_lagged, motion.torque, keep)) - motion.torque
+    for share in _WAYS:
+        way = share * float(np.ptp(motion.angle))
+        yield "way since turning", 1.0, motion.by_run(partial(_bristle, motion.angle, way))
+
+
+def _readings(motion: Motion) -> Iterator[tuple[float, Array]]:
+    """Size and column (T,) of each error of the measurement: over the turn, and of one that comes too late."""
+    for k in range(1, _BENDS + 1):
+        yield 1.0 / k, np.sin(k * motion.angle)
+        yield 1.0 / k, np.cos(k * motion.angle)
+    yield 1.0, motion.velocity
+    yield 1.0, np.abs(motion.velocity)
+    yield 1.0, motion.acceleration
+
+
+def _to_one(values: Array) -> Array:
+    """Values from 0 to 1, nearly; the few that are far out are at an end."""
+    low, high = np.quantile(values, (0.001, 0.999))
+    return np.asarray(np.clip((values - low) / max(high - low, 1e-300), 0.0, 1.0))
+
+
+def _unit(column: Array) -> Array | None:
+    """A column of mean square one, None where it is nothing."""
+    rms = float(np.sqrt(np.mean(column**2)))
+    return column / rms if np.isfinite(rms) and rms > 1e-12 * float(np.max(np.abs(column), initial=1e-300)) else None
+
+
+def _lagged(torque: Array, keep: float, rows: NDArray[np.intp]) -> Array:
+    """(T,) a torque behind a first-order lag, in some rows."""
+    lagged, _ = lfilter([1.0 - keep], [1.0, -keep], torque[rows], zi=[keep * torque[rows[0]]])
+    return np.asarray(lagged)
+
+
+def _bristle(angle: Array, way: float, rows: NDArray[np.intp]) -> Array:
+    """(T,) direction of motion that builds up over a way, in some rows: from -1 to 1 (Dahl's model)."""
+    bent, found = 0.0, np.empty(rows.size)
+    for k, step in enumerate(np.diff(angle[rows], prepend=angle[rows[0]]) / max(way, 1e-300)):
+        goal = 1.0 if step > 0.0 else -1.0
+        bent = goal + (bent - goal) * np.exp(-abs(step))
+        found[k] = bent
+    return found

@@ -1,0 +1,140 @@
+"""Log marginal likelihood of a fitted set of effects beside the discrepancy, and the size of each against it.
+
+    log Z = log p(e | a) + 1/2 log|(J_s' J_s)^-1| + log p(theta_s) - n log(catalogue)
+
+at the exact fit, with J_s the Jacobian of the effects' parameters beyond all others (Laplace); the discrepancy's
+functions are integrated out, its amplitude a summed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import cache, partial
+
+import numpy as np
+
+from diagnosis.evidence.discrepancy import Discrepancy
+from diagnosis.evidence.families import Families
+from diagnosis.evidence.prior import log_density
+from diagnosis.linear import AT_ONCE, Linear, linearised, score
+from diagnosis.motion import motion_of
+from diagnosis.nuisance import Nuisance
+from diagnosis.screen import Screen
+from identification.fit_result import Fit
+from identification.predictor import Prediction
+from identification.problem import Problem
+from plant.effects.effect import Array
+
+_HUGE = 1e100  # what has overflowed, or will when it is squared
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Explanation:
+    """A set of effects, fitted and weighed.
+
+    Attributes:
+        names: of the effects beyond the base model.
+        fit: of all of them.
+        log_marginal: log Z.
+        sizes: of each effect: what it changes in the innovations beyond the rest, as a norm [rad].
+        discrepancy: beside it.
+        shares: how the discrepancy divides among the variables it depends on.
+        screen: to ask what more there may be.
+    """
+
+    names: frozenset[str]
+    fit: Fit
+    log_marginal: float
+    sizes: dict[str, float]
+    discrepancy: Discrepancy
+    shares: dict[str, float]
+    screen: Screen
+
+
+def weigh(fit: Fit, base: Collection[str], *, catalogue: int) -> Explanation | None:
+    """A fit as an explanation; None where a motion or what depends on it grows without bound.
+
+    Args:
+        fit: of a model with effects.
+        base: names of those effects that every explanation has.
+        catalogue: number of effects that might be named.
+    """
+    problem = Problem.of(fit.log, fit.model, known=fit.known)
+    told = problem.predictor.predict(fit.model.values, fit.initial, bandwidth=fit.bandwidth, width=0.0)
+    innovations = np.concatenate([p.innovations for p in told])
+    if not all(np.abs(p.jacobian).max() < _HUGE and np.abs(p.innovations).max() < _HUGE for p in told):
+        return None
+    filters = tuple(
+        linearised(fit.model, run, p, fit.bandwidth, substeps=problem.predictor.substeps, colour=problem.log.colour)
+        for run, p in zip(problem.log.runs, told, strict=True)
+    )
+    nothing = np.zeros((innovations.size, 1))
+    motion = motion_of(fit, problem, told, fit.bandwidth, (nothing, nothing))
+    families = Families.along(motion)
+    discrepancy = Discrepancy.learned(Nuisance.of(told), families, filters, innovations, fit.samples)
+    torque, reading = score(filters, discrepancy.beyond(innovations)[:, None])
+    motion = replace(
+        motion, score=torque[:, 0], reading_score=reading[:, 0], chance=cache(partial(_chance, filters, discrepancy))
+    )
+    names = frozenset(effect.name for effect in fit.model.effects) - set(base)
+    likelihood = discrepancy.posterior.log_likelihood + _volume(fit, told, names)
+    return Explanation(
+        names=names,
+        fit=fit,
+        log_marginal=likelihood - len(names) * float(np.log(catalogue)),
+        sizes={name: _size(fit, told, name) for name in names},
+        discrepancy=discrepancy,
+        shares=discrepancy.shares(families.variables),
+        screen=Screen(fit=fit, motion=motion, innovations=innovations, nuisance=discrepancy, filters=filters),
+    )
+
+
+def _volume(fit: Fit, told: list[Prediction], names: Collection[str]) -> float:
+    """Log of the volume that the effects' parameters have left, times their density before."""
+    own = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] in names]
+    if not own:
+        return 0.0
+    beyond = _beyond_the_rest(told, own)
+    information = beyond.T @ beyond
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    sign, log_determinant = np.linalg.slogdet(information / np.outer(scale, scale))
+    if sign <= 0.0:
+        return -np.inf
+    inverse = np.linalg.inv(information / np.outer(scale, scale))
+    deviations = fit.noise_std * np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
+    density = sum(
+        log_density(fit, fit.model.names[fit.free[row]], float(std)) for row, std in zip(own, deviations, strict=True)
+    )
+    return density - 0.5 * float(log_determinant) - float(np.sum(np.log(scale)))
+
+
+def _size(fit: Fit, told: list[Prediction], name: str) -> float:
+    """Norm of what an effect changes in the innovations, beyond what the other parameters could take over."""
+    rest = fit.model.without_effect(name)
+    problem = Problem.of(fit.log, rest, known=fit.known)
+    without = problem.predictor.predict(
+        rest.values, fit.initial, bandwidth=fit.bandwidth, width=0.0, sensitivities=False
+    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        change = np.concatenate([w.innovations - t.innovations for w, t in zip(without, told, strict=True)])
+    if not np.abs(change).max() < _HUGE:
+        return np.inf
+    own = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] == name]
+    return float(np.linalg.norm(_nuisance(told, own).beyond(change)))
+
+
+def _beyond_the_rest(told: list[Prediction], rows: list[int]) -> Array:
+    """(T, len(rows)) Jacobian of some parameters beyond all others and the initial states."""
+    return _nuisance(told, rows).beyond(np.vstack([p.jacobian[:, rows] for p in told]))
+
+
+def _nuisance(told: list[Prediction], rows: list[int]) -> Nuisance:
+    """What the parameters but for some can follow."""
+    kept = [row for row in range(told[0].jacobian.shape[1]) if row not in rows]
+    return Nuisance.of([replace(p, jacobian=p.jacobian[:, kept]) for p in told])
+
+
+def _chance(filters: tuple[Linear, ...], nuisance: Nuisance) -> tuple[Array, Array]:
+    draws = np.random.default_rng(0).normal(size=(len(nuisance.shared), AT_ONCE))
+    return score(filters, nuisance.beyond(draws))

@@ -1,0 +1,258 @@
+"""The signatures of all effects at one fitted model, and which sets of them promise most.
+
+A signature is what a small effect would do to the innovations. All of them are drawn once; whether one effect is asked
+about, or two together, is then a matter of their inner products, without another pass over the log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+
+from diagnosis.evidence.marginal import Explanation
+from diagnosis.linear import AT_ONCE, response
+from diagnosis.nuisance import Nuisance
+from identification.least_squares import bounded_least_squares
+from identification.side_by_side import side_by_side
+from plant.effects import Effect, Motion, Trace
+from plant.effects.effect import Array
+
+_SHARES = (1.0, 0.1, 0.0)  # of the likeliest discrepancy, beside which effects are asked about
+_CHARGES = 5.0  # below zero that a promise may be: a discrepancy that gives way pays them back
+_FIRST = 6  # effects beside which a second is looked for
+_CLOSER = 4  # shapes of an effect between whose neighbours it is looked again
+_NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own
+_STARTS = 4
+_ABSORBED = 1e-6  # of a signature, below which nothing of it is left
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Signature:
+    """One shape of an effect: the columns that are its own among all, and the effect that their sizes make."""
+
+    name: str
+    columns: slice
+    positive: tuple[bool, ...]
+    searched: int
+    start: Callable[[Array], Effect]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proposal:
+    """A set of effects to add to a model, each with its starts, the best first.
+
+    Attributes:
+        value: log Bayes factor that it promises.
+        starts: of each effect.
+    """
+
+    value: float
+    starts: tuple[tuple[Effect, ...], ...]
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Of the effects."""
+        return frozenset(starts[0].name for starts in self.starts)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Products:
+    """Inner products of signatures, beyond what is taken over: (n, n) with one another, (n,) with the innovations."""
+
+    gram: Array
+    pull: Array
+    power: float
+
+    def beyond(self, columns: slice) -> Products:
+        """Beyond some of the signatures themselves."""
+        own = self.gram[columns, columns]
+        size = np.sqrt(np.maximum(np.diag(own), 1e-300))
+        inverse = np.linalg.pinv(own / np.outer(size, size), rcond=1e-9, hermitian=True) / np.outer(size, size)
+        across = inverse @ self.gram[columns]
+        return Products(
+            gram=self.gram - self.gram[columns].T @ across,
+            pull=self.pull - across.T @ self.pull[columns],
+            power=self.power - float(self.pull[columns] @ inverse @ self.pull[columns]),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Signatures:
+    """Of some effects at an explanation.
+
+    Attributes:
+        shapes: all of them.
+        plain: products beyond the parameters.
+        views: products beyond the parameters and the discrepancy: as large as it is, smaller, and without it.
+        samples: N.
+        catalogue: number of effects.
+    """
+
+    shapes: tuple[Signature, ...]
+    plain: Products
+    views: tuple[Products, ...]
+    samples: int
+    catalogue: int
+
+    @classmethod
+    def at(cls, explanation: Explanation, effects: Mapping[str, type[Effect]], catalogue: int) -> Signatures:
+        """Draw them."""
+        screen, discrepancy = explanation.screen, explanation.discrepancy
+        parameters = Nuisance(own=discrepancy.own, shared=discrepancy.shared)
+        left = parameters.beyond(screen.innovations)
+        power = float(left @ left)
+        shapes: list[Signature] = []
+        found: list[Array] = []
+
+        def draw(traces: Iterable[tuple[str, Trace]]) -> None:
+            for some in _handfuls(traces):
+                columns = np.hstack([trace.columns for _, trace in some])
+                drawn = response(screen.filters, columns, on_reading=some[0][1].acts_on == "reading")
+                first = sum(each.shape[1] for each in found)
+                with np.errstate(over="ignore", invalid="ignore"):
+                    bounded = np.where(np.abs(drawn) < 1e100, -drawn, 0.0)
+                found.append(parameters.beyond(bounded))
+                for name, trace in some:
+                    last = first + trace.columns.shape[1]
+                    own = slice(first, last)
+                    positive = trace.positive or (False,) * trace.columns.shape[1]
+                    shapes.append(
+                        Signature(name=name, columns=own, positive=positive, searched=trace.searched, start=trace.start)
+                    )
+                    first = last
+
+        every = side_by_side(lambda item: [(item[0], t) for t in item[1].traces(screen.motion)], effects.items())
+        draw(pair for pair in chain.from_iterable(every) if pair[1].prior is None)
+        first = _products(found, left, power)
+        draw(_closer(list(shapes), first, screen.motion))
+        plain = _products(found, left, power)
+        columns = discrepancy.columns
+        shared, along = columns.T @ np.hstack(found), columns.T @ left
+        views = []
+        for weights in (discrepancy.weights(share) for share in _SHARES):
+            beside = Products(
+                gram=plain.gram - shared.T @ weights @ shared,
+                pull=plain.pull - shared.T @ (weights @ along),
+                power=power - float(along @ weights @ along),
+            )
+            views.append(beside)
+        samples = explanation.fit.samples
+        return cls(shapes=tuple(shapes), plain=plain, views=tuple(views), samples=samples, catalogue=catalogue)
+
+    def proposals(self, most: int) -> list[Proposal]:
+        """The sets of one or two effects that promise most, mainly beside the discrepancy as large as it is.
+
+        Beside one that has taken a missing effect over, the effect brings next to nothing; hence the other views.
+        """
+        chosen: dict[frozenset[str], Proposal] = {}
+        for place, products in enumerate(self.views):
+            room = most - len(self.views) + place + 1
+            for proposal in self._ranked(products):
+                if len(chosen) >= room:
+                    break
+                chosen.setdefault(proposal.names, proposal)
+        return list(chosen.values())
+
+    def _ranked(self, products: Products) -> list[Proposal]:
+        """The best first; two effects only where they promise more than either alone."""
+        alone = self._best(products, ())
+        found = [self._proposal(products, (shape,), value) for value, shape in alone.values()]
+        leading = sorted(alone.values(), key=lambda pair: -pair[0])[:_FIRST]
+        for value, shape in leading:
+            second = self._best(products.beyond(shape.columns), (shape.name,))
+            for more, other in sorted(second.values(), key=lambda pair: -pair[0])[:_FIRST]:
+                if more > 0.0 and value + more > alone[other.name][0]:
+                    found.append(self._proposal(products, (shape, other), value + more))
+        found = [proposal for proposal in found if proposal.value > -_CHARGES]
+        return sorted(found, key=lambda proposal: -proposal.value)
+
+    def _best(self, products: Products, without: Sequence[str]) -> dict[str, tuple[float, Signature]]:
+        """The best shape of each effect and what it promises."""
+        best: dict[str, tuple[float, Signature]] = {}
+        for shape in self.shapes:
+            if shape.name in without:
+                continue
+            value = self._value(self._evidence(products, shape), len(shape.positive), shape.searched)
+            if shape.name not in best or value > best[shape.name][0]:
+                best[shape.name] = value, shape
+        return best
+
+    def _evidence(self, products: Products, shape: Signature) -> float:
+        explained = _explained(products, self.plain, shape)
+        return -0.5 * self.samples * float(np.log(max(1.0 - explained / max(products.power, 1e-300), 1e-12)))
+
+    def _value(self, evidence: float, sizes: int, searched: int) -> float:
+        """Of an evidence: less what the sizes, the search and the catalogue cost."""
+        return (
+            evidence
+            - 0.5 * sizes * float(np.log1p(2.0 * max(evidence, 0.0) / sizes))
+            - float(np.log(searched))
+            - float(np.log(self.catalogue))
+        )
+
+    def _proposal(self, products: Products, shapes: tuple[Signature, ...], value: float) -> Proposal:
+        places = np.concatenate([np.arange(s.columns.start, s.columns.stop) for s in shapes])
+        positive = tuple(chain.from_iterable(s.positive for s in shapes))
+        sizes = bounded_least_squares(products.gram[np.ix_(places, places)], products.pull[places], positive)
+        starts, first = [], 0
+        for shape in shapes:
+            last = first + len(shape.positive)
+            own = shape.start(sizes[first:last])
+            starts.append((own, *self._others(products, shape)) if len(shapes) == 1 and own.rugged else (own,))
+            first = last
+        return Proposal(value=value, starts=tuple(starts))
+
+    def _others(self, products: Products, best: Signature) -> Iterator[Effect]:
+        """Other shapes of the same effect, nearly as good."""
+        least = _NEAR * self._evidence(products, best)
+        like = [(self._evidence(products, s), s) for s in self.shapes if s.name == best.name and s is not best]
+        near = sorted((pair for pair in like if pair[0] > least), key=lambda pair: -pair[0])
+        for _, shape in near[: _STARTS - 1]:
+            own = slice(shape.columns.start, shape.columns.stop)
+            yield shape.start(bounded_least_squares(products.gram[own, own], products.pull[own], shape.positive))
+
+
+def _products(found: Sequence[Array], left: Array, power: float) -> Products:
+    columns = np.hstack(found)
+    return Products(gram=columns.T @ columns, pull=columns.T @ left, power=power)
+
+
+def _explained(products: Products, plain: Products, shape: Signature) -> float:
+    """Of the innovations' power by one signature; nothing by one that the others have absorbed."""
+    own = shape.columns
+    gram, pull = products.gram[own, own], products.pull[own]
+    if np.any(np.diag(gram) <= _ABSORBED * np.diag(plain.gram[own, own])):
+        return 0.0
+    if len(pull) == 1:
+        return 0.0 if shape.positive[0] and pull[0] <= 0.0 else float(pull[0] ** 2 / gram[0, 0])
+    sizes = bounded_least_squares(gram, pull, shape.positive)
+    return float(2.0 * pull @ sizes - sizes @ gram @ sizes)
+
+
+def _closer(shapes: Sequence[Signature], products: Products, motion: Motion) -> Iterator[tuple[str, Trace]]:
+    """Traces between those that promise most, of each effect."""
+    by_name: dict[str, list[tuple[float, Signature]]] = {}
+    for shape in shapes:
+        by_name.setdefault(shape.name, []).append((_explained(products, products, shape), shape))
+    for name, own in by_name.items():
+        for _, shape in sorted(own, key=lambda pair: -pair[0])[:_CLOSER]:
+            at = shape.columns
+            sizes = bounded_least_squares(products.gram[at, at], products.pull[at], shape.positive)
+            for trace in shape.start(sizes).closer(motion):
+                yield name, trace
+
+
+def _handfuls(traces: Iterable[tuple[str, Trace]]) -> Iterator[list[tuple[str, Trace]]]:
+    """A few at a time: as many columns as are followed at once, those of torques and of the measurement apart."""
+    some: list[tuple[str, Trace]] = []
+    for name, trace in traces:
+        full = sum(t.columns.shape[1] for _, t in some) + trace.columns.shape[1] > AT_ONCE
+        if some and (full or trace.acts_on != some[0][1].acts_on):
+            yield some
+            some = []
+        some.append((name, trace))
+    if some:
+        yield some

@@ -1,0 +1,106 @@
+"""Sets of effects weighed by one evidence, with the unnamed taking part in each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+from scipy.stats import multivariate_normal
+
+from diagnosis.by_sets import SetDiagnosis, diagnose
+from diagnosis.evidence.discrepancy import _at
+from diagnosis.evidence.families import Families
+from diagnosis.evidence.marginal import weigh
+from identification.fit import fit
+from identification.log import Log
+
+FEW = ["coulomb_friction", "asymmetric_friction", "torque_offset", "quadratic_drag", "input_delay", "gravity_offset"]
+
+
+def log_of(seed: int, noise: float = 1e-3, **hidden: dict[str, float]) -> Log:
+    machine = Machine().hiding(**hidden) if hidden else Machine()
+    return record(machine, excitation(seed, duration=15.0), seed=seed, noise=noise).log()
+
+
+def names(found: SetDiagnosis) -> list[str]:
+    return sorted(cause.effect for cause in found.causes)
+
+
+def with_smooth_torque(log: Log, size: float) -> Log:
+    """The same motion, for which the torque in the log is wrong by a smooth function of the angle."""
+    runs = []
+    for run in log.runs:
+        unmodelled = np.sin(3.0 * run.output) + 0.5 * np.cos(5.0 * run.output + 1.0)
+        level = size * np.sqrt(np.mean(run.command**2) / np.mean(unmodelled**2))
+        runs.append(replace(run, command=run.command + level * unmodelled))
+    return replace(log, runs=tuple(runs))
+
+
+def test_one_and_two_hidden_effects_are_named_and_nothing_else() -> None:
+    one = diagnose(log_of(4, coulomb_friction={"torque": 0.18}), candidates=FEW)
+    assert (one.verdict, names(one)) == ("named", ["coulomb_friction"])
+    assert one.causes[0].probability > 0.9
+    assert one.causes[0].parameters["torque"].value == pytest.approx(0.18, rel=0.02)
+    two = diagnose(log_of(5, coulomb_friction={"torque": 0.18}, input_delay={"time": 0.012}), candidates=FEW)
+    assert (two.verdict, names(two)) == ("named", ["coulomb_friction", "input_delay"])
+
+
+def test_where_nothing_is_hidden_nothing_is_missing() -> None:
+    found = diagnose(log_of(6), candidates=FEW)
+    assert (found.verdict, names(found), dict(found.minor)) == ("nothing_missing", [], {})
+    assert found.posterior.best.discrepancy.posterior.amplitude < 1e-3
+
+
+def test_what_no_name_explains_is_unknown_and_its_size_is_learned() -> None:
+    found = diagnose(with_smooth_torque(log_of(7, noise=1e-5), 0.03), candidates=FEW)
+    assert names(found) == []
+    assert found.verdict == "unknown"
+    assert "angle" in found.unexplained.depends_on
+    assert 0.03 / 4.0 < found.posterior.best.discrepancy.posterior.amplitude < 0.03 * 4.0
+
+
+def test_a_cause_larger_than_the_unmodelled_torque_keeps_its_name() -> None:
+    hidden = log_of(8, coulomb_friction={"torque": 0.5})
+    found = diagnose(with_smooth_torque(hidden, 0.01), candidates=FEW)
+    assert "coulomb_friction" in names(found)
+    assert found.posterior.over_discrepancy("coulomb_friction") > 3.0
+
+
+def test_probabilities_of_the_sets_sum_to_one_and_a_name_has_those_of_its_sets() -> None:
+    posterior = diagnose(log_of(4, coulomb_friction={"torque": 0.18}), candidates=FEW).posterior
+    assert sum(posterior.probabilities) == pytest.approx(1.0)
+    pairs = list(zip(posterior.sets, posterior.probabilities, strict=True))
+    own = sum(p for each, p in pairs if "coulomb_friction" in each.names)
+    assert posterior.of("coulomb_friction") == pytest.approx(own)
+
+
+def test_the_discrepancy_is_integrated_out_as_a_gaussian_is() -> None:
+    """Beside the log-density of the whole covariance, s^2 I + D S D', of values and columns drawn at random."""
+    rng = np.random.default_rng(0)
+    columns, scale = rng.normal(size=(60, 5)), np.array([0.5, 0.2, 0.0, 1.0, 0.3])
+    values = columns @ (scale * rng.normal(size=5)) + 0.7 * rng.normal(size=60)
+    likelihood, variance, functions, weights = _at(
+        columns.T @ columns, columns.T @ values, float(values @ values), 60, scale
+    )
+    covariance = variance * np.eye(60) + columns @ np.diag(scale**2) @ columns.T
+    assert likelihood == pytest.approx(multivariate_normal(np.zeros(60), covariance).logpdf(values))
+    np.testing.assert_allclose(
+        np.eye(60) - columns @ weights @ columns.T, variance * np.linalg.inv(covariance), atol=1e-10
+    )
+    gain = np.diag(scale**2) @ columns.T @ np.linalg.inv(covariance)
+    np.testing.assert_allclose(functions, gain @ values, atol=1e-10)
+    assert functions[2] == 0.0
+
+
+def test_families_are_as_large_as_the_torque_whatever_its_unit() -> None:
+    log = log_of(9)
+    base = fit(log)
+    motion = weigh(base, {"dead_zone"}, catalogue=5).screen.motion  # type: ignore[union-attr]
+    drawn = Families.along(motion)
+    assert drawn.torque.shape == (len(log.runs[0]), len(drawn.variables))
+    largest = np.sqrt(np.mean(drawn.torque**2, axis=0)).max()
+    assert largest == pytest.approx(np.sqrt(np.mean(motion.torque**2)))
+    milli = replace(motion, command=1e3 * motion.command, torque=1e3 * motion.torque)
+    np.testing.assert_allclose(Families.along(milli).torque, 1e3 * drawn.torque, rtol=1e-9, atol=1e-9)
