@@ -65,7 +65,7 @@ def test_a_gap_is_named_alone_in_a_short_log_and_measured() -> None:
     assert found_gap == pytest.approx(gap, rel=0.3)
 
 
-def test_a_gap_between_soft_flanks_has_no_companion_and_the_flanks_are_measured() -> None:
+def test_a_gap_between_soft_flanks_has_no_companion() -> None:
     """Between flanks that count as hard two logs of four got a payload change too, one at 1.000."""
     hidden = Machine(flank_frequency=150.0, flank_damping=0.3).hiding(backlash={"gap": 0.02, "motor_share": 0.3})
     few = ["backlash", "compliance", "payload_change", "input_delay"]
