@@ -1,4 +1,4 @@
-"""Logs of any scale, with anything wrong, end in a result or in one sentence; see `benchmarks/rough_logs.py`."""
+"""Logs of any scale, with anything wrong, end in a result or in one sentence; see `benchmarks/logs_of_any_scale.py`."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Does every log end in a result or in one sentence? Machines, commands and mishaps drawn from a seed.
 
-    python benchmarks/rough_logs.py [logs] [processes] [most samples of a log] [fits]
+    python benchmarks/logs_of_any_scale.py [logs] [processes] [most samples of a log] [fits]
 
 With `fits` the diagnosis is left out. Prints a line for each log at fault, and the table, which it writes to
 benchmarks/results/rough_logs.txt, or rough_fits.txt; also of the logs so far, from time to time.
