@@ -13,6 +13,7 @@ from diagnosis.agreement import agreed, disagreed_about
 from diagnosis.uneven import Unevenness
 
 
+@pytest.mark.long
 def test_what_the_catalogue_lacks_is_not_told_as_a_lag_of_the_sensor() -> None:
     """A slew limit, left out: with a lag behind an observer the log is 37 likelier, all of it from a few fast steps."""
     limited = Machine().hiding(rate_limit={"rate": 50.0 / 0.22})
@@ -27,6 +28,7 @@ def test_what_the_catalogue_lacks_is_not_told_as_a_lag_of_the_sensor() -> None:
     assert any("Sensor lag would fit, but the parts of the log disagree" in warning for warning in found.warnings)
 
 
+@pytest.mark.long
 def test_a_cause_beside_a_load_that_fluctuates_stays() -> None:
     load = load_fluctuation(3, 0.05, (6000, 1))
     rubbing = Machine().hiding(coulomb_friction={"torque": 0.1})

@@ -142,6 +142,7 @@ def test_a_name_that_was_found_while_others_were_missing_is_weighed_again(
         assert weighed[0].evidence == pytest.approx(evidence_of(weighed[-1].fit, without), rel=1e-3)
 
 
+@pytest.mark.long
 def test_beside_the_others_a_gap_has_another_shape() -> None:
     """The shape that it had while an offset was missing is no better than a spring, and no descent leaves its peak."""
     spring = Compliance(frequency=50.0, damping=0.5, motor_share=0.5)

@@ -45,6 +45,7 @@ def test_the_hidden_effect_is_named_and_its_size_recovered(case: Hidden) -> None
     assert mine < max(1.2 * best, best + 5e-4)  # as good as if told
 
 
+@pytest.mark.long
 def test_a_gap_is_named_alone_in_a_short_log_and_measured() -> None:
     """A light motor crosses a wide gap in the time in which a heavy one crosses a narrow one.
 
@@ -65,6 +66,7 @@ def test_a_gap_is_named_alone_in_a_short_log_and_measured() -> None:
     assert found_gap == pytest.approx(gap, rel=0.3)
 
 
+@pytest.mark.long
 def test_a_gap_between_soft_flanks_has_no_companion() -> None:
     """Between flanks that count as hard two logs of four got a payload change too, one at 1.000."""
     hidden = Machine(flank_frequency=150.0, flank_damping=0.3).hiding(backlash={"gap": 0.02, "motor_share": 0.3})

@@ -34,6 +34,7 @@ def test_lags_of_equal_length_are_told_as_rivals(effect: str, seed: int, size: f
     assert effect in (cause.effect, *(name for name, share in cause.alternatives if share > 0.01))
 
 
+@pytest.mark.long
 def test_a_gap_as_small_as_the_noise_is_found() -> None:
     """The screen saw a gap a hundred times as wide, from which no descent led back."""
     found = told_of("backlash", 41073, 0.00194, ["backlash"])

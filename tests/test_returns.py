@@ -59,6 +59,7 @@ def swung(disturbance: dict[str, float] | None, **hidden: dict[str, float]) -> L
     return record(machine, 4.0 * np.sin(2.0 * np.pi * 0.2 * time), seed=1, noise=2e-4).log()
 
 
+@pytest.mark.long
 def test_friction_in_a_repeated_motion_is_not_called_a_wave():
     asked = ["periodic_disturbance", "friction_drift"]
     found = diagnose(swung(None, stribeck_friction=STRIBECK), candidates=asked)

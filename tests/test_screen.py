@@ -124,6 +124,7 @@ def test_the_colour_of_the_noise_does_not_move_the_load() -> None:
         np.testing.assert_array_equal(getattr(coloured, name), getattr(plain, name))
 
 
+@pytest.mark.long
 def test_a_gap_in_the_model_does_not_hide_what_was_seen_without_it() -> None:
     """Behind a few impacts exact slopes are astronomical; followed by them nothing was seen any more."""
     machine = Machine().hiding(backlash={"gap": 0.005, "motor_share": 0.3}, torque_offset={"torque": 0.15})

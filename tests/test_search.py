@@ -86,6 +86,7 @@ def test_a_name_is_weighed_behind_the_observer_of_the_best():
     assert (found.verdict, [cause.effect for cause in found.causes]) == ("named", ["end_stop"])
 
 
+@pytest.mark.long
 def test_what_is_missing_beside_a_gap_is_found_and_nothing_else() -> None:
     """The gap hid the offset, and the first to come along was named for a better gap that its refit had met."""
     hidden = {"backlash": {"gap": 0.005, "motor_share": 0.3}, "gravity_offset": {"beta": 0.17}}

@@ -11,6 +11,7 @@ from front_door import antidrive
 from machine import Machine, excitation, record
 
 
+@pytest.mark.long
 def test_an_ambiguous_log_gets_the_experiment_that_settles_it(tmp_path) -> None:
     late = record(Machine().hiding(input_delay={"time": 0.0012}), excitation(1, duration=12.0))
     columns = {"time": late.time, "torque": late.command[:, 0], "angle": late.measured[:, 0]}

@@ -163,6 +163,7 @@ def test_a_spring_that_pushes_away_is_no_cable(monkeypatch: pytest.MonkeyPatch, 
     assert [left.effect for left in beside_surface((addition,), base)] == [name]
 
 
+@pytest.mark.long
 def test_a_diagnosis_says_which_name_it_has_dropped() -> None:
     hidden = {**GIVES, **PULLS}
     found = diagnose(sweep(hidden), None, sweep(hidden), candidates=["payload_change", "cable_stiffness"])

@@ -85,6 +85,7 @@ def test_names_that_explain_clearly_less_than_a_curve_are_dropped_for_it() -> No
     assert [effect.name for effect in found.model.effects] == ["dead_zone", "curve_over_angle"]
 
 
+@pytest.mark.long
 def test_true_names_that_what_has_none_does_not_far_outdo_are_weighed() -> None:
     """Beside a load that shakes: curves would explain nearly as much."""
     hidden = {

@@ -274,6 +274,7 @@ def test_friction_that_is_there_holds_up_and_its_loss_does_not(base: Fit) -> Non
     assert not holds_up(found, base)
 
 
+@pytest.mark.long
 def test_what_errs_more_within_a_second_does_not_stand_on_a_simulation_that_has_lost_its_run() -> None:
     """A gap leaves the simulation 214 mrad off. Elastic teeth make that 160, but within a second it errs 13 and 17."""
     machine = Machine().hiding(backlash={"gap": 0.02, "motor_share": 0.3})
