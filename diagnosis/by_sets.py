@@ -113,7 +113,7 @@ def diagnose(
     beside = best.discrepancy.posterior
     told = {name: posterior.told(name) for name, p in posterior.names().items() if p > _LIKELY}
     found = {} if beside.amplitude > _FAILED else {name: p for name, p in told.items() if p > _LIKELY}
-    depends_on = tuple(v for v, share in best.shares.items() if share > _TELLING)
+    depends_on = tuple(v for v, share in best.shares.items() if share > _TELLING and v != "nothing")
     missing = missing_torque(best.fit)  # that an observer has to follow
     unnamed = beside.material > _MATERIAL or missing.excess > _NOISE
     depends_on = depends_on or tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)

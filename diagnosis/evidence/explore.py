@@ -15,6 +15,7 @@ from diagnosis.refit import is_its_special_case, most_promising, problem_near
 from identification.certainty import fit_of
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
+from identification.predictor import HELD
 from identification.side_by_side import side_by_side, without_blas_threads
 from plant.effects import Effect
 from plant.servo import ServoModel
@@ -97,7 +98,7 @@ def _retune(found: Explored) -> None:
     that carries the measurement's noise would explain.
     """
     best, slowest = found.best, found.null.bandwidth / _STEP**_STEPS
-    while best.fit.bandwidth:
+    while best.fit.bandwidth and not best.fit.model.chaotic:
         bandwidth = best.fit.bandwidth / _STEP
         moved = found.weighed(_fitted(best.fit, [best.fit.model], bandwidth if bandwidth > slowest else 0.0))
         if moved is None or moved.log_marginal <= best.log_marginal:
@@ -120,7 +121,29 @@ def _extend(found: Explored, parent: Explanation, most: int) -> None:
     def one(proposal: Proposal) -> Explanation | None:
         return found.weighed(_with(parent.fit, proposal, found.bandwidth))
 
-    found.add(side_by_side(one, chosen))
+    held = [each for each in chosen if any(starts[0].chaotic for starts in each.starts)]
+    found.add(side_by_side(one, [each for each in chosen if each not in held]))
+    _try_held(found, parent, held)
+
+
+def _try_held(found: Explored, parent: Explanation, proposals: list[Proposal]) -> None:
+    """Sets in which small errors grow without bound: they are weighed behind an observer that holds them.
+
+    Where such a set is likelier there than the best of the others, all go on behind that observer.
+    """
+    bandwidth = max(found.bandwidth, HELD / found.null.log.sample_time)
+    if bandwidth == found.bandwidth:
+        found.add(side_by_side(lambda each: found.weighed(_with(parent.fit, each, bandwidth)), proposals))
+        return
+    tried = [found.weighed(_with(parent.fit, each, bandwidth)) for each in proposals]
+    loose = max((each for each in tried if each is not None), key=lambda each: each.log_marginal, default=None)
+    if loose is None:
+        return
+    best = found.best
+    rival = found.weighed(_fitted(best.fit, [best.fit.model], bandwidth))
+    if rival is None or loose.log_marginal > rival.log_marginal:
+        _begin_at(found, loose)
+        found.add([rival])
 
 
 def _with(fit: Fit, proposal: Proposal, bandwidth: float) -> Fit:

@@ -43,7 +43,7 @@ class Families:
         level = float(np.sqrt(np.mean(motion.torque**2)))
         columns, variables = [], []
         for variable, weight, column in _torques(motion):
-            scaled = _unit(column - column.mean())
+            scaled = _unit(column)
             if scaled is not None:
                 columns.append(level * weight * scaled)
                 variables.append(variable)
@@ -60,6 +60,7 @@ def _torques(motion: Motion) -> Iterator[tuple[str, float, Array]]:
     """Variable, size and column (T,) of each torque."""
     velocity, angle = _to_one(motion.velocity), _to_one(motion.angle)
     speed, direction = np.abs(2.0 * velocity - 1.0), motion.sign
+    yield "nothing", 1.0, np.ones_like(velocity)
     for variable, place in (("velocity", velocity), ("angle", angle), ("torque", _to_one(motion.torque))):
         for k in range(1, _BENDS + 1):
             yield variable, 1.0 / k, np.cos(np.pi * k * place)
