@@ -24,6 +24,7 @@ from plant.servo import ServoModel
 
 _SURE, _LIKELY = 0.9, 0.5  # probabilities from which a name stands alone, and from which one is told
 _MATERIAL = 0.5  # probability of an unmodelled torque from which it is told
+_CARRIES = 0.8  # of what the most telling variable explains, from which another is told too
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
 _FAILED = 0.05  # of the torque in the log, from which what is unmodelled leaves no name standing
 _TELLING = 0.2  # share of the discrepancy from which a variable is said to carry it
@@ -113,7 +114,8 @@ def diagnose(
     beside = best.discrepancy.posterior
     told = {name: posterior.told(name) for name, p in posterior.names().items() if p > _LIKELY}
     found = {} if beside.amplitude > _FAILED else {name: p for name, p in told.items() if p > _LIKELY}
-    depends_on = tuple(v for v, share in best.shares.items() if share > _TELLING and v != "nothing")
+    explained = best.discrepancy.explained_by()
+    depends_on = tuple(v for v, share in explained.items() if share >= _CARRIES * max(explained.values()))
     missing = missing_torque(best.fit)  # that an observer has to follow
     unnamed = beside.material > _MATERIAL or missing.excess > _NOISE
     depends_on = depends_on or tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)

@@ -34,9 +34,13 @@ def unnamed_dependence(
     fit: Fit, kinds: Mapping[str, type[Unnamed]] = plain, *, bar: float = _CLEARS
 ) -> tuple[tuple[Unnamed, float], ...]:
     """What without a name would explain more than chance, the best of each kind with its score, the highest first."""
+    if fit.runs_off:  # nothing says what it lacks
+        return ()
     asked = [kind for kind in kinds.values() if kind.beside(fit.model) and fit.log.shows(kind)]
     found: dict[str, tuple[Unnamed, float]] = {}
     for screen, loss in Screen.views(fit):
+        if screen.runs_off:
+            continue
         for start, value in chain(*side_by_side(partial(_asked, screen), asked)):
             score = value - loss - search_charge(searched=1, catalogue=len(asked))
             if score > max(bar, found[start.name][1] if start.name in found else bar):

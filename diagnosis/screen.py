@@ -96,7 +96,13 @@ class Screen:
     nuisance: Nuisance
     filters: tuple[Linear, ...]
 
+    @property
+    def runs_off(self) -> bool:
+        """Whether the motion grows without bound, integrated as finely as the fitted values ask for."""
+        return not np.isfinite(self.motion.angle).all()
+
     @classmethod
+    @np.errstate(over="ignore", invalid="ignore")  # of a motion that grows without bound
     def of(cls, fit: Fit, problem: Problem, *, bandwidth: float) -> Screen:
         """Linearise at the fit's parameters and an observer bandwidth [rad/s]."""
         values = fit.model.values
@@ -127,7 +133,7 @@ class Screen:
         problem = Problem.of(fit.log, fit.model, known=fit.known)
         views = [(cls.of(fit, problem, bandwidth=fit.bandwidth), 0.0)]
         free = problem.output_error(fit) if fit.bandwidth else None
-        if free is not None:
+        if free is not None and not free.runs_off:
             views.append((cls.of(free, problem, bandwidth=0.0), max(fit.log_likelihood - free.log_likelihood, 0.0)))
         return views
 

@@ -79,7 +79,8 @@ def _count(run: Run) -> float:
 def smooth(values: Array, cutoff: float, dt: float) -> Array:
     """(T,) values behind the zero-phase low pass [Hz, s]."""
     low_pass = signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
-    return np.asarray(signal.sosfiltfilt(low_pass, values), dtype=float)
+    padding = min(3 * (2 * len(low_pass) + 1), len(values) - 1)  # SciPy's own, where the record is that long
+    return np.asarray(signal.sosfiltfilt(low_pass, values, padlen=padding), dtype=float)
 
 
 def mean_torque(run: Run, model: ServoModel | None, velocity: Array) -> Array:

@@ -19,6 +19,12 @@ def test_a_rough_log_ends_in_a_result_or_a_sentence(seed: int) -> None:
     assert diagnosed(rough).faults == ()
 
 
+@pytest.mark.parametrize("seed", [578, 828])
+def test_of_a_thousand_logs_two_once_ended_otherwise(seed: int) -> None:
+    """A model whose motion grew without bound, and a part of a log shorter than a filter's padding."""
+    assert diagnosed(rough_log(seed, longest=2000)).faults == ()
+
+
 def test_rough_logs_are_of_all_kinds_and_scales() -> None:
     drawn = [rough_log(seed, longest=200) for seed in range(120)]
     assert {rough.kind for rough in drawn} == set(KINDS)

@@ -21,6 +21,7 @@ AMPLITUDES = (0.0, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)  # of the torque in the log
 _READINGS = (0.0, 0.3, 1.0)  # errors of the measurement, of its noise
 _SCALE = 0.01  # of the half-Cauchy prior of the amplitude
 _HUGE = 1e100  # the response of a free simulation that runs off
+_ALONE = (1.0, 3.0)  # times as large as all together, where one variable has to explain everything
 _PASSES = 4  # of noise and discrepancy, each from the other
 
 
@@ -56,12 +57,16 @@ class Discrepancy(Nuisance):
 
     Attributes:
         columns: (T, M + R) response of the families to unit coefficients, beyond the parameters.
-        torques: M, how many of them are torques.
-        posterior: of their coefficients.
+        variables: (M,) what the torques among them depend on.
+        left: (T,) innovations beyond the parameters.
+        degrees: of freedom that they have.
+        posterior: of the families' coefficients.
     """
 
     columns: Array
-    torques: int
+    variables: tuple[str, ...]
+    left: Array
+    degrees: int
     posterior: Posterior
 
     @classmethod
@@ -77,8 +82,15 @@ class Discrepancy(Nuisance):
         left = nuisance.beyond(innovations)
         degrees = samples - sum(part.shape[1] for part in nuisance.own) - nuisance.shared.shape[1]
         torques = families.torque.shape[1]
-        found = _learned(columns.T @ columns, columns.T @ left, float(left @ left), degrees, torques)
-        return cls(own=nuisance.own, shared=nuisance.shared, columns=columns, torques=torques, posterior=found)
+        return cls(
+            own=nuisance.own,
+            shared=nuisance.shared,
+            columns=columns,
+            variables=families.variables,
+            left=left,
+            degrees=degrees,
+            posterior=_learned(columns.T @ columns, columns.T @ left, float(left @ left), degrees, torques),
+        )
 
     def _information(self, columns: Array, values: Array) -> tuple[Array, Array]:
         found, pull = super()._information(columns, values)
@@ -97,14 +109,24 @@ class Discrepancy(Nuisance):
         basis = scale[:, None] * vectors
         return np.asarray((basis / (np.maximum(values, 0.0) + self.posterior.variance)) @ basis.T)
 
-    def shares(self, variables: tuple[str, ...]) -> dict[str, float]:
-        """Mean square of what each variable's functions do to the innovations, over that of all [-]."""
+    def explained_by(self) -> dict[str, float]:
+        """Evidence of the functions of each variable alone, as a share of that of all [-]; empty without any."""
+        gram, pull, power = self.columns.T @ self.columns, self.columns.T @ self.left, float(self.left @ self.left)
+
+        def evidence(own: Array) -> float:
+            scales = (times * own * self.posterior.scale for times in _ALONE)
+            return max(_at(gram, pull, power, self.degrees, scale)[0] for scale in scales)
+
+        of_torque = (np.arange(len(pull)) < len(self.variables)).astype(float)
+        nothing, everything = evidence(np.zeros(len(pull))), evidence(of_torque)
+        if everything <= nothing:
+            return {}
         found = {}
-        for variable in dict.fromkeys(variables):
-            own = [place for place, name in enumerate(variables) if name == variable]
-            found[variable] = float(np.sum((self.columns[:, own] @ self.posterior.functions[own]) ** 2))
-        whole = sum(found.values())
-        return {variable: share / whole for variable, share in found.items()} if whole > 0.0 else found
+        for variable in dict.fromkeys(self.variables):
+            own = np.zeros(len(pull))
+            own[[place for place, name in enumerate(self.variables) if name == variable]] = 1.0
+            found[variable] = (evidence(own) - nothing) / (everything - nothing)
+        return found
 
 
 def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int) -> Posterior:

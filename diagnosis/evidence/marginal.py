@@ -39,7 +39,6 @@ class Explanation:
         log_marginal: log Z.
         sizes: of each effect: what it changes in the innovations beyond the rest, as a norm [rad].
         discrepancy: beside it.
-        shares: how the discrepancy divides among the variables it depends on.
         screen: to ask what more there may be.
     """
 
@@ -48,7 +47,6 @@ class Explanation:
     log_marginal: float
     sizes: dict[str, float]
     discrepancy: Discrepancy
-    shares: dict[str, float]
     screen: Screen
 
 
@@ -85,7 +83,6 @@ def weigh(fit: Fit, base: Collection[str], *, catalogue: int) -> Explanation | N
         log_marginal=likelihood - len(names) * float(np.log(catalogue)),
         sizes={name: _size(fit, told, name) for name in names},
         discrepancy=discrepancy,
-        shares=discrepancy.shares(families.variables),
         screen=Screen(fit=fit, motion=motion, innovations=innovations, nuisance=discrepancy, filters=filters),
     )
 
