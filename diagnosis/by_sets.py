@@ -72,8 +72,8 @@ class SetDiagnosis:
             ],
             "minor": [{"effect": name, "probability": p} for name, p in self.minor.items()],
             "sets": [
-                {"effects": sorted(each.names), "probability": p}
-                for each, p in zip(self.posterior.sets, self.posterior.probabilities, strict=True)
+                {"effects": sorted(names), "probability": p}
+                for names, p in self.posterior.believed.items()
                 if p >= _LISTED
             ],
             "unknown": {
@@ -81,7 +81,7 @@ class SetDiagnosis:
                 "depends_on": list(self.unexplained.depends_on),
                 "amplitude": self.posterior.best.discrepancy.posterior.amplitude,
             },
-            "over_discrepancy": {name: self.posterior.over_discrepancy(name) for name in self.posterior.names()},
+            "by_evidence": dict(self.posterior.names()),
         }
 
 
@@ -112,7 +112,9 @@ def diagnose(
     posterior = Posterior.over(explore(null, effects, progress).known.values())
     best = posterior.best
     beside = best.discrepancy.posterior
-    told = {name: posterior.told(name) for name, p in posterior.names().items() if p > _LIKELY}
+    told = {
+        name: posterior.told(name) for name, p in posterior.names().items() if max(p, posterior.told(name)) > _LIKELY
+    }
     found = {} if beside.amplitude > _FAILED else {name: p for name, p in told.items() if p > _LIKELY}
     explained = best.discrepancy.explained_by()
     depends_on = tuple(v for v, share in explained.items() if share >= _CARRIES * max(explained.values()))
@@ -146,15 +148,15 @@ def _verdict(posterior: Posterior, causes: Sequence[Cause], unnamed: bool) -> Ve
         return "named" if all(cause.probability > _SURE for cause in causes) else "ambiguous"
     if unnamed:
         return "unknown"
-    nothing = sum(p for each, p in zip(posterior.sets, posterior.probabilities, strict=True) if not each.names)
+    nothing = posterior.believed.get(frozenset(), 0.0)
     return "nothing_missing" if nothing > 1.0 - _SURE or posterior.names() == {} else "ambiguous"
 
 
 def _rivals(posterior: Posterior, name: str) -> tuple[tuple[str, float], ...]:
     """Names that the sets without it have in its place, with the probability of those sets."""
     found: dict[str, float] = {}
-    for each, p in zip(posterior.sets, posterior.probabilities, strict=True):
-        if name not in each.names:
-            for other in each.names - posterior.best.names:
+    for names, p in posterior.believed.items():
+        if name not in names:
+            for other in names - posterior.best.names:
                 found[other] = found.get(other, 0.0) + p
     return tuple(sorted(((n, p) for n, p in found.items() if p >= _MENTION), key=lambda item: -item[1]))

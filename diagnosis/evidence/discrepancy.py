@@ -102,12 +102,11 @@ class Discrepancy(Nuisance):
         left = super().beyond(values)
         return np.asarray(left - self.columns @ (self.posterior.weights @ (self.columns.T @ left)))
 
-    def weights(self, share: float) -> Array:
-        """(M + R, M + R) W for a discrepancy that is such a share of the likeliest."""
-        scale = share * self.posterior.scale
-        values, vectors = np.linalg.eigh(scale[:, None] * (self.columns.T @ self.columns) * scale)
-        basis = scale[:, None] * vectors
-        return np.asarray((basis / (np.maximum(values, 0.0) + self.posterior.variance)) @ basis.T)
+    def at(self, share: float) -> tuple[float, Array]:
+        """Log-likelihood of a discrepancy that is such a share of the likeliest, and its (M + R, M + R) W."""
+        gram, pull, power = self.columns.T @ self.columns, self.columns.T @ self.left, float(self.left @ self.left)
+        likelihood, _, _, weights = _at(gram, pull, power, self.degrees, share * self.posterior.scale)
+        return likelihood, weights
 
     def explained_by(self) -> dict[str, float]:
         """Evidence of the functions of each variable alone, as a share of that of all [-]; empty without any."""

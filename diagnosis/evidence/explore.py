@@ -1,13 +1,14 @@
 """The search over sets of effects: from the best set to those with one or two more, one less or one other.
 
-Each set is fitted exactly and weighed beside the discrepancy. Noise is a model of its own: all sets that are compared
-are predicted by one observer, whose bandwidth is the likeliest for the best of them.
+Each set is fitted exactly and weighed beside the discrepancy. The observer is a part of the noise model: each set is
+judged by the bandwidth that suits it best. What needs no observer behind it is predicted without one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain, combinations
 
 from diagnosis.evidence.marginal import Explanation, weigh
 from diagnosis.evidence.signatures import Proposal, Signatures
@@ -22,6 +23,8 @@ from plant.servo import ServoModel
 
 _ASKED = 5  # sets that are tried beside a set
 _IN_PLACE = 2  # and in the place of one name
+_BELOW = 5.0  # that a set may promise below the one at hand: linearised, a promise is rough
+_RETUNED = 3  # sets whose observer is chosen anew
 _MOST = 5  # times that names are added
 _STEP, _STEPS = 4.0, 4  # from bandwidth to bandwidth, and how many below that of the base model alone
 _STAGES = (0, 1, 2, 2)  # of a search among shapes that look alike
@@ -30,120 +33,177 @@ _ITERATIONS = 20
 
 @dataclass(eq=False)
 class Explored:
-    """The sets that were fitted, by their names, all at one bandwidth of the observer [rad/s]."""
+    """The sets that were fitted, by their names and the bandwidth of the observer [rad/s].
+
+    Attributes:
+        held: whether all are predicted behind one observer that holds a motion in which small errors grow.
+    """
 
     null: Fit
     effects: Mapping[str, type[Effect]]
     tell: Callable[[str], None]
-    bandwidth: float
-    known: dict[frozenset[str], Explanation] = field(default_factory=dict)
+    fits: dict[tuple[frozenset[str], float], Explanation] = field(default_factory=dict)
+    held: bool = False
+
+    @property
+    def known(self) -> dict[frozenset[str], Explanation]:
+        """Each set behind the observer that suits it best."""
+        ranked = sorted(self.fits.values(), key=lambda each: each.log_marginal)
+        return {each.names: each for each in ranked}
 
     @property
     def best(self) -> Explanation:
         """The likeliest."""
-        return max(self.known.values(), key=lambda each: each.log_marginal)
+        return max(self.fits.values(), key=lambda each: each.log_marginal)
 
     def add(self, explanations: Iterable[Explanation | None]) -> None:
-        """Keep the better fit of each set."""
+        """Keep the better fit of each set at each bandwidth."""
         for each in filter(None, explanations):
-            at_hand = self.known.get(each.names)
-            if at_hand is None or each.log_marginal > at_hand.log_marginal:
-                self.known[each.names] = each
+            key = each.names, each.fit.bandwidth
+            if key not in self.fits or each.log_marginal > self.fits[key].log_marginal:
+                self.fits[key] = each
 
     def weighed(self, fit: Fit) -> Explanation | None:
-        """A fit as an explanation; None where it is none, or says what a simpler set says too."""
+        """A fit as an explanation; None where it is none, or an effect in it does nothing or what a simpler one does too."""
         held = {effect.name for effect in self.null.model.effects}
         names = {effect.name for effect in fit.model.effects} - held
         if not fit.converged or any(is_its_special_case(fit, name) for name in names):
             return None
-        return weigh(fit, held, catalogue=len(self.effects))
+        found = weigh(fit, held, catalogue=len(self.effects))
+        return None if found is None or not all(found.sizes.values()) else found
 
 
 @without_blas_threads
 def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[str], None] | None = None) -> Explored:
     """All sets worth a look beyond a fitted base model."""
-    found = Explored(null=null, effects=effects, tell=progress or (lambda line: None), bandwidth=null.bandwidth)
+    found = Explored(null=null, effects=effects, tell=progress or (lambda line: None))
     grid = {0.0, *(null.bandwidth / _STEP**step for step in range(_STEPS))}
-    at_each = side_by_side(lambda bandwidth: found.weighed(_fitted(null, [null.model], bandwidth)), sorted(grid))
-    roots = [root for root in at_each if root is not None]
-    if not roots:
+    found.add(side_by_side(lambda bandwidth: found.weighed(_fitted(null, [null.model], bandwidth)), sorted(grid)))
+    if not found.fits:
         raise Unidentifiable("The motion of the base model grows without bound.")
-    _begin_at(found, max(roots, key=lambda root: root.log_marginal))
-    for _ in range(_MOST):
-        best = found.best
-        _extend(found, best, _ASKED)
-        _without_each(found, found.best)
-        if found.best is best:
-            break
-        _retune(found)
-    best = found.best
-    for name in sorted(best.names):
-        if (less := found.known.get(best.names - {name})) is not None:
-            _extend(found, less, _IN_PLACE)
-    if found.best is not best:
-        _without_each(found, found.best)
-        _extend(found, found.best, _ASKED)
+    parents = {found.best.fit.bandwidth: found.best, 0.0: found.fits.get((frozenset(), 0.0), found.best)}
+    _extend(found, list(parents.values()), _ASKED)
+    _improve(found)
+    _replace(found)
     return found
 
 
-def _begin_at(found: Explored, best: Explanation) -> None:
-    """Go on from one set, at its bandwidth; what was weighed at another cannot be compared."""
-    found.bandwidth, found.known = best.fit.bandwidth, {best.names: best}
+def _improve(found: Explored) -> None:
+    """Add names to the best set, and take such away, while that makes a better one."""
+    before: Explanation | None = None
+    for _ in range(_MOST):
+        _retune(found)
+        _without_each(found, found.best)
+        if (best := found.best) is before:
+            break
+        before = best
+        _extend(found, [best], _ASKED)
 
 
 def _retune(found: Explored) -> None:
-    """Lower the bandwidth to where the best set is likeliest: what is named or smooth is no observer's work.
+    """Lower the bandwidth of the best sets to where they are likeliest: what is named or smooth is no observer's work.
 
     It never rises: behind an observer that is faster than the log asks for, innovations have a colour, which anything
     that carries the measurement's noise would explain.
     """
-    best, slowest = found.best, found.null.bandwidth / _STEP**_STEPS
-    while best.fit.bandwidth and not best.fit.model.chaotic:
-        bandwidth = best.fit.bandwidth / _STEP
-        moved = found.weighed(_fitted(best.fit, [best.fit.model], bandwidth if bandwidth > slowest else 0.0))
-        if moved is None or moved.log_marginal <= best.log_marginal:
-            break
-        best = moved
-    if best is not found.best:
-        _begin_at(found, best)
+    slowest = found.null.bandwidth / _STEP**_STEPS
+
+    def lowered(best: Explanation) -> list[Explanation | None]:
+        ways: list[Explanation | None] = []
+        while best.fit.bandwidth:
+            bandwidth = best.fit.bandwidth / _STEP
+            moved = found.weighed(_fitted(best.fit, [best.fit.model], bandwidth if bandwidth > slowest else 0.0))
+            ways.append(moved)
+            if moved is None or moved.log_marginal <= best.log_marginal:
+                break
+            best = moved
+        return ways
+
+    if not found.held:
+        ranked = sorted(found.known.values(), key=lambda each: -each.log_marginal)
+        found.add(chain.from_iterable(side_by_side(lowered, ranked[:_RETUNED])))
 
 
-def _extend(found: Explored, parent: Explanation, most: int) -> None:
-    """Fit the sets with one or two names more that promise most."""
-    asked = {n: kind for n, kind in found.effects.items() if _would_add(parent.fit, kind)}
-    if not asked:
-        return
-    proposals = Signatures.at(parent, asked, len(found.effects)).proposals(most)
-    chosen = [each for each in proposals if parent.names | each.names not in found.known]
-    told = "; ".join(" and ".join(sorted(each.names)) for each in chosen)
-    found.tell(f"beside {', '.join(sorted(parent.names)) or 'nothing'}: {told or 'nothing more'}")
-
-    def one(proposal: Proposal) -> Explanation | None:
-        return found.weighed(_with(parent.fit, proposal, found.bandwidth))
-
-    held = [each for each in chosen if any(starts[0].chaotic for starts in each.starts)]
-    found.add(side_by_side(one, [each for each in chosen if each not in held]))
-    _try_held(found, parent, held)
+def _replace(found: Explored) -> None:
+    """Ask for every name, and for every two that one effect is confounded with, what may stand in their place."""
+    asked: set[frozenset[str]] = set()
+    while (best := found.best).names not in asked:
+        asked.add(best.names)
+        places = [(frozenset({name}), _confounded(found.effects, name)) for name in sorted(best.names)]
+        for one, other in combinations(sorted(best.names), 2):
+            both = _confounded(found.effects, one) & _confounded(found.effects, other)
+            places += [(frozenset({one, other}), both)] if both else []
+        for out, rivals in places:
+            if (less := _less(found, best, out)) is not None:
+                _extend(found, [less], _IN_PLACE, rivals)
+        if found.best is not best:
+            _improve(found)
 
 
-def _try_held(found: Explored, parent: Explanation, proposals: list[Proposal]) -> None:
+def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str]:
+    """Effects that say of themselves that they look like one, or that it says so of."""
+    own = effects[name].confused_with
+    return frozenset(other for other, kind in effects.items() if other in own or name in kind.confused_with)
+
+
+def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanation | None:
+    """The set without some names, behind the same observer."""
+    names, bandwidth = best.names - out, best.fit.bandwidth
+    if (names, bandwidth) not in found.fits:
+        model = best.fit.model
+        for name in out:
+            model = model.without_effect(name)
+        found.add([found.weighed(_fitted(best.fit, [model], bandwidth))])
+    return found.fits.get((names, bandwidth))
+
+
+def _without_each(found: Explored, best: Explanation) -> None:
+    """The sets with one name less."""
+    side_by_side(lambda name: _less(found, best, frozenset({name})), sorted(best.names))
+
+
+def _extend(found: Explored, parents: Sequence[Explanation], most: int, always: Collection[str] = ()) -> None:
+    """Fit the sets with one or two names more that promise most, and those with one that is asked for."""
+    proposed: dict[frozenset[str], tuple[float, Explanation, Proposal]] = {}
+    for parent in parents:
+        asked = {n: kind for n, kind in found.effects.items() if _would_add(parent.fit, kind)}
+        drawn = Signatures.at(parent, asked, len(found.effects)).proposals() if asked else []
+        for proposal in drawn:
+            value = parent.log_marginal + proposal.value
+            if proposal.names not in proposed or value > proposed[proposal.names][0]:
+                proposed[proposal.names] = value, parent, proposal
+    best = max(parent.log_marginal for parent in parents)
+    ranked = sorted(proposed.values(), key=lambda each: -each[0])
+    chosen = [(p, each) for value, p, each in ranked if value > best - _BELOW][:most]
+    chosen += [(p, each) for _, p, each in ranked if each.names <= set(always) and (p, each) not in chosen]
+    chosen = [(p, each) for p, each in chosen if (p.names | each.names, p.fit.bandwidth) not in found.fits]
+    told = "; ".join(" and ".join(sorted(each.names)) for _, each in chosen)
+    found.tell(f"beside {', '.join(sorted(parents[0].names)) or 'nothing'}: {told or 'nothing more'}")
+    held = [(p, each) for p, each in chosen if any(starts[0].chaotic for starts in each.starts)]
+    found.add(side_by_side(lambda pair: _tried(found, *pair), [pair for pair in chosen if pair not in held]))
+    _try_held(found, held)
+
+
+def _tried(found: Explored, parent: Explanation, proposal: Proposal, slowest: float = 0.0) -> Explanation | None:
+    return found.weighed(_with(parent.fit, proposal, max(parent.fit.bandwidth, slowest)))
+
+
+def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -> None:
     """Sets in which small errors grow without bound: they are weighed behind an observer that holds them.
 
     Where such a set is likelier there than the best of the others, all go on behind that observer.
     """
-    bandwidth = max(found.bandwidth, HELD / found.null.log.sample_time)
-    if bandwidth == found.bandwidth:
-        found.add(side_by_side(lambda each: found.weighed(_with(parent.fit, each, bandwidth)), proposals))
-        return
-    tried = [found.weighed(_with(parent.fit, each, bandwidth)) for each in proposals]
+    bandwidth = HELD / found.null.log.sample_time
+    tried = side_by_side(lambda pair: _tried(found, *pair, bandwidth), chosen)
     loose = max((each for each in tried if each is not None), key=lambda each: each.log_marginal, default=None)
-    if loose is None:
+    if found.held or loose is None:
+        found.add(tried)
         return
     best = found.best
-    rival = found.weighed(_fitted(best.fit, [best.fit.model], bandwidth))
+    rival = found.weighed(_fitted(best.fit, [best.fit.model], loose.fit.bandwidth))
     if rival is None or loose.log_marginal > rival.log_marginal:
-        _begin_at(found, loose)
-        found.add([rival])
+        found.held, found.fits = True, {}
+        found.add((*tried, rival))
 
 
 def _with(fit: Fit, proposal: Proposal, bandwidth: float) -> Fit:
@@ -180,17 +240,6 @@ def _among_look_alikes(fit: Fit, name: str, bandwidth: float) -> Fit:
         other = _fitted(replace(fit, model=rest), [rest.with_effect(each) for each in alike], bandwidth)
         fit = max((fit, other), key=lambda each: each.log_likelihood)
     return fit
-
-
-def _without_each(found: Explored, best: Explanation) -> None:
-    """The sets with one name less."""
-    missing = [name for name in sorted(best.names) if best.names - {name} not in found.known]
-    found.add(
-        side_by_side(
-            lambda name: found.weighed(_fitted(best.fit, [best.fit.model.without_effect(name)], found.bandwidth)),
-            missing,
-        )
-    )
 
 
 def _would_add(fit: Fit, kind: type[Effect]) -> bool:

@@ -8,7 +8,7 @@ functions are integrated out, its amplitude a summed over.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from diagnosis.evidence.discrepancy import Discrepancy
 from diagnosis.evidence.families import Families
-from diagnosis.evidence.prior import log_density
+from diagnosis.evidence.prior import forms, log_density
 from diagnosis.linear import AT_ONCE, Linear, linearised, score
 from diagnosis.motion import motion_of
 from diagnosis.nuisance import Nuisance
@@ -38,6 +38,7 @@ class Explanation:
         fit: of all of them.
         log_marginal: log Z.
         sizes: of each effect: what it changes in the innovations beyond the rest, as a norm [rad].
+        beyond_special: of those that have a simpler effect as a special case: its name, and what they change beyond it.
         discrepancy: beside it.
         screen: to ask what more there may be.
     """
@@ -46,6 +47,7 @@ class Explanation:
     fit: Fit
     log_marginal: float
     sizes: dict[str, float]
+    beyond_special: dict[str, tuple[str, float]]
     discrepancy: Discrepancy
     screen: Screen
 
@@ -80,11 +82,17 @@ def weigh(fit: Fit, base: Collection[str], *, catalogue: int) -> Explanation | N
     return Explanation(
         names=names,
         fit=fit,
-        log_marginal=likelihood - len(names) * float(np.log(catalogue)),
+        log_marginal=likelihood - _counted(fit, names) * float(np.log(catalogue)),
         sizes={name: _size(fit, told, name) for name in names},
+        beyond_special=dict(_beyond_special(fit, told, names)),
         discrepancy=discrepancy,
         screen=Screen(fit=fit, motion=motion, innovations=innovations, nuisance=discrepancy, filters=filters),
     )
+
+
+def _counted(fit: Fit, names: Collection[str]) -> int:
+    """As how many effects of the catalogue the named ones count."""
+    return sum(forms(type(effect)) for effect in fit.model.effects if effect.name in names)
 
 
 def _volume(fit: Fit, told: list[Prediction], names: Collection[str]) -> float:
@@ -119,6 +127,24 @@ def _size(fit: Fit, told: list[Prediction], name: str) -> float:
         return np.inf
     own = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] == name]
     return float(np.linalg.norm(_nuisance(told, own).beyond(change)))
+
+
+def _beyond_special(
+    fit: Fit, told: list[Prediction], names: Collection[str]
+) -> Iterator[tuple[str, tuple[str, float]]]:
+    """Of each wider effect, its special case and what it changes beyond all that the model with that can take over."""
+    for effect in fit.model.effects:
+        for special in effect.reduced()[:1] if effect.name in names else ():
+            if fit.model.effect(special.name) is not None:
+                continue
+            narrow = fit.model.without_effect(effect.name).with_effect(special)
+            problem = Problem.of(fit.log, narrow, known=fit.known)
+            other = problem.predictor.predict(narrow.values, fit.initial, bandwidth=fit.bandwidth, width=0.0)
+            with np.errstate(over="ignore", invalid="ignore"):
+                change = np.concatenate([w.innovations - t.innovations for w, t in zip(other, told, strict=True)])
+            sound = np.abs(change).max() < _HUGE and all(np.abs(p.jacobian).max() < _HUGE for p in other)
+            size = float(np.linalg.norm(Nuisance.of(other).beyond(change))) if sound else np.inf
+            yield effect.name, (special.name, size)
 
 
 def _beyond_the_rest(told: list[Prediction], rows: list[int]) -> Array:

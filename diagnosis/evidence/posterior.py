@@ -1,13 +1,24 @@
-"""The joint posterior over sets of effects, and what may be said of each name."""
+"""The joint posterior over sets of effects, and what may be said of each name.
+
+What is significant, but smaller than what no name explains, may well be a part of that. So a name keeps
+
+    r^2 / (1 + r^2)
+
+of its probability, with r what it changes in the innovations over what the discrepancy explains there; the rest goes to
+the same set without it. An effect that has a simpler one as its special case is asked twice: what it adds to that may
+be a part of the discrepancy, and so may all of it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from diagnosis.evidence.marginal import Explanation
+
+_SURELY = 1e6  # ratio that is as good as any larger one
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -15,12 +26,14 @@ class Posterior:
     """Over sets.
 
     Attributes:
-        sets: the likeliest first.
-        probabilities: of each.
+        sets: as they were fitted, the likeliest first.
+        probabilities: of each, by its evidence alone.
+        believed: sets of names, the likeliest first, with what remains for each beside the discrepancy.
     """
 
     sets: tuple[Explanation, ...]
     probabilities: tuple[float, ...]
+    believed: Mapping[frozenset[str], float]
 
     @classmethod
     def over(cls, explanations: Iterable[Explanation]) -> Posterior:
@@ -28,20 +41,31 @@ class Posterior:
         ordered = sorted(explanations, key=lambda each: -each.log_marginal)
         scores = np.array([each.log_marginal for each in ordered])
         weights = np.exp(scores - scores[0])
-        return cls(sets=tuple(ordered), probabilities=tuple((weights / weights.sum()).tolist()))
+        probabilities = tuple((weights / weights.sum()).tolist())
+        believed: dict[frozenset[str], float] = {}
+        for each, p in zip(ordered, probabilities, strict=True):
+            for names, share in beside_discrepancy(each).items():
+                believed[names] = believed.get(names, 0.0) + p * share
+        ranked = dict(sorted(believed.items(), key=lambda item: -item[1]))
+        return cls(sets=tuple(ordered), probabilities=probabilities, believed=ranked)
 
     @property
     def best(self) -> Explanation:
-        """The likeliest set."""
-        return self.sets[0]
+        """The likeliest set that is believed and was fitted."""
+        fitted = {each.names: each for each in reversed(self.sets)}
+        return next(fitted[names] for names in self.believed if names in fitted)
 
     def of(self, name: str) -> float:
-        """Probability that an effect is there: of all sets that hold it together."""
+        """Probability that an effect is there by the evidence alone: of all sets that hold it together."""
         return sum(p for each, p in zip(self.sets, self.probabilities, strict=True) if name in each.names)
 
+    def told(self, name: str) -> float:
+        """Probability that an effect is there, and no part of what no name explains."""
+        return sum(p for names, p in self.believed.items() if name in names)
+
     def names(self) -> dict[str, float]:
-        """Each name with its probability, the likeliest first."""
-        every = {name for each in self.sets for name in each.names}
+        """Each name with its probability by the evidence alone, the likeliest first."""
+        every = {name for names in self.believed for name in names}
         return dict(sorted(((name, self.of(name)) for name in every), key=lambda item: -item[1]))
 
     def over_discrepancy(self, name: str) -> float:
@@ -49,10 +73,34 @@ class Posterior:
         holder = next(each for each in self.sets if name in each.names)
         return holder.sizes[name] / max(holder.discrepancy.posterior.size, 1e-300)
 
-    def told(self, name: str) -> float:
-        """Probability that an effect is there, times the share that it has of what it and the discrepancy explain.
 
-        What is significant, but smaller than what no name explains, may well be a part of that.
-        """
-        ratio = min(self.over_discrepancy(name), 1e6)
-        return self.of(name) * ratio**2 / (1.0 + ratio**2)
+def beside_discrepancy(explanation: Explanation) -> dict[frozenset[str], float]:
+    """The sets that one may be when parts of the discrepancy are taken out of it, with their shares."""
+    found: dict[frozenset[str], float] = {frozenset(): 1.0}
+    for name in sorted(explanation.names):
+        whole = _kept(explanation, explanation.sizes[name])
+        special, more = explanation.beyond_special.get(name, ("", np.inf))
+        wide = _kept(explanation, more)
+        ways = (
+            (frozenset({name}), whole * wide),
+            (frozenset({special}), whole * (1.0 - wide)),
+            (frozenset[str](), 1.0 - whole),
+        )
+        found = _with(found, ways)
+    return found
+
+
+def _with(
+    found: Mapping[frozenset[str], float], ways: Iterable[tuple[frozenset[str], float]]
+) -> dict[frozenset[str], float]:
+    both: dict[frozenset[str], float] = {}
+    for own, share in ways:
+        for names, p in found.items():
+            if share > 0.0:
+                both[names | own] = both.get(names | own, 0.0) + p * share
+    return both
+
+
+def _kept(explanation: Explanation, size: float) -> float:
+    ratio = min(size / max(explanation.discrepancy.posterior.size, 1e-300), _SURELY)
+    return float(ratio**2 / (1.0 + ratio**2))

@@ -10,8 +10,19 @@ from __future__ import annotations
 import numpy as np
 
 from identification.fit_result import Fit
+from plant.effects import Effect
 
 _DECADES = float(np.log(1000.0))
+LOG_UNIFORM = float(np.log(_DECADES / np.sqrt(2.0 * np.pi)))
+"""What a size costs that is known to a standard error as large as itself."""
+
+
+def forms(kind: type[Effect]) -> int:
+    """What an effect counts as: one that has a simpler one as its special case counts as that and one more.
+
+    So Stribeck friction is no likelier before than Coulomb friction with something beside it.
+    """
+    return 1 if kind.reduced is Effect.reduced else 2
 
 
 def log_density(fit: Fit, name: str, std: float) -> float:

@@ -13,6 +13,7 @@ from itertools import chain
 import numpy as np
 
 from diagnosis.evidence.marginal import Explanation
+from diagnosis.evidence.prior import LOG_UNIFORM, forms
 from diagnosis.linear import AT_ONCE, response
 from diagnosis.nuisance import Nuisance
 from identification.least_squares import bounded_least_squares
@@ -21,7 +22,6 @@ from plant.effects import Effect, Motion, Trace
 from plant.effects.effect import Array
 
 _SHARES = (1.0, 0.1, 0.0)  # of the likeliest discrepancy, beside which effects are asked about
-_CHARGES = 5.0  # below zero that a promise may be: a discrepancy that gives way pays them back
 _FIRST = 6  # effects beside which a second is looked for
 _CLOSER = 4  # shapes of an effect between whose neighbours it is looked again
 _NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own
@@ -37,6 +37,7 @@ class Signature:
     columns: slice
     positive: tuple[bool, ...]
     searched: int
+    forms: int
     start: Callable[[Array], Effect]
 
 
@@ -86,14 +87,15 @@ class Signatures:
     Attributes:
         shapes: all of them.
         plain: products beyond the parameters.
-        views: products beyond the parameters and the discrepancy: as large as it is, smaller, and without it.
+        views: products beyond the parameters and the discrepancy: as large as it is, smaller, and without it; each with
+            what the log says of a discrepancy of that size, against the one at hand.
         samples: N.
         catalogue: number of effects.
     """
 
     shapes: tuple[Signature, ...]
     plain: Products
-    views: tuple[Products, ...]
+    views: tuple[tuple[float, Products], ...]
     samples: int
     catalogue: int
 
@@ -120,7 +122,14 @@ class Signatures:
                     own = slice(first, last)
                     positive = trace.positive or (False,) * trace.columns.shape[1]
                     shapes.append(
-                        Signature(name=name, columns=own, positive=positive, searched=trace.searched, start=trace.start)
+                        Signature(
+                            name=name,
+                            columns=own,
+                            positive=positive,
+                            searched=trace.searched,
+                            forms=forms(effects[name]),
+                            start=trace.start,
+                        )
                     )
                     first = last
 
@@ -132,42 +141,43 @@ class Signatures:
         columns = discrepancy.columns
         shared, along = columns.T @ np.hstack(found), columns.T @ left
         views = []
-        for weights in (discrepancy.weights(share) for share in _SHARES):
+        for likelihood, weights in map(discrepancy.at, _SHARES):
             beside = Products(
                 gram=plain.gram - shared.T @ weights @ shared,
                 pull=plain.pull - shared.T @ (weights @ along),
                 power=power - float(along @ weights @ along),
             )
-            views.append(beside)
+            views.append((likelihood, beside))
+        at_hand = views[0][0]
+        views = [(likelihood - at_hand, beside) for likelihood, beside in views]
         samples = explanation.fit.samples
         return cls(shapes=tuple(shapes), plain=plain, views=tuple(views), samples=samples, catalogue=catalogue)
 
-    def proposals(self, most: int) -> list[Proposal]:
-        """The sets of one or two effects that promise most, mainly beside the discrepancy as large as it is.
+    def proposals(self) -> list[Proposal]:
+        """The sets of one or two effects, each with what it promises.
 
-        Beside one that has taken a missing effect over, the effect brings next to nothing; hence the other views.
+        Beside a discrepancy that has taken a missing effect over, the effect brings next to nothing. So each set is
+        asked about beside discrepancies of several sizes, and has what it makes with the best of them.
         """
-        chosen: dict[frozenset[str], Proposal] = {}
-        for place, products in enumerate(self.views):
-            room = most - len(self.views) + place + 1
-            for proposal in self._ranked(products):
-                if len(chosen) >= room:
-                    break
-                chosen.setdefault(proposal.names, proposal)
-        return list(chosen.values())
+        best: dict[frozenset[str], Proposal] = {}
+        for likelihood, products in self.views:
+            for proposal in self._ranked(products, likelihood):
+                at_hand = best.get(proposal.names)
+                if at_hand is None or proposal.value > at_hand.value:
+                    best[proposal.names] = proposal
+        return list(best.values())
 
-    def _ranked(self, products: Products) -> list[Proposal]:
-        """The best first; two effects only where they promise more than either alone."""
+    def _ranked(self, products: Products, likelihood: float) -> list[Proposal]:
+        """Each effect, and two of them where they promise more than either alone."""
         alone = self._best(products, ())
-        found = [self._proposal(products, (shape,), value) for value, shape in alone.values()]
+        found = [self._proposal(products, (shape,), likelihood + value) for value, shape in alone.values()]
         leading = sorted(alone.values(), key=lambda pair: -pair[0])[:_FIRST]
         for value, shape in leading:
             second = self._best(products.beyond(shape.columns), (shape.name,))
             for more, other in sorted(second.values(), key=lambda pair: -pair[0])[:_FIRST]:
                 if more > 0.0 and value + more > alone[other.name][0]:
-                    found.append(self._proposal(products, (shape, other), value + more))
-        found = [proposal for proposal in found if proposal.value > -_CHARGES]
-        return sorted(found, key=lambda proposal: -proposal.value)
+                    found.append(self._proposal(products, (shape, other), likelihood + value + more))
+        return found
 
     def _best(self, products: Products, without: Sequence[str]) -> dict[str, tuple[float, Signature]]:
         """The best shape of each effect and what it promises."""
@@ -175,7 +185,7 @@ class Signatures:
         for shape in self.shapes:
             if shape.name in without:
                 continue
-            value = self._value(self._evidence(products, shape), len(shape.positive), shape.searched)
+            value = self._value(self._evidence(products, shape), shape)
             if shape.name not in best or value > best[shape.name][0]:
                 best[shape.name] = value, shape
         return best
@@ -184,14 +194,12 @@ class Signatures:
         explained = _explained(products, self.plain, shape)
         return -0.5 * self.samples * float(np.log(max(1.0 - explained / max(products.power, 1e-300), 1e-12)))
 
-    def _value(self, evidence: float, sizes: int, searched: int) -> float:
-        """Of an evidence: less what the sizes, the search and the catalogue cost."""
-        return (
-            evidence
-            - 0.5 * sizes * float(np.log1p(2.0 * max(evidence, 0.0) / sizes))
-            - float(np.log(searched))
-            - float(np.log(self.catalogue))
-        )
+    def _value(self, evidence: float, shape: Signature) -> float:
+        """Of an evidence: less what the priors of the sizes, the search and the catalogue cost."""
+        sizes = len(shape.positive)
+        precise = 0.5 * float(np.log1p(2.0 * max(evidence, 0.0) / sizes))  # log of a size over its standard error
+        searched = float(np.log(shape.searched)) + shape.forms * float(np.log(self.catalogue))
+        return evidence - sizes * (precise + LOG_UNIFORM) - searched
 
     def _proposal(self, products: Products, shapes: tuple[Signature, ...], value: float) -> Proposal:
         places = np.concatenate([np.arange(s.columns.start, s.columns.stop) for s in shapes])
