@@ -8,7 +8,9 @@ names alike. Marginalised over f, the covariance of the innovations is s^2 I + a
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -34,7 +36,7 @@ class Posterior:
         variance: s^2 of the noise at the likeliest amplitude [rad^2].
         amplitude: posterior mean, as a share of the torque in the log [-].
         material: probability that it is not nothing [-].
-        likeliest: index of the amplitude that is.
+        likeliest: places in `AMPLITUDES` and among those of the measurement's errors.
         functions: (M + R,) mean of f there.
         weights: (M + R, M + R) W, so that the covariance's inverse is (I - D W D') / s^2.
         scale: (M + R,) standard deviations of f before the log was seen.
@@ -45,6 +47,7 @@ class Posterior:
     variance: float
     amplitude: float
     material: float
+    likeliest: tuple[int, int]
     functions: Array
     weights: Array
     scale: Array
@@ -102,11 +105,15 @@ class Discrepancy(Nuisance):
         left = super().beyond(values)
         return np.asarray(left - self.columns @ (self.posterior.weights @ (self.columns.T @ left)))
 
-    def at(self, share: float) -> tuple[float, Array]:
-        """Log-likelihood of a discrepancy that is such a share of the likeliest, and its (M + R, M + R) W."""
+    def views(self) -> Iterator[tuple[float, Array]]:
+        """Log-likelihood and (M + R, M + R) W of the likeliest discrepancy, and of some that take over less."""
+        torque, reading = self.posterior.likeliest
+        lower = max(torque - 1, 0), max(reading - 1, 0)
         gram, pull, power = self.columns.T @ self.columns, self.columns.T @ self.left, float(self.left @ self.left)
-        likelihood, _, _, weights = _at(gram, pull, power, self.degrees, share * self.posterior.scale)
-        return likelihood, weights
+        for place in dict.fromkeys(((torque, reading), (torque, 0), lower, (0, 0))):
+            scale = _scale(*place, len(pull), len(self.variables))
+            likelihood, _, _, weights = _at(gram, pull, power, self.degrees, scale)
+            yield likelihood, weights
 
     def explained_by(self) -> dict[str, float]:
         """Evidence of the functions of each variable alone, as a share of that of all [-]; empty without any."""
@@ -130,28 +137,30 @@ class Discrepancy(Nuisance):
 
 def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int) -> Posterior:
     """The posterior from D'D, D'e and e'e, all beyond the parameters, with so many degrees of freedom."""
-    tried = []
-    for amplitude in AMPLITUDES:
-        for reading in _READINGS:
-            scale = np.where(np.arange(len(pull)) < torques, amplitude, reading)
-            found = _at(gram, pull, power, degrees, scale)
-            prior = -np.log1p((amplitude / _SCALE) ** 2)
-            tried.append((found[0] + prior, amplitude, *found, scale))
-    scores = np.array([each[0] for each in tried])
-    weights = np.exp(scores - scores.max())
-    weights /= weights.sum()
-    amplitudes = np.array([each[1] for each in tried])
-    _, _, _, variance, functions, inverse, scale = tried[int(np.argmax(scores))]
+    places = list(product(range(len(AMPLITUDES)), range(len(_READINGS))))
+    scales = [_scale(*place, len(pull), torques) for place in places]
+    tried = [_at(gram, pull, power, degrees, scale) for scale in scales]
+    amplitudes = np.array([AMPLITUDES[torque] for torque, _ in places])
+    scores = np.array([likelihood for likelihood, *_ in tried]) - np.log1p((amplitudes / _SCALE) ** 2)
+    best = int(np.argmax(scores))
+    weights = np.exp(scores - scores[best])
+    _, variance, functions, inverse = tried[best]
     return Posterior(
-        log_likelihood=float(scores.max() + np.log(np.mean(np.exp(scores - scores.max())))),
+        log_likelihood=float(scores[best] + np.log(np.mean(weights))),
         variance=variance,
-        amplitude=float(weights @ amplitudes),
-        material=float(weights[amplitudes >= _SCALE].sum()),
+        amplitude=float(weights @ amplitudes / weights.sum()),
+        material=float(weights[amplitudes >= _SCALE].sum() / weights.sum()),
+        likeliest=places[best],
         functions=functions,
         weights=inverse,
-        scale=scale,
+        scale=scales[best],
         size=float(np.sqrt(max(float(functions @ gram @ functions), 0.0))),
     )
+
+
+def _scale(torque: int, reading: int, columns: int, torques: int) -> Array:
+    """(M + R,) standard deviations of the coefficients, torques first."""
+    return np.where(np.arange(columns) < torques, AMPLITUDES[torque], _READINGS[reading])
 
 
 def _at(gram: Array, pull: Array, power: float, degrees: int, scale: Array) -> tuple[float, float, Array, Array]:

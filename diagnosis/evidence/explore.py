@@ -6,9 +6,11 @@ judged by the bandwidth that suits it best. What needs no observer behind it is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, combinations
+
+import numpy as np
 
 from diagnosis.evidence.marginal import Explanation, weigh
 from diagnosis.evidence.signatures import Proposal, Signatures
@@ -21,9 +23,10 @@ from identification.side_by_side import side_by_side, without_blas_threads
 from plant.effects import Effect
 from plant.servo import ServoModel
 
-_ASKED = 5  # sets that are tried beside a set
-_IN_PLACE = 2  # and in the place of one name
+_ASKED = 3  # sets that are tried beside a set, and in the place of a name
 _BELOW = 5.0  # that a set may promise below the one at hand: linearised, a promise is rough
+_NEAR = 0.3  # ... by a share of it
+_NOTHING = 1e-3  # rise of the log-likelihood that says nothing
 _RETUNED = 3  # sets whose observer is chosen anew
 _MOST = 5  # times that names are added
 _STEP, _STEPS = 4.0, 4  # from bandwidth to bandwidth, and how many below that of the base model alone
@@ -64,13 +67,12 @@ class Explored:
                 self.fits[key] = each
 
     def weighed(self, fit: Fit) -> Explanation | None:
-        """A fit as an explanation; None where it is none, or an effect in it does nothing or what a simpler one does too."""
+        """A fit as an explanation; None where it is none, or says what a simpler set says too."""
         held = {effect.name for effect in self.null.model.effects}
         names = {effect.name for effect in fit.model.effects} - held
         if not fit.converged or any(is_its_special_case(fit, name) for name in names):
             return None
-        found = weigh(fit, held, catalogue=len(self.effects))
-        return None if found is None or not all(found.sizes.values()) else found
+        return weigh(fit, held, catalogue=len(self.effects))
 
 
 @without_blas_threads
@@ -81,8 +83,7 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     found.add(side_by_side(lambda bandwidth: found.weighed(_fitted(null, [null.model], bandwidth)), sorted(grid)))
     if not found.fits:
         raise Unidentifiable("The motion of the base model grows without bound.")
-    parents = {found.best.fit.bandwidth: found.best, 0.0: found.fits.get((frozenset(), 0.0), found.best)}
-    _extend(found, list(parents.values()), _ASKED)
+    _extend(found, list(found.fits.values()))
     _improve(found)
     _replace(found)
     return found
@@ -97,7 +98,7 @@ def _improve(found: Explored) -> None:
         if (best := found.best) is before:
             break
         before = best
-        _extend(found, [best], _ASKED)
+        _extend(found, [best])
 
 
 def _retune(found: Explored) -> None:
@@ -126,18 +127,48 @@ def _retune(found: Explored) -> None:
 
 def _replace(found: Explored) -> None:
     """Ask for every name, and for every two that one effect is confounded with, what may stand in their place."""
-    asked: set[frozenset[str]] = set()
-    while (best := found.best).names not in asked:
-        asked.add(best.names)
-        places = [(frozenset({name}), _confounded(found.effects, name)) for name in sorted(best.names)]
+    before = -np.inf
+    while (best := found.best).names and best.log_marginal > before + _BELOW:
+        before = best.log_marginal
+        places = [{name} for name in sorted(best.names)]
         for one, other in combinations(sorted(best.names), 2):
-            both = _confounded(found.effects, one) & _confounded(found.effects, other)
-            places += [(frozenset({one, other}), both)] if both else []
-        for out, rivals in places:
+            if _confounded(found.effects, one) & _confounded(found.effects, other):
+                places.append({one, other})
+        for out in map(frozenset, places):
             if (less := _less(found, best, out)) is not None:
-                _extend(found, [less], _IN_PLACE, rivals)
+                _try(found, _in_place(found, less, out), best.fit.bandwidth)
+        for narrow in _narrowed(found, best):
+            _extend(found, [narrow], best.fit.bandwidth)
         if found.best is not best:
             _improve(found)
+
+
+def _narrowed(found: Explored, best: Explanation) -> list[Explanation]:
+    """The sets with the special case of an effect in its place."""
+    model, tried = best.fit.model, []
+    for name in sorted(best.names):
+        effect = model.effect(name)
+        for special in effect.reduced()[:1] if effect is not None else ():
+            if special.name in found.effects and not model.without_effect(name).holds(special.name):
+                narrow = model.without_effect(name).with_effect(special)
+                tried.append(found.weighed(_fitted(best.fit, [narrow], best.fit.bandwidth)))
+    found.add(tried)
+    return [found.known[each.names] for each in tried if each is not None]
+
+
+def _in_place(found: Explored, less: Explanation, out: frozenset[str]) -> list[tuple[Explanation, Proposal]]:
+    """What promises about as much beside a set as the names that were taken out of it.
+
+    Of a chaotic effect a promise says little, so it is asked for where it is confounded with such a name.
+    """
+    proposals = _proposals(found, less)
+    own = max((each.value for each in proposals if each.names == out), default=np.inf)
+    others = [each for each in proposals if not each.names & out and len(each.names) <= 2 // len(out)]
+    ranked = sorted(others, key=lambda each: -each.value)
+    near = [each for each in ranked if each.value >= own - max(_BELOW, _NEAR * own)][:_ASKED]
+    alike = frozenset[str]().union(*(_confounded(found.effects, name) for name in out))
+    chaotic = [each for each in others if each.names <= alike and each.starts[0][0].chaotic and each not in near]
+    return [(less, each) for each in (*near, *chaotic)]
 
 
 def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str]:
@@ -147,14 +178,16 @@ def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str
 
 
 def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanation | None:
-    """The set without some names, behind the same observer."""
-    names, bandwidth = best.names - out, best.fit.bandwidth
-    if (names, bandwidth) not in found.fits:
-        model = best.fit.model
-        for name in out:
-            model = model.without_effect(name)
-        found.add([found.weighed(_fitted(best.fit, [model], bandwidth))])
-    return found.fits.get((names, bandwidth))
+    """The set without some names, behind the same observer or behind that of the base model, whichever suits it."""
+    names, model = best.names - out, best.fit.model
+    for name in out:
+        model = model.without_effect(name)
+    observers = {best.fit.bandwidth} if found.held else {best.fit.bandwidth, found.null.bandwidth}
+    for bandwidth in sorted(observers):
+        if (names, bandwidth) not in found.fits:
+            found.add([found.weighed(_fitted(best.fit, [model], bandwidth))])
+    known = [found.fits[names, each] for each in observers if (names, each) in found.fits]
+    return max(known, key=lambda each: each.log_marginal, default=None)
 
 
 def _without_each(found: Explored, best: Explanation) -> None:
@@ -162,30 +195,44 @@ def _without_each(found: Explored, best: Explanation) -> None:
     side_by_side(lambda name: _less(found, best, frozenset({name})), sorted(best.names))
 
 
-def _extend(found: Explored, parents: Sequence[Explanation], most: int, always: Collection[str] = ()) -> None:
-    """Fit the sets with one or two names more that promise most, and those with one that is asked for."""
+def _proposals(found: Explored, parent: Explanation) -> list[Proposal]:
+    asked = {n: kind for n, kind in found.effects.items() if _would_add(parent.fit, kind)}
+    return Signatures.at(parent, asked, len(found.effects)).proposals() if asked else []
+
+
+def _extend(found: Explored, parents: Sequence[Explanation], bandwidth: float = np.inf) -> None:
+    """Fit the sets with one or two names more that promise most; also behind another observer."""
+    best = max(parent.log_marginal for parent in parents)
     proposed: dict[frozenset[str], tuple[float, Explanation, Proposal]] = {}
     for parent in parents:
-        asked = {n: kind for n, kind in found.effects.items() if _would_add(parent.fit, kind)}
-        drawn = Signatures.at(parent, asked, len(found.effects)).proposals() if asked else []
-        for proposal in drawn:
-            value = parent.log_marginal + proposal.value
-            if proposal.names not in proposed or value > proposed[proposal.names][0]:
+        for proposal in _proposals(found, parent):
+            value = parent.log_marginal + proposal.value - best
+            if value > max(-_BELOW, proposed.get(proposal.names, (-np.inf,))[0]):
                 proposed[proposal.names] = value, parent, proposal
-    best = max(parent.log_marginal for parent in parents)
     ranked = sorted(proposed.values(), key=lambda each: -each[0])
-    chosen = [(p, each) for value, p, each in ranked if value > best - _BELOW][:most]
-    chosen += [(p, each) for _, p, each in ranked if each.names <= set(always) and (p, each) not in chosen]
-    chosen = [(p, each) for p, each in chosen if (p.names | each.names, p.fit.bandwidth) not in found.fits]
-    told = "; ".join(" and ".join(sorted(each.names)) for _, each in chosen)
-    found.tell(f"beside {', '.join(sorted(parents[0].names)) or 'nothing'}: {told or 'nothing more'}")
+    _try(found, [(parent, each) for _, parent, each in ranked[:_ASKED]], bandwidth)
+
+
+def _try(found: Explored, pairs: Sequence[tuple[Explanation, Proposal]], bandwidth: float = np.inf) -> None:
+    """Fit some sets, each of them one that is there and what is proposed beside it; also behind another observer."""
+    chosen = [(p, each) for p, each in pairs if (p.names | each.names, p.fit.bandwidth) not in found.fits]
+    for parent in {parent.names: parent for parent, _ in chosen}.values():
+        told = "; ".join(" and ".join(sorted(each.names)) for p, each in chosen if p is parent)
+        found.tell(f"beside {', '.join(sorted(parent.names)) or 'nothing'}: {told}")
     held = [(p, each) for p, each in chosen if any(starts[0].chaotic for starts in each.starts)]
-    found.add(side_by_side(lambda pair: _tried(found, *pair), [pair for pair in chosen if pair not in held]))
-    _try_held(found, held)
+    loose = [pair for pair in chosen if pair not in held]
+    found.add(chain.from_iterable(side_by_side(lambda pair: list(_tried(found, *pair, bandwidth)), loose)))
+    if held:
+        _try_held(found, held)
 
 
-def _tried(found: Explored, parent: Explanation, proposal: Proposal, slowest: float = 0.0) -> Explanation | None:
-    return found.weighed(_with(parent.fit, proposal, max(parent.fit.bandwidth, slowest)))
+def _tried(found: Explored, parent: Explanation, proposal: Proposal, bandwidth: float) -> Iterator[Explanation | None]:
+    """One of them, behind the observer of what is there and a slower one; nothing where it says no more than that."""
+    fit = _with(parent.fit, proposal, parent.fit.bandwidth)
+    if fit.log_likelihood > parent.fit.log_likelihood + _NOTHING:
+        yield found.weighed(fit)
+        if bandwidth < fit.bandwidth:
+            yield found.weighed(_fitted(fit, [fit.model], bandwidth))
 
 
 def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -> None:
@@ -193,8 +240,8 @@ def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -
 
     Where such a set is likelier there than the best of the others, all go on behind that observer.
     """
-    bandwidth = HELD / found.null.log.sample_time
-    tried = side_by_side(lambda pair: _tried(found, *pair, bandwidth), chosen)
+    bandwidth = max(HELD / found.null.log.sample_time, *(parent.fit.bandwidth for parent, _ in chosen))
+    tried = side_by_side(lambda pair: found.weighed(_with(pair[0].fit, pair[1], bandwidth)), chosen)
     loose = max((each for each in tried if each is not None), key=lambda each: each.log_marginal, default=None)
     if found.held or loose is None:
         found.add(tried)

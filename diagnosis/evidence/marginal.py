@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 
@@ -37,8 +37,6 @@ class Explanation:
         names: of the effects beyond the base model.
         fit: of all of them.
         log_marginal: log Z.
-        sizes: of each effect: what it changes in the innovations beyond the rest, as a norm [rad].
-        beyond_special: of those that have a simpler effect as a special case: its name, and what they change beyond it.
         discrepancy: beside it.
         screen: to ask what more there may be.
     """
@@ -46,10 +44,19 @@ class Explanation:
     names: frozenset[str]
     fit: Fit
     log_marginal: float
-    sizes: dict[str, float]
-    beyond_special: dict[str, tuple[str, float]]
     discrepancy: Discrepancy
     screen: Screen
+
+    @cached_property
+    def sizes(self) -> dict[str, float]:
+        """Of each effect: what it changes in the innovations beyond the rest, as a norm [rad]."""
+        told = _predicted(self.fit, self.names)
+        return {name: _size(self.fit, told, self.names, name) for name in self.names}
+
+    @cached_property
+    def beyond_special(self) -> dict[str, tuple[str, float]]:
+        """Of the effects with a simpler one as a special case: its name, and what they change beyond it [rad]."""
+        return dict(_beyond_special(self.fit, self.names))
 
 
 def weigh(fit: Fit, base: Collection[str], *, catalogue: int) -> Explanation | None:
@@ -60,8 +67,9 @@ def weigh(fit: Fit, base: Collection[str], *, catalogue: int) -> Explanation | N
         base: names of those effects that every explanation has.
         catalogue: number of effects that might be named.
     """
+    names = frozenset(effect.name for effect in fit.model.effects) - set(base)
     problem = Problem.of(fit.log, fit.model, known=fit.known)
-    told = problem.predictor.predict(fit.model.values, fit.initial, bandwidth=fit.bandwidth, width=0.0)
+    told = _predicted(fit, names)
     innovations = np.concatenate([p.innovations for p in told])
     if not all(np.abs(p.jacobian).max() < _HUGE and np.abs(p.innovations).max() < _HUGE for p in told):
         return None
@@ -77,17 +85,28 @@ def weigh(fit: Fit, base: Collection[str], *, catalogue: int) -> Explanation | N
     motion = replace(
         motion, score=torque[:, 0], reading_score=reading[:, 0], chance=cache(partial(_chance, filters, discrepancy))
     )
-    names = frozenset(effect.name for effect in fit.model.effects) - set(base)
     likelihood = discrepancy.posterior.log_likelihood + _volume(fit, told, names)
     return Explanation(
         names=names,
         fit=fit,
         log_marginal=likelihood - _counted(fit, names) * float(np.log(catalogue)),
-        sizes={name: _size(fit, told, name) for name in names},
-        beyond_special=dict(_beyond_special(fit, told, names)),
         discrepancy=discrepancy,
         screen=Screen(fit=fit, motion=motion, innovations=innovations, nuisance=discrepancy, filters=filters),
     )
+
+
+def _free(fit: Fit, names: Collection[str]) -> list[int]:
+    """Places of the parameters that are free in the end: what a bound holds of an effect follows nothing."""
+    return [p for p in fit.free if not (fit.parameters[p].at_bound and fit.model.names[p].split(".")[0] in names)]
+
+
+def _predicted(fit: Fit, names: Collection[str]) -> list[Prediction]:
+    """Predictions with the Jacobian of the free parameters and the initial states."""
+    problem, free = Problem.of(fit.log, fit.model, known=fit.known), _free(fit, names)
+    told = problem.predictor.predict(fit.model.values, fit.initial, bandwidth=fit.bandwidth, width=0.0)
+    kept = [row for row, place in enumerate(fit.free) if place in free]
+    kept += range(len(fit.free), told[0].jacobian.shape[1])
+    return told if len(free) == len(fit.free) else [replace(p, jacobian=p.jacobian[:, kept]) for p in told]
 
 
 def _counted(fit: Fit, names: Collection[str]) -> int:
@@ -97,7 +116,8 @@ def _counted(fit: Fit, names: Collection[str]) -> int:
 
 def _volume(fit: Fit, told: list[Prediction], names: Collection[str]) -> float:
     """Log of the volume that the effects' parameters have left, times their density before."""
-    own = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] in names]
+    free = _free(fit, names)
+    own = [row for row, place in enumerate(free) if fit.model.names[place].split(".")[0] in names]
     if not own:
         return 0.0
     beyond = _beyond_the_rest(told, own)
@@ -109,42 +129,39 @@ def _volume(fit: Fit, told: list[Prediction], names: Collection[str]) -> float:
     inverse = np.linalg.inv(information / np.outer(scale, scale))
     deviations = fit.noise_std * np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
     density = sum(
-        log_density(fit, fit.model.names[fit.free[row]], float(std)) for row, std in zip(own, deviations, strict=True)
+        log_density(fit, fit.model.names[free[row]], float(std)) for row, std in zip(own, deviations, strict=True)
     )
     return density - 0.5 * float(log_determinant) - float(np.sum(np.log(scale)))
 
 
-def _size(fit: Fit, told: list[Prediction], name: str) -> float:
+def _size(fit: Fit, told: list[Prediction], names: Collection[str], name: str) -> float:
     """Norm of what an effect changes in the innovations, beyond what the other parameters could take over."""
     rest = fit.model.without_effect(name)
     problem = Problem.of(fit.log, rest, known=fit.known)
     without = problem.predictor.predict(
         rest.values, fit.initial, bandwidth=fit.bandwidth, width=0.0, sensitivities=False
     )
-    with np.errstate(over="ignore", invalid="ignore"):
-        change = np.concatenate([w.innovations - t.innovations for w, t in zip(without, told, strict=True)])
-    if not np.abs(change).max() < _HUGE:
-        return np.inf
-    own = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] == name]
-    return float(np.linalg.norm(_nuisance(told, own).beyond(change)))
+    own = [row for row, place in enumerate(_free(fit, names)) if fit.model.names[place].split(".")[0] == name]
+    return _change(without, told, _nuisance(told, own))
 
 
-def _beyond_special(
-    fit: Fit, told: list[Prediction], names: Collection[str]
-) -> Iterator[tuple[str, tuple[str, float]]]:
+def _beyond_special(fit: Fit, names: Collection[str]) -> Iterator[tuple[str, tuple[str, float]]]:
     """Of each wider effect, its special case and what it changes beyond all that the model with that can take over."""
     for effect in fit.model.effects:
         for special in effect.reduced()[:1] if effect.name in names else ():
-            if fit.model.effect(special.name) is not None:
-                continue
-            narrow = fit.model.without_effect(effect.name).with_effect(special)
-            problem = Problem.of(fit.log, narrow, known=fit.known)
-            other = problem.predictor.predict(narrow.values, fit.initial, bandwidth=fit.bandwidth, width=0.0)
-            with np.errstate(over="ignore", invalid="ignore"):
-                change = np.concatenate([w.innovations - t.innovations for w, t in zip(other, told, strict=True)])
-            sound = np.abs(change).max() < _HUGE and all(np.abs(p.jacobian).max() < _HUGE for p in other)
-            size = float(np.linalg.norm(Nuisance.of(other).beyond(change))) if sound else np.inf
-            yield effect.name, (special.name, size)
+            if fit.model.effect(special.name) is None:
+                narrow = fit.model.without_effect(effect.name).with_effect(special)
+                problem = Problem.of(fit.log, narrow, known=fit.known)
+                other = problem.predictor.predict(narrow.values, fit.initial, bandwidth=fit.bandwidth, width=0.0)
+                yield effect.name, (special.name, _change(other, _predicted(fit, names), Nuisance.of(other)))
+
+
+def _change(other: list[Prediction], told: list[Prediction], nuisance: Nuisance) -> float:
+    """Norm of the difference of two predictions beyond what parameters can follow; infinite where it runs off."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        change = np.concatenate([w.innovations - t.innovations for w, t in zip(other, told, strict=True)])
+    sound = np.abs(change).max() < _HUGE and all(np.abs(p.jacobian).max(initial=0.0) < _HUGE for p in other)
+    return float(np.linalg.norm(nuisance.beyond(change))) if sound else np.inf
 
 
 def _beyond_the_rest(told: list[Prediction], rows: list[int]) -> Array:

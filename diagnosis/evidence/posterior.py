@@ -18,6 +18,7 @@ import numpy as np
 
 from diagnosis.evidence.marginal import Explanation
 
+_NEGLIGIBLE = 1e-4  # probability of a set whose effects are not weighed against the discrepancy
 _SURELY = 1e6  # ratio that is as good as any larger one
 
 
@@ -44,7 +45,7 @@ class Posterior:
         probabilities = tuple((weights / weights.sum()).tolist())
         believed: dict[frozenset[str], float] = {}
         for each, p in zip(ordered, probabilities, strict=True):
-            for names, share in beside_discrepancy(each).items():
+            for names, share in (beside_discrepancy(each) if p > _NEGLIGIBLE else {each.names: 1.0}).items():
                 believed[names] = believed.get(names, 0.0) + p * share
         ranked = dict(sorted(believed.items(), key=lambda item: -item[1]))
         return cls(sets=tuple(ordered), probabilities=probabilities, believed=ranked)

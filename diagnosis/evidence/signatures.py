@@ -21,11 +21,11 @@ from identification.side_by_side import side_by_side
 from plant.effects import Effect, Motion, Trace
 from plant.effects.effect import Array
 
-_SHARES = (1.0, 0.1, 0.0)  # of the likeliest discrepancy, beside which effects are asked about
 _FIRST = 6  # effects beside which a second is looked for
 _CLOSER = 4  # shapes of an effect between whose neighbours it is looked again
 _NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own
 _STARTS = 4
+_RIDGE = 1e-10  # beside a scaled diagonal of ones
 _ABSORBED = 1e-6  # of a signature, below which nothing of it is left
 
 
@@ -141,14 +141,14 @@ class Signatures:
         columns = discrepancy.columns
         shared, along = columns.T @ np.hstack(found), columns.T @ left
         views = []
-        for likelihood, weights in map(discrepancy.at, _SHARES):
+        for likelihood, weights in discrepancy.views():
             beside = Products(
                 gram=plain.gram - shared.T @ weights @ shared,
                 pull=plain.pull - shared.T @ (weights @ along),
                 power=power - float(along @ weights @ along),
             )
             views.append((likelihood, beside))
-        at_hand = views[0][0]
+        at_hand = max(likelihood for likelihood, _ in views)
         views = [(likelihood - at_hand, beside) for likelihood, beside in views]
         samples = explanation.fit.samples
         return cls(shapes=tuple(shapes), plain=plain, views=tuple(views), samples=samples, catalogue=catalogue)
@@ -175,23 +175,32 @@ class Signatures:
         for value, shape in leading:
             second = self._best(products.beyond(shape.columns), (shape.name,))
             for more, other in sorted(second.values(), key=lambda pair: -pair[0])[:_FIRST]:
-                if more > 0.0 and value + more > alone[other.name][0]:
+                if more > 0.0 and (other.name not in alone or value + more > alone[other.name][0]):
                     found.append(self._proposal(products, (shape, other), likelihood + value + more))
         return found
 
     def _best(self, products: Products, without: Sequence[str]) -> dict[str, tuple[float, Signature]]:
-        """The best shape of each effect and what it promises."""
+        """The best shape of each effect that explains anything, and what it promises.
+
+        With signs left free a shape explains no less; so only those are looked at that might still be the best.
+        """
         best: dict[str, tuple[float, Signature]] = {}
-        for shape in self.shapes:
-            if shape.name in without:
+        most = _unbounded(products, self.plain, self.shapes)
+        for place in np.argsort(-most, kind="stable"):
+            shape, bound = self.shapes[place], float(most[place])
+            if shape.name in without or bound <= 0.0:
                 continue
-            value = self._value(self._evidence(products, shape), shape)
-            if shape.name not in best or value > best[shape.name][0]:
+            at_hand = best[shape.name][0] if shape.name in best else -np.inf
+            if self._value(self._evidence(products, bound), shape) <= at_hand:
+                continue
+            explained = _explained(products, self.plain, shape)
+            value = self._value(self._evidence(products, explained), shape)
+            if explained > 0.0 and value > at_hand:
                 best[shape.name] = value, shape
         return best
 
-    def _evidence(self, products: Products, shape: Signature) -> float:
-        explained = _explained(products, self.plain, shape)
+    def _evidence(self, products: Products, explained: float) -> float:
+        """Of an explained power."""
         return -0.5 * self.samples * float(np.log(max(1.0 - explained / max(products.power, 1e-300), 1e-12)))
 
     def _value(self, evidence: float, shape: Signature) -> float:
@@ -215,8 +224,12 @@ class Signatures:
 
     def _others(self, products: Products, best: Signature) -> Iterator[Effect]:
         """Other shapes of the same effect, nearly as good."""
-        least = _NEAR * self._evidence(products, best)
-        like = [(self._evidence(products, s), s) for s in self.shapes if s.name == best.name and s is not best]
+
+        def evidence(shape: Signature) -> float:
+            return self._evidence(products, _explained(products, self.plain, shape))
+
+        least = _NEAR * evidence(best)
+        like = [(evidence(s), s) for s in self.shapes if s.name == best.name and s is not best]
         near = sorted((pair for pair in like if pair[0] > least), key=lambda pair: -pair[0])
         for _, shape in near[: _STARTS - 1]:
             own = slice(shape.columns.start, shape.columns.stop)
@@ -226,6 +239,24 @@ class Signatures:
 def _products(found: Sequence[Array], left: Array, power: float) -> Products:
     columns = np.hstack(found)
     return Products(gram=columns.T @ columns, pull=columns.T @ left, power=power)
+
+
+def _unbounded(products: Products, plain: Products, shapes: Sequence[Signature]) -> Array:
+    """(S,) of the innovations' power that each shape explains where its sizes may have any sign."""
+    found = np.zeros(len(shapes))
+    widths = np.array([len(shape.positive) for shape in shapes])
+    first = np.array([shape.columns.start for shape in shapes])
+    for width in np.unique(widths):
+        places = np.flatnonzero(widths == width)
+        own = first[places, None] + np.arange(width)
+        gram, pull = products.gram[own[:, :, None], own[:, None, :]], products.pull[own]
+        left, whole = np.diagonal(gram, axis1=1, axis2=2), np.diag(plain.gram)[own]
+        sound = (left > _ABSORBED * whole).all(axis=1)
+        size = np.sqrt(left[sound])
+        scaled = gram[sound] / (size[:, :, None] * size[:, None, :]) + _RIDGE * np.eye(width)
+        along = pull[sound] / size
+        found[places[sound]] = np.einsum("sw,sw->s", along, np.linalg.solve(scaled, along[:, :, None])[:, :, 0])
+    return found
 
 
 def _explained(products: Products, plain: Products, shape: Signature) -> float:
