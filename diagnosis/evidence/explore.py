@@ -163,7 +163,7 @@ def _in_place(found: Explored, less: Explanation, out: frozenset[str]) -> list[t
     """
     proposals = _proposals(found, less)
     own = max((each.value for each in proposals if each.names == out), default=np.inf)
-    others = [each for each in proposals if not each.names & out and len(each.names) <= 2 // len(out)]
+    others = [each for each in proposals if len(each.names) == 1 and not each.names & out]
     ranked = sorted(others, key=lambda each: -each.value)
     near = [each for each in ranked if each.value >= own - max(_BELOW, _NEAR * own)][:_ASKED]
     alike = frozenset[str]().union(*(_confounded(found.effects, name) for name in out))
