@@ -201,16 +201,24 @@ def _proposals(found: Explored, parent: Explanation) -> list[Proposal]:
 
 
 def _extend(found: Explored, parents: Sequence[Explanation], bandwidth: float = np.inf) -> None:
-    """Fit the sets with one or two names more that promise most; also behind another observer."""
+    """Fit the sets with one or two names more that promise most; also behind another observer.
+
+    And those that would promise most if there were no discrepancy: one that has taken much over leaves little to see.
+    """
     best = max(parent.log_marginal for parent in parents)
     proposed: dict[frozenset[str], tuple[float, Explanation, Proposal]] = {}
+    leading: set[frozenset[str]] = set()
     for parent in parents:
         for proposal in _proposals(found, parent):
             value = parent.log_marginal + proposal.value - best
-            if value > max(-_BELOW, proposed.get(proposal.names, (-np.inf,))[0]):
+            if value > proposed.get(proposal.names, (-np.inf,))[0]:
                 proposed[proposal.names] = value, parent, proposal
+            if proposal.leads:
+                leading.add(proposal.names)
     ranked = sorted(proposed.values(), key=lambda each: -each[0])
-    _try(found, [(parent, each) for _, parent, each in ranked[:_ASKED]], bandwidth)
+    likeliest = {each.names for value, _, each in ranked[:_ASKED] if value > -_BELOW}
+    chosen = [(parent, each) for _, parent, each in ranked if each.names in likeliest | leading]
+    _try(found, chosen, bandwidth)
 
 
 def _try(found: Explored, pairs: Sequence[tuple[Explanation, Proposal]], bandwidth: float = np.inf) -> None:

@@ -7,7 +7,7 @@ about, or two together, is then a matter of their inner products, without anothe
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -48,10 +48,12 @@ class Proposal:
     Attributes:
         value: log Bayes factor that it promises.
         starts: of each effect.
+        leads: whether nothing would promise more if there were no discrepancy.
     """
 
     value: float
     starts: tuple[tuple[Effect, ...], ...]
+    leads: bool = False
 
     @property
     def names(self) -> frozenset[str]:
@@ -161,11 +163,13 @@ class Signatures:
         """
         best: dict[frozenset[str], Proposal] = {}
         for likelihood, products in self.views:
-            for proposal in self._ranked(products, likelihood):
+            ranked = self._ranked(products, likelihood)
+            for proposal in ranked:
                 at_hand = best.get(proposal.names)
                 if at_hand is None or proposal.value > at_hand.value:
                     best[proposal.names] = proposal
-        return list(best.values())
+        first = max(ranked, key=lambda proposal: proposal.value, default=None)  # of the last view, without discrepancy
+        return [replace(each, leads=first is not None and each.names == first.names) for each in best.values()]
 
     def _ranked(self, products: Products, likelihood: float) -> list[Proposal]:
         """Each effect, and two of them where they promise more than either alone."""
