@@ -2,8 +2,8 @@
 
 CasADi's virtual machine is about ten times slower. The compiler works beside the program, which meanwhile goes on with
 the virtual machine, or waits; both give the same numbers to the last bit, since nothing may be contracted or
-reordered. What has been compiled is kept in the user's cache folder and found again by the hash of its source. A file
-that was cut short would load and end the program with a bus error, so the hash of the library stands in its name too.
+reordered. What has been compiled is kept in the user's cache folder, in a folder with the hash of its source. A file
+that was cut short would load and end the program with a bus error, so its name is the hash of the library.
 """
 
 from __future__ import annotations
@@ -77,8 +77,8 @@ class MachineCode:
     def _adopt(self) -> bool:
         """Whether a whole library is kept; what is left of one is thrown away."""
         try:
-            for path in _cache().glob(f"{self._kept}-*.so"):
-                if path.stem == f"{self._kept}-{_mark(path.read_bytes())}":
+            for path in (_cache() / self._kept).glob("*.so"):
+                if path.stem == _mark(path.read_bytes()):
                     self._library = ctypes.CDLL(str(path))
                     return True
                 path.unlink()
@@ -130,14 +130,14 @@ class _Build:
         try:
             if self.process.returncode != 0:
                 return False
-            cache, content = _cache(), (self.folder / "code.so").read_bytes()
-            cache.mkdir(parents=True, exist_ok=True)
-            beside = cache / f"{kept}.{os.getpid()}-{id(self)}"
+            folder, content = _cache() / kept, (self.folder / "code.so").read_bytes()
+            folder.mkdir(parents=True, exist_ok=True)
+            beside = folder / f"{os.getpid()}-{id(self)}"
             with beside.open("wb") as file:
                 file.write(content)
                 file.flush()
                 os.fsync(file.fileno())  # else the new name may outlive a power cut, and the content not
-            os.replace(beside, cache / f"{kept}-{_mark(content)}.so")
+            os.replace(beside, folder / f"{_mark(content)}.so")
         except OSError:
             return False
         finally:

@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal
 from diagnosis.by_sets import SetDiagnosis, diagnose
 from diagnosis.evidence.discrepancy import _at
 from diagnosis.evidence.families import Families
-from diagnosis.evidence.marginal import weigh
+from diagnosis.evidence.marginal import families_along, weigh
 from identification.fit import fit
 from identification.log import Log
 
@@ -97,7 +97,7 @@ def test_the_discrepancy_is_integrated_out_as_a_gaussian_is() -> None:
 def test_families_are_as_large_as_the_torque_whatever_its_unit() -> None:
     log = log_of(9)
     base = fit(log)
-    motion = weigh(base, {"dead_zone"}, catalogue=5).screen.motion  # type: ignore[union-attr]
+    motion = weigh(base, {"dead_zone"}, families_along(base), catalogue=5).screen.motion  # type: ignore[union-attr]
     drawn = Families.along(motion)
     assert drawn.torque.shape == (len(log.runs[0]), len(drawn.variables))
     largest = np.sqrt(np.mean(drawn.torque**2, axis=0)).max()

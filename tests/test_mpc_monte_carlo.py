@@ -63,7 +63,7 @@ def test_machines_and_models_of_one_structure_share_their_machine_code(
     ]
     trials = [Trial(design=d, rig=RIG, reference=REFERENCE, duration=0.1, seed=i) for i, d in enumerate(designs)]
     sweep(trials)
-    assert len(list(tmp_path.rglob("controller-*"))) == 1
+    assert len(list(tmp_path.rglob("controller-*/*.so"))) == 1
 
 
 def test_contact_is_kept_by_what_covers_the_unknown_and_lost_with_less() -> None:

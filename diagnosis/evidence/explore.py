@@ -12,7 +12,8 @@ from itertools import chain, combinations
 
 import numpy as np
 
-from diagnosis.evidence.marginal import Explanation, weigh
+from diagnosis.evidence.families import Families
+from diagnosis.evidence.marginal import Explanation, families_along, weigh
 from diagnosis.evidence.signatures import Proposal, Signatures
 from diagnosis.refit import is_its_special_case, most_promising, problem_near
 from identification.certainty import fit_of
@@ -39,13 +40,17 @@ class Explored:
     """The sets that were fitted, by their names and the bandwidth of the observer [rad/s].
 
     Attributes:
+        null: the base model alone, along whose motion the families are drawn.
+        proposed: what was proposed beside each of them.
         held: whether all are predicted behind one observer that holds a motion in which small errors grow.
     """
 
     null: Fit
     effects: Mapping[str, type[Effect]]
     tell: Callable[[str], None]
+    families: Families
     fits: dict[tuple[frozenset[str], float], Explanation] = field(default_factory=dict)
+    proposed: dict[tuple[frozenset[str], float], list[Proposal]] = field(default_factory=dict)
     held: bool = False
 
     @property
@@ -72,14 +77,15 @@ class Explored:
         names = {effect.name for effect in fit.model.effects} - held
         if not fit.converged or any(is_its_special_case(fit, name) for name in names):
             return None
-        return weigh(fit, held, catalogue=len(self.effects))
+        return weigh(fit, held, self.families, catalogue=len(self.effects))
 
 
 @without_blas_threads
 def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[str], None] | None = None) -> Explored:
     """All sets worth a look beyond a fitted base model."""
-    found = Explored(null=null, effects=effects, tell=progress or (lambda line: None))
-    grid = {0.0, *(null.bandwidth / _STEP**step for step in range(_STEPS))}
+    tell = progress or (lambda line: None)
+    found = Explored(null=null, effects=effects, tell=tell, families=families_along(null))
+    grid = {0.0, null.bandwidth, null.bandwidth / _STEP**2}
     found.add(side_by_side(lambda bandwidth: found.weighed(_fitted(null, [null.model], bandwidth)), sorted(grid)))
     if not found.fits:
         raise Unidentifiable("The motion of the base model grows without bound.")
@@ -196,8 +202,12 @@ def _without_each(found: Explored, best: Explanation) -> None:
 
 
 def _proposals(found: Explored, parent: Explanation) -> list[Proposal]:
-    asked = {n: kind for n, kind in found.effects.items() if _would_add(parent.fit, kind)}
-    return Signatures.at(parent, asked, len(found.effects)).proposals() if asked else []
+    key = parent.names, parent.fit.bandwidth
+    if key not in found.proposed:
+        asked = {n: kind for n, kind in found.effects.items() if _would_add(parent.fit, kind)}
+        drawn = Signatures.at(parent, asked, len(found.effects)).proposals() if asked else []
+        found.proposed[key] = drawn
+    return found.proposed[key]
 
 
 def _extend(found: Explored, parents: Sequence[Explanation], bandwidth: float = np.inf) -> None:

@@ -59,31 +59,30 @@ class Explanation:
         return dict(_beyond_special(self.fit, self.names))
 
 
-def weigh(fit: Fit, base: Collection[str], *, catalogue: int) -> Explanation | None:
+def weigh(fit: Fit, base: Collection[str], families: Families, *, catalogue: int) -> Explanation | None:
     """A fit as an explanation; None where a motion or what depends on it grows without bound.
 
     Args:
         fit: of a model with effects.
         base: names of those effects that every explanation has.
+        families: the same for all that are compared.
         catalogue: number of effects that might be named.
     """
     names = frozenset(effect.name for effect in fit.model.effects) - set(base)
-    problem = Problem.of(fit.log, fit.model, known=fit.known)
     told = _predicted(fit, names)
     innovations = np.concatenate([p.innovations for p in told])
     if not all(np.abs(p.jacobian).max() < _HUGE and np.abs(p.innovations).max() < _HUGE for p in told):
         return None
+    problem = Problem.of(fit.log, fit.model, known=fit.known)
     filters = tuple(
         linearised(fit.model, run, p, fit.bandwidth, substeps=problem.predictor.substeps, colour=problem.log.colour)
         for run, p in zip(problem.log.runs, told, strict=True)
     )
-    nothing = np.zeros((innovations.size, 1))
-    motion = motion_of(fit, problem, told, fit.bandwidth, (nothing, nothing))
-    families = Families.along(motion)
     discrepancy = Discrepancy.learned(Nuisance.of(told), families, filters, innovations, fit.samples)
     torque, reading = score(filters, discrepancy.beyond(innovations)[:, None])
     motion = replace(
-        motion, score=torque[:, 0], reading_score=reading[:, 0], chance=cache(partial(_chance, filters, discrepancy))
+        motion_of(fit, problem, told, fit.bandwidth, (torque, reading)),
+        chance=cache(partial(_chance, filters, discrepancy)),
     )
     likelihood = discrepancy.posterior.log_likelihood + _volume(fit, told, names)
     return Explanation(
@@ -93,6 +92,13 @@ def weigh(fit: Fit, base: Collection[str], *, catalogue: int) -> Explanation | N
         discrepancy=discrepancy,
         screen=Screen(fit=fit, motion=motion, innovations=innovations, nuisance=discrepancy, filters=filters),
     )
+
+
+def families_along(fit: Fit) -> Families:
+    """The families along the motion of a fitted model."""
+    told, problem = _predicted(fit, ()), Problem.of(fit.log, fit.model, known=fit.known)
+    nothing = np.zeros((sum(len(run) for run in fit.log.runs), 1))
+    return Families.along(motion_of(fit, problem, told, fit.bandwidth, (nothing, nothing)))
 
 
 def _free(fit: Fit, names: Collection[str]) -> list[int]:

@@ -109,13 +109,13 @@ class Signatures:
         left = parameters.beyond(screen.innovations)
         power = float(left @ left)
         shapes: list[Signature] = []
-        found: list[Array] = []
 
-        def draw(traces: Iterable[tuple[str, Trace]]) -> None:
+        def draw(traces: Iterable[tuple[str, Trace]]) -> Array:
+            found: list[Array] = []
+            first = shapes[-1].columns.stop if shapes else 0
             for some in _handfuls(traces):
                 columns = np.hstack([trace.columns for _, trace in some])
                 drawn = response(screen.filters, columns, on_reading=some[0][1].acts_on == "reading")
-                first = sum(each.shape[1] for each in found)
                 with np.errstate(over="ignore", invalid="ignore"):
                     bounded = np.where(np.abs(drawn) < 1e100, -drawn, 0.0)
                 found.append(parameters.beyond(bounded))
@@ -134,14 +134,20 @@ class Signatures:
                         )
                     )
                     first = last
+            return np.hstack(found) if found else np.empty((left.size, 0))
 
         every = side_by_side(lambda item: [(item[0], t) for t in item[1].traces(screen.motion)], effects.items())
-        draw(pair for pair in chain.from_iterable(every) if pair[1].prior is None)
-        first = _products(found, left, power)
-        draw(_closer(list(shapes), first, screen.motion))
-        plain = _products(found, left, power)
+        coarse = draw(pair for pair in chain.from_iterable(every) if pair[1].prior is None)
+        first = Products(gram=coarse.T @ coarse, pull=coarse.T @ left, power=power)
+        fine = draw(_closer(list(shapes), first, screen.motion))
+        across = coarse.T @ fine
+        plain = Products(
+            gram=np.block([[first.gram, across], [across.T, fine.T @ fine]]),
+            pull=np.concatenate((first.pull, fine.T @ left)),
+            power=power,
+        )
         columns = discrepancy.columns
-        shared, along = columns.T @ np.hstack(found), columns.T @ left
+        shared, along = np.hstack((columns.T @ coarse, columns.T @ fine)), columns.T @ left
         views = []
         for likelihood, weights in discrepancy.views():
             beside = Products(
@@ -238,11 +244,6 @@ class Signatures:
         for _, shape in near[: _STARTS - 1]:
             own = slice(shape.columns.start, shape.columns.stop)
             yield shape.start(bounded_least_squares(products.gram[own, own], products.pull[own], shape.positive))
-
-
-def _products(found: Sequence[Array], left: Array, power: float) -> Products:
-    columns = np.hstack(found)
-    return Products(gram=columns.T @ columns, pull=columns.T @ left, power=power)
 
 
 def _unbounded(products: Products, plain: Products, shapes: Sequence[Signature]) -> Array:
