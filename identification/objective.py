@@ -123,7 +123,7 @@ class Objective:
         """The normal equations at a point."""
         values, initial = self.unpack(point)
         pieces = self.predictor.pieces(values, initial, bandwidth=bandwidth, width=width)
-        return self._with_prior(normal_equations(pieces, len(self.log.runs)), point)
+        return self.with_prior(normal_equations(pieces, len(self.log.runs)), point)
 
     def cost(self, point: Array, bandwidth: float, width: float) -> float:
         """Sum of squared innovations at a point, times `loss`; infinite where the prediction overflows."""
@@ -139,7 +139,7 @@ class Objective:
             return 1.0
         return float(np.exp(min(self.prior.distance(point[: len(self.free)]) / self.samples, _MOST)))
 
-    def _with_prior(self, found: NormalEquations, point: Array) -> NormalEquations:
+    def with_prior(self, found: NormalEquations, point: Array) -> NormalEquations:
         """The same with what was known before."""
         if self.prior is None or not np.isfinite(found.cost):
             return found

@@ -97,8 +97,10 @@ def test_the_discrepancy_is_integrated_out_as_a_gaussian_is() -> None:
 def test_families_are_as_large_as_the_torque_whatever_its_unit() -> None:
     log = log_of(9)
     base = fit(log)
-    motion = weigh(base, {"dead_zone"}, families_along(base), catalogue=5).screen.motion  # type: ignore[union-attr]
-    drawn = Families.along(motion)
+    drawn = families_along(base)
+    assert drawn is not None
+    weighed = weigh(base, {"dead_zone"}, drawn, catalogue=5, observer=base.bandwidth)
+    motion = weighed.screen.motion  # type: ignore[union-attr]
     assert drawn.torque.shape == (len(log.runs[0]), len(drawn.variables))
     largest = np.sqrt(np.mean(drawn.torque**2, axis=0)).max()
     assert largest == pytest.approx(np.sqrt(np.mean(motion.torque**2)))

@@ -40,7 +40,6 @@ class Posterior:
         functions: (M + R,) mean of f there.
         weights: (M + R, M + R) W, so that the covariance's inverse is (I - D W D') / s^2.
         scale: (M + R,) standard deviations of f before the log was seen.
-        size: norm of D f beyond the parameters [rad].
     """
 
     log_likelihood: float
@@ -51,7 +50,33 @@ class Posterior:
     functions: Array
     weights: Array
     scale: Array
-    size: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Responses:
+    """What the families do to the innovations of a fit.
+
+    Attributes:
+        columns: (T, M + R) response to unit coefficients; torques first.
+        variables: (M,) what the torques depend on.
+    """
+
+    columns: Array
+    variables: tuple[str, ...]
+
+    @classmethod
+    def of(cls, families: Families, filters: tuple[Linear, ...], noise: float) -> Responses:
+        """Behind the predictor of each run, with errors of the measurement as large as its noise [rad]."""
+        on_torque = response(filters, families.torque, on_reading=False)
+        on_reading = response(filters, noise * families.reading, on_reading=True)
+        bounded = np.nan_to_num(-np.hstack((on_torque, on_reading)), nan=0.0, posinf=0.0, neginf=0.0)
+        return cls(columns=np.where(np.abs(bounded) < _HUGE, bounded, 0.0), variables=families.variables)
+
+    def weights(self, scale: Array, variance: float) -> Array:
+        """(M + R, M + R) W, so that I - D W D' is the inverse covariance times s^2."""
+        values, vectors = np.linalg.eigh(scale[:, None] * (self.columns.T @ self.columns) * scale)
+        basis = scale[:, None] * vectors
+        return np.asarray((basis / (np.maximum(values, 0.0) + variance)) @ basis.T)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,26 +98,20 @@ class Discrepancy(Nuisance):
     posterior: Posterior
 
     @classmethod
-    def learned(
-        cls, nuisance: Nuisance, families: Families, filters: tuple[Linear, ...], innovations: Array, samples: int
-    ) -> Discrepancy:
+    def learned(cls, nuisance: Nuisance, responses: Responses, innovations: Array, samples: int) -> Discrepancy:
         """Learned from the innovations (T,) of a fit."""
-        on_torque = response(filters, families.torque, on_reading=False)
-        noise = float(np.sqrt(max(float(innovations @ innovations), 1e-300) / samples))
-        on_reading = response(filters, noise * families.reading, on_reading=True)
-        bounded = np.nan_to_num(-np.hstack((on_torque, on_reading)), nan=0.0, posinf=0.0, neginf=0.0)
-        columns = nuisance.beyond(np.where(np.abs(bounded) < _HUGE, bounded, 0.0))
-        left = nuisance.beyond(innovations)
+        columns, left = nuisance.beyond(responses.columns), nuisance.beyond(innovations)
         degrees = samples - sum(part.shape[1] for part in nuisance.own) - nuisance.shared.shape[1]
-        torques = families.torque.shape[1]
         return cls(
             own=nuisance.own,
             shared=nuisance.shared,
             columns=columns,
-            variables=families.variables,
+            variables=responses.variables,
             left=left,
             degrees=degrees,
-            posterior=_learned(columns.T @ columns, columns.T @ left, float(left @ left), degrees, torques),
+            posterior=_learned(
+                columns.T @ columns, columns.T @ left, float(left @ left), degrees, len(responses.variables)
+            ),
         )
 
     def _information(self, columns: Array, values: Array) -> tuple[Array, Array]:
@@ -154,7 +173,6 @@ def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int)
         functions=functions,
         weights=inverse,
         scale=scales[best],
-        size=float(np.sqrt(max(float(functions @ gram @ functions), 0.0))),
     )
 
 

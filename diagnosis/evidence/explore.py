@@ -6,7 +6,7 @@ judged by the bandwidth that suits it best. What needs no observer behind it is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, combinations
 
@@ -24,7 +24,7 @@ from identification.side_by_side import side_by_side, without_blas_threads
 from plant.effects import Effect
 from plant.servo import ServoModel
 
-_ASKED = 3  # sets that are tried beside a set, and in the place of a name
+_ASKED = 2  # sets with one name more, and with two, that are tried beside a set; and names in the place of one
 _BELOW = 5.0  # that a set may promise below the one at hand: linearised, a promise is rough
 _NEAR = 0.3  # ... by a share of it
 _NOTHING = 1e-3  # rise of the log-likelihood that says nothing
@@ -77,14 +77,17 @@ class Explored:
         names = {effect.name for effect in fit.model.effects} - held
         if not fit.converged or any(is_its_special_case(fit, name) for name in names):
             return None
-        return weigh(fit, held, self.families, catalogue=len(self.effects))
+        return weigh(fit, held, self.families, catalogue=len(self.effects), observer=self.null.bandwidth)
 
 
 @without_blas_threads
 def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[str], None] | None = None) -> Explored:
     """All sets worth a look beyond a fitted base model."""
     tell = progress or (lambda line: None)
-    found = Explored(null=null, effects=effects, tell=tell, families=families_along(null))
+    families = families_along(null)
+    if families is None:
+        raise Unidentifiable("The motion of the base model grows without bound.")
+    found = Explored(null=null, effects=effects, tell=tell, families=families)
     grid = {0.0, null.bandwidth, null.bandwidth / _STEP**2}
     found.add(side_by_side(lambda bandwidth: found.weighed(_fitted(null, [null.model], bandwidth)), sorted(grid)))
     if not found.fits:
@@ -96,15 +99,23 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
 
 
 def _improve(found: Explored) -> None:
-    """Add names to the best set, and take such away, while that makes a better one."""
+    """Add names to the best set, and take such away, while that makes a better one.
+
+    Where what came last is smaller than the discrepancy, so would be what comes next, and nothing is asked any more.
+    """
     before: Explanation | None = None
     for _ in range(_MOST):
         _retune(found)
         _without_each(found, found.best)
-        if (best := found.best) is before:
+        if (best := found.best) is before or (before is not None and _are_small(best, best.names - before.names)):
             break
         before = best
         _extend(found, [best])
+
+
+def _are_small(explanation: Explanation, names: Collection[str]) -> bool:
+    sizes = explanation.sizes
+    return bool(names) and all(sizes.effects[name] < sizes.discrepancy for name in names)
 
 
 def _retune(found: Explored) -> None:
@@ -226,7 +237,8 @@ def _extend(found: Explored, parents: Sequence[Explanation], bandwidth: float = 
             if proposal.leads:
                 leading.add(proposal.names)
     ranked = sorted(proposed.values(), key=lambda each: -each[0])
-    likeliest = {each.names for value, _, each in ranked[:_ASKED] if value > -_BELOW}
+    promising = [each.names for value, _, each in ranked if value > -_BELOW]
+    likeliest = {names for size in (1, 2) for names in [n for n in promising if len(n) == size][:_ASKED]}
     chosen = [(parent, each) for _, parent, each in ranked if each.names in likeliest | leading]
     _try(found, chosen, bandwidth)
 
@@ -247,10 +259,15 @@ def _try(found: Explored, pairs: Sequence[tuple[Explanation, Proposal]], bandwid
 def _tried(found: Explored, parent: Explanation, proposal: Proposal, bandwidth: float) -> Iterator[Explanation | None]:
     """One of them, behind the observer of what is there and a slower one; nothing where it says no more than that."""
     fit = _with(parent.fit, proposal, parent.fit.bandwidth)
-    if fit.log_likelihood > parent.fit.log_likelihood + _NOTHING:
-        yield found.weighed(fit)
-        if bandwidth < fit.bandwidth:
-            yield found.weighed(_fitted(fit, [fit.model], bandwidth))
+    if fit.log_likelihood <= parent.fit.log_likelihood + _NOTHING:
+        return
+    weighed = found.weighed(fit)
+    yield weighed
+    if bandwidth < fit.bandwidth:
+        yield found.weighed(_fitted(fit, [fit.model], bandwidth))
+    if weighed is None and len(proposal.starts) > 1:  # where two do not get on, each is asked alone
+        for starts in proposal.starts:
+            yield from _tried(found, parent, replace(proposal, starts=(starts,)), bandwidth)
 
 
 def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -> None:

@@ -72,15 +72,15 @@ class Posterior:
     def over_discrepancy(self, name: str) -> float:
         """Size of an effect over that of the discrepancy, in the likeliest set that holds it."""
         holder = next(each for each in self.sets if name in each.names)
-        return holder.sizes[name] / max(holder.discrepancy.posterior.size, 1e-300)
+        return holder.sizes.effects[name] / max(holder.sizes.discrepancy, 1e-300)
 
 
 def beside_discrepancy(explanation: Explanation) -> dict[frozenset[str], float]:
     """The sets that one may be when parts of the discrepancy are taken out of it, with their shares."""
     found: dict[frozenset[str], float] = {frozenset(): 1.0}
     for name in sorted(explanation.names):
-        whole = _kept(explanation, explanation.sizes[name])
-        special, more = explanation.beyond_special.get(name, ("", np.inf))
+        whole = _kept(explanation, explanation.sizes.effects[name])
+        special, more = explanation.sizes.beyond_special.get(name, ("", np.inf))
         wide = _kept(explanation, more)
         ways = (
             (frozenset({name}), whole * wide),
@@ -103,5 +103,5 @@ def _with(
 
 
 def _kept(explanation: Explanation, size: float) -> float:
-    ratio = min(size / max(explanation.discrepancy.posterior.size, 1e-300), _SURELY)
+    ratio = min(size / max(explanation.sizes.discrepancy, 1e-300), _SURELY)
     return float(ratio**2 / (1.0 + ratio**2))
