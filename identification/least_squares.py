@@ -211,8 +211,10 @@ def bounded_least_squares(information: Array, pull: Array, positive: tuple[bool,
         pull: (m,) R'y.
         positive: (m,) or none.
     """
-    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    scaled, target, marked = information / np.outer(size, size), pull / size, np.flatnonzero(positive)
+    # A regressor of which only rounding is left has products with others that no regressor has.
+    size = np.sqrt(np.maximum(np.diag(information), 1e-280))
+    scaled = np.clip(information / size / size[:, None], -1.0, 1.0)
+    target, marked = np.where(np.diag(information) > 1e-280, pull / size, 0.0), np.flatnonzero(positive)
     best, most = np.zeros(size.size), -np.inf
     for zeros in chain.from_iterable(combinations(marked, count) for count in range(marked.size + 1)):
         kept = [place for place in range(size.size) if place not in zeros]

@@ -253,7 +253,7 @@ def _try(found: Explored, pairs: Sequence[tuple[Explanation, Proposal]], bandwid
     loose = [pair for pair in chosen if pair not in held]
     found.add(chain.from_iterable(side_by_side(lambda pair: list(_tried(found, *pair, bandwidth)), loose)))
     if held:
-        _try_held(found, held)
+        _try_held(found, held[:1])  # each takes as long as all others
 
 
 def _tried(found: Explored, parent: Explanation, proposal: Proposal, bandwidth: float) -> Iterator[Explanation | None]:
