@@ -246,9 +246,9 @@ def _extend(found: Explored, parents: Sequence[Explanation], bandwidth: float = 
 def _try(found: Explored, pairs: Sequence[tuple[Explanation, Proposal]], bandwidth: float = np.inf) -> None:
     """Fit some sets, each of them one that is there and what is proposed beside it; also behind another observer."""
     chosen = [(p, each) for p, each in pairs if (p.names | each.names, p.fit.bandwidth) not in found.fits]
-    for parent in {parent.names: parent for parent, _ in chosen}.values():
-        told = "; ".join(" and ".join(sorted(each.names)) for p, each in chosen if p is parent)
-        found.tell(f"beside {', '.join(sorted(parent.names)) or 'nothing'}: {told}")
+    for names in dict.fromkeys(parent.names for parent, _ in chosen):
+        told = "; ".join(" and ".join(sorted(each.names)) for p, each in chosen if p.names == names)
+        found.tell(f"beside {', '.join(sorted(names)) or 'nothing'}: {told}")
     held = [(p, each) for p, each in chosen if any(starts[0].chaotic for starts in each.starts)]
     loose = [pair for pair in chosen if pair not in held]
     found.add(chain.from_iterable(side_by_side(lambda pair: list(_tried(found, *pair, bandwidth)), loose)))

@@ -174,8 +174,10 @@ class Signatures:
                 at_hand = best.get(proposal.names)
                 if at_hand is None or proposal.value > at_hand.value:
                     best[proposal.names] = proposal
-        first = max(ranked, key=lambda proposal: proposal.value, default=None)  # of the last view, without discrepancy
-        return [replace(each, leads=first is not None and each.names == first.names) for each in best.values()]
+        # In the last view, the one without discrepancy: the best effect, and the best two.
+        first = {max((p for p in ranked if len(p.names) == n), key=lambda p: p.value, default=None) for n in (1, 2)}
+        leading = {each.names for each in first if each is not None}
+        return [replace(each, leads=each.names in leading) for each in best.values()]
 
     def _ranked(self, products: Products, likelihood: float) -> list[Proposal]:
         """Each effect, and two of them where they promise more than either alone."""
