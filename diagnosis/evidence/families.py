@@ -82,10 +82,14 @@ def _torques(motion: Motion) -> Iterator[tuple[str, float, Array]]:
 
 
 def _readings(motion: Motion) -> Iterator[tuple[float, Array]]:
-    """Size and column (T,) of each error of the measurement: over the turn, and of one that comes too late."""
+    """Size and column (T,) of each error of the measurement: over the turn, and of one that comes too late.
+
+    On a linear axis, which has no turn, over the travel.
+    """
+    turned = motion.angle if motion.turn else 2.0 * np.pi * _to_one(motion.angle)
     for k in range(1, _BENDS + 1):
-        yield 1.0 / k, np.sin(k * motion.angle)
-        yield 1.0 / k, np.cos(k * motion.angle)
+        yield 1.0 / k, np.sin(k * turned)
+        yield 1.0 / k, np.cos(k * turned)
     yield 1.0, motion.velocity
     yield 1.0, np.abs(motion.velocity)
     yield 1.0, motion.acceleration

@@ -2,9 +2,10 @@
 
 Least squares let the parameters follow what no name explains. Beside the discrepancy the innovations count as
 
-    e' (I - D W D') e / s^2
+    e' (I - Q Q') e / s^2
 
-which is minimised here within the same bounds, with the responses D as they are at the least-squares fit.
+(`Responses.directions`), which is minimised here within the same bounds, with the responses as they are at the
+least-squares fit.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _MOVED = 1.0  # ... and that is not worth another linearisation
 def at_mode(fit: Fit, responses: Responses, posterior: Posterior) -> Fit:
     """The fit at the mode; the same object where it is there already."""
     problem = Problem.of(fit.log, fit.model, known=fit.known)
-    weights = responses.weights(posterior.scale, posterior.variance)
+    directions, prior = responses.directions(posterior.scale, posterior.variance)
 
     def evaluate(point: Array) -> NormalEquations:
         values, initial = problem.unpack(point)
@@ -35,19 +36,21 @@ def at_mode(fit: Fit, responses: Responses, posterior: Posterior) -> Fit:
         plain = normal_equations(pieces, len(problem.log.runs))
         if not np.isfinite(plain.cost):
             return plain
-        along, across, first = np.zeros(len(weights)), np.zeros((len(weights), point.size)), 0
+        innovations = np.concatenate([piece.innovations for _, piece in pieces])
+        taken = directions.T @ innovations
+        left = innovations - directions @ taken
+        gradient, across, first = np.zeros(point.size), np.zeros((taken.size, point.size)), 0
         for run, piece in pieces:
-            own = responses.columns[first : first + piece.innovations.size]
+            rows = slice(first, first + piece.innovations.size)
             at = places(len(problem.free), run, len(problem.log.runs))
-            along += own.T @ piece.innovations
-            across[:, at] += own.T @ piece.jacobian
-            first += piece.innovations.size
-        weighted = weights @ along
+            gradient[at] += piece.jacobian.T @ left[rows]
+            across[:, at] += directions[rows].T @ piece.jacobian
+            first = rows.stop
         return problem.with_prior(
             NormalEquations(
-                cost=plain.cost - float(along @ weighted),
-                gradient=plain.gradient - across.T @ weighted,
-                information=plain.information - across.T @ weights @ across,
+                cost=float(left @ left) + float(np.sum((prior @ taken) ** 2)),
+                gradient=gradient,
+                information=plain.information - across.T @ across,
             ),
             point,
         )

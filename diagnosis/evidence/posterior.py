@@ -80,13 +80,11 @@ def beside_discrepancy(explanation: Explanation) -> dict[frozenset[str], float]:
     found: dict[frozenset[str], float] = {frozenset(): 1.0}
     for name in sorted(explanation.names):
         whole = _kept(explanation, explanation.sizes.effects[name])
-        special, more = explanation.sizes.beyond_special.get(name, ("", np.inf))
-        wide = _kept(explanation, more)
-        ways = (
-            (frozenset({name}), whole * wide),
-            (frozenset({special}), whole * (1.0 - wide)),
-            (frozenset[str](), 1.0 - whole),
-        )
+        ways = [(frozenset({name}), whole), (frozenset[str](), 1.0 - whole)]
+        if name in explanation.sizes.beyond_special:
+            special, more = explanation.sizes.beyond_special[name]
+            wide = whole * _kept(explanation, more)
+            ways = [(frozenset({name}), wide), (frozenset({special}), whole - wide), ways[-1]]
         found = _with(found, ways)
     return found
 
