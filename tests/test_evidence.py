@@ -14,6 +14,7 @@ from diagnosis.evidence.discrepancy import _at
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import families_along, weigh
 from identification.fit import fit
+from identification.least_squares import bounded_least_squares
 from identification.log import Log
 
 FEW = ["coulomb_friction", "asymmetric_friction", "torque_offset", "quadratic_drag", "input_delay", "gravity_offset"]
@@ -106,3 +107,17 @@ def test_families_are_as_large_as_the_torque_whatever_its_unit() -> None:
     assert largest == pytest.approx(np.sqrt(np.mean(motion.torque**2)))
     milli = replace(motion, command=1e3 * motion.command, torque=1e3 * motion.torque)
     np.testing.assert_allclose(Families.along(milli).torque, 1e3 * drawn.torque, rtol=1e-9, atol=1e-9)
+
+
+def test_on_a_linear_axis_no_unit_of_length_takes_part() -> None:
+    log = log_of(9)
+    motion = weigh(base := fit(log), {"dead_zone"}, families_along(base), catalogue=5, observer=0.0).screen.motion  # type: ignore[arg-type, union-attr]
+    linear = replace(motion, turn=0.0)
+    milli = replace(linear, angle=1e3 * linear.angle, velocity=1e3 * linear.velocity)
+    np.testing.assert_allclose(Families.along(milli).reading, Families.along(linear).reading, rtol=1e-9, atol=1e-9)
+
+
+def test_a_regressor_of_rounding_alone_explains_nothing() -> None:
+    information = np.array([[1.0, 1e-3, 0.1], [1e-3, -1e-20, 1e10], [0.1, 1e10, -1e-20]])
+    found = bounded_least_squares(information, np.array([1.0, 1e-3, 0.5]))
+    assert np.isfinite(found).all()

@@ -75,7 +75,7 @@ def weigh(
     here = Linearised.at(fit, fit.bandwidth)
     if here is None:
         return None
-    noise = float(np.sqrt(np.mean(here.innovations**2)))
+    noise = float(np.sqrt(np.sum(here.innovations**2) / fit.samples))  # masked samples are zero and do not count
     found = _Weighed.at(fit, here, families, noise, names)
     beside = found.discrepancy.posterior
     if beside.scale.any():

@@ -175,8 +175,8 @@ class Signatures:
                 if at_hand is None or proposal.value > at_hand.value:
                     best[proposal.names] = proposal
         # In the last view, the one without discrepancy: the best effect, and the best two.
-        first = {max((p for p in ranked if len(p.names) == n), key=lambda p: p.value, default=None) for n in (1, 2)}
-        leading = {each.names for each in first if each is not None}
+        by_size = ([each for each in ranked if len(each.names) == size] for size in (1, 2))
+        leading = {max(some, key=lambda each: each.value).names for some in by_size if some}
         return [replace(each, leads=each.names in leading) for each in best.values()]
 
     def _ranked(self, products: Products, likelihood: float) -> list[Proposal]:
