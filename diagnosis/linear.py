@@ -19,7 +19,8 @@ from identification.noise import whiten
 from identification.predictor import PIECE, Prediction, forgetful, moves_with, run_inputs, sample_shown
 from identification.recording import Response
 from plant.discrete import INPUTS, Structure
-from plant.effects.effect import Array, Effect, Expression, Moment, parameter
+from plant.effects.effect import Array
+from plant.effects.given_load import GivenLoad
 from plant.recursion import Recursion
 from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
@@ -131,17 +132,6 @@ def score(runs: tuple[Linear, ...], innovations: Array) -> tuple[Array, Array]:
     return np.concatenate([torque for torque, _ in scores]), np.concatenate([reading for _, reading in scores])
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Push(Effect):
-    """A torque on the load, to differentiate by."""
-
-    name = "push"
-    torque: float = parameter("{torque}", "torque on the load")
-
-    def load_torque(self, at: Moment, state: Expression) -> Expression:
-        return self.torque
-
-
 def linearised(
     model: ServoModel,
     run: Run,
@@ -150,9 +140,10 @@ def linearised(
     *,
     substeps: int,
     colour: tuple[float, ...] = (),
+    load: Array | None = None,
 ) -> Linear:
-    """A run's predictor linearised along its path, with a torque on the load as its input."""
-    probe = model.with_effect(_Push(torque=0.0))
+    """A run's predictor linearised along its path, with a torque on the load as its input; `load` (T,) acts besides."""
+    probe = model.with_effect(GivenLoad(torque=0.0))
     n, samples = len(probe.states), len(run)
     closed_loop, seen = np.empty((samples, n, n)), np.empty((samples, n))
     by_torque, by_reading = np.empty((samples, n)), np.empty((samples, n))
@@ -161,7 +152,8 @@ def linearised(
         rows, values = run_inputs(run, probe, probe.values, bandwidth, 0.0, part)
         gain = rows[:, len(INPUTS) + 1 :] @ moves_with(probe).T
         corrected = prediction.states[:, part].T + gain * prediction.errors[part, None]
-        inputs = np.hstack((corrected, rows[:, : len(INPUTS)]))
+        acting = np.zeros(len(rows)) if load is None else load[part]
+        inputs = np.column_stack((corrected, rows[:, : len(INPUTS)], acting))
         _, (slopes, seen[part]) = _slopes(Structure(probe), substeps, run.positioned, run.response)((), inputs, values)
         transition = slopes[:, n:].reshape(-1, n, n).transpose(0, 2, 1)
         by_torque[part], by_reading[part] = slopes[:, :n], -np.einsum("kij,kj->ki", transition, gain)
@@ -184,12 +176,13 @@ def _slopes(structure: Structure, substeps: int, positioned: bool, response: Res
     It carries nothing: each sample stands alone.
     """
     probe = structure.model
-    n, torque = len(probe.states), probe.names.index("push.torque")
-    step = step_with_slopes(probe, (torque,), 1 + n, substeps=substeps, positioned=positioned)
+    n, load = len(probe.states), probe.names.index("given_load.torque")
+    step = step_with_slopes(probe, (load,), 1 + n, substeps=substeps, positioned=positioned)
     kind: Any = ca.SX if step.is_a("SXFunction") else ca.MX
-    row, parameters = kind.sym("row", n + len(INPUTS)), kind.sym("parameters", len(probe.names))
+    row, parameters = kind.sym("row", n + len(INPUTS) + 1), kind.sym("parameters", len(probe.names))
     followed = forgetful(probe, kind(np.hstack((np.zeros((n, 1)), np.eye(n)))))
-    _, slopes = step(row[:n], followed, row[n:], parameters)
+    given = ca.vertcat(parameters[:load], row[-1], parameters[load + 1 :])
+    _, slopes = step(row[:n], followed, row[n : n + len(INPUTS)], given)
     state, own = ca.SX.sym("state", n), ca.SX.sym("parameters", len(probe.names))
     shown = ca.densify(ca.jacobian(sample_shown(probe, response)(state, own), state))
     seen = ca.Function("seen", [state, own], [shown])(row[:n], parameters)

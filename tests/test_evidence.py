@@ -13,9 +13,14 @@ from diagnosis.by_sets import SetDiagnosis, diagnose
 from diagnosis.evidence.discrepancy import _at
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import families_along, weigh
+from identification.certainty import fit_of
 from identification.fit import fit
 from identification.least_squares import bounded_least_squares
 from identification.log import Log
+from identification.predictor import Predictor
+from identification.problem import Problem
+from plant.effects import CoulombFriction
+from plant.servo import ServoModel
 
 FEW = ["coulomb_friction", "asymmetric_friction", "torque_offset", "quadratic_drag", "input_delay", "gravity_offset"]
 
@@ -51,7 +56,7 @@ def test_one_and_two_hidden_effects_are_named_and_nothing_else() -> None:
 def test_where_nothing_is_hidden_nothing_is_missing() -> None:
     found = diagnose(log_of(6), candidates=FEW)
     assert (found.verdict, names(found), dict(found.minor)) == ("nothing_missing", [], {})
-    assert found.posterior.best.discrepancy.posterior.amplitude < 1e-3
+    assert found.posterior.best.weighed.share < 1e-3
 
 
 def test_what_no_name_explains_is_unknown_and_its_size_is_learned() -> None:
@@ -59,7 +64,7 @@ def test_what_no_name_explains_is_unknown_and_its_size_is_learned() -> None:
     assert names(found) == []
     assert found.verdict == "unknown"
     assert "angle" in found.unexplained.depends_on
-    assert 0.03 / 4.0 < found.posterior.best.discrepancy.posterior.amplitude < 0.03 * 4.0
+    assert 0.03 / 4.0 < found.posterior.best.weighed.share < 0.03 * 4.0
 
 
 def test_a_cause_larger_than_the_unmodelled_torque_keeps_its_name() -> None:
@@ -67,6 +72,40 @@ def test_a_cause_larger_than_the_unmodelled_torque_keeps_its_name() -> None:
     found = diagnose(with_smooth_torque(hidden, 0.01), candidates=FEW)
     assert "coulomb_friction" in names(found)
     assert found.posterior.over_discrepancy("coulomb_friction") > 3.0
+
+
+@pytest.mark.parametrize("size", [0.03, 0.1])
+def test_beside_the_discrepancy_parameters_are_nearer_to_the_truth_than_by_least_squares(size: float) -> None:
+    log = with_smooth_torque(log_of(8, coulomb_friction={"torque": 0.5}), size)
+    model = ServoModel.paper().with_effect(CoulombFriction(torque=0.5))
+    plain = fit(log, model)
+    families = families_along(plain)
+    slower = Problem.of(log, model).minimise(
+        Problem.of(log, model).pack(plain.model.values, plain.initial), plain.bandwidth / 4.0, 0.0
+    )
+    least_squares = fit_of(Problem.of(log, model), plain.bandwidth / 4.0, slower, 0)
+    beside = weigh(least_squares, {"dead_zone"}, families, catalogue=5, observer=plain.bandwidth)  # type: ignore[arg-type]
+    assert beside is not None
+    error = [abs(found.model.inertia - 2.0) for found in (least_squares, beside.fit)]
+    assert error[1] < 0.5 * error[0]
+    assert size / 4.0 < beside.weighed.share < size * 4.0
+
+
+def test_a_given_load_acts_as_a_torque_on_the_load() -> None:
+    log = log_of(3)
+    (run,) = log.runs
+    model = replace(ServoModel.paper(), effects=())
+    load = 0.3 * np.sin(run.time)
+    plain = Predictor(model=model, runs=(run,), free=())
+    other = Predictor(model=model, runs=(replace(run, command=run.command + load),), free=())
+    by_load, by_command = (
+        each.predict(model.values, np.zeros((1, 2)), bandwidth=0.0, width=0.0)[0].errors
+        for each in (replace(plain, loads=(load,)), other)
+    )
+    np.testing.assert_allclose(by_load, by_command, atol=1e-12)
+    assert (
+        np.abs(by_load - plain.predict(model.values, np.zeros((1, 2)), bandwidth=0.0, width=0.0)[0].errors).max() > 0.01
+    )
 
 
 def test_probabilities_of_the_sets_sum_to_one_and_a_name_has_those_of_its_sets() -> None:

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.linalg import qr
 
 from diagnosis.evidence.families import Families
 from diagnosis.linear import Linear, response
@@ -72,17 +71,6 @@ class Responses:
         on_reading = response(filters, noise * families.reading, on_reading=True)
         bounded = np.nan_to_num(-np.hstack((on_torque, on_reading)), nan=0.0, posinf=0.0, neginf=0.0)
         return cls(columns=np.where(np.abs(bounded) < _HUGE, bounded, 0.0), variables=families.variables)
-
-    def directions(self, scale: Array, variance: float) -> tuple[Array, Array]:
-        """(T, K) Q and (K, K) S of least squares over the coefficients with their prior, so that Q'Q + S'S = I.
-
-        I - Q Q' is the inverse covariance times s^2, and e'(I - Q Q')e = |e - Q Q'e|^2 + |S Q'e|^2: no difference of
-        large numbers, of which little would be left where the families explain nearly all.
-        """
-        free = scale > 0.0
-        stacked = np.vstack((self.columns[:, free] * scale[free], np.sqrt(variance) * np.eye(int(free.sum()))))
-        orthonormal = qr(stacked, mode="economic")[0]
-        return orthonormal[: len(self.columns)], orthonormal[len(self.columns) :]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -130,7 +130,7 @@ def _retune(found: Explored) -> None:
         ways: list[Explanation | None] = []
         while best.fit.bandwidth:
             bandwidth = best.fit.bandwidth / _STEP
-            moved = found.weighed(_fitted(best.fit, [best.fit.model], bandwidth if bandwidth > slowest else 0.0))
+            moved = found.weighed(_fitted(best.plain, [best.plain.model], bandwidth if bandwidth > slowest else 0.0))
             ways.append(moved)
             if moved is None or moved.log_marginal <= best.log_marginal:
                 break
@@ -162,19 +162,19 @@ def _replace(found: Explored) -> None:
 
 def _narrowed(found: Explored, best: Explanation) -> list[Explanation]:
     """The sets with the special case of an effect in its place."""
-    model, tried = best.fit.model, []
+    model, tried = best.plain.model, []
     for name in sorted(best.names):
         effect = model.effect(name)
         for special in effect.reduced()[:1] if effect is not None else ():
             if special.name in found.effects and not model.without_effect(name).holds(special.name):
                 narrow = model.without_effect(name).with_effect(special)
-                tried.append(found.weighed(_fitted(best.fit, [narrow], best.fit.bandwidth)))
+                tried.append(found.weighed(_fitted(best.plain, [narrow], best.plain.bandwidth)))
     found.add(tried)
     return [found.known[each.names] for each in tried if each is not None]
 
 
 def _in_place(found: Explored, less: Explanation, out: frozenset[str]) -> list[tuple[Explanation, Proposal]]:
-    """What promises about as much beside a set as the names that were taken out of it.
+    """What promises about as much beside a set as the names that were taken out of it, and what has one as special case.
 
     Of a chaotic effect a promise says little, so it is asked for where it is confounded with such a name.
     """
@@ -184,8 +184,11 @@ def _in_place(found: Explored, less: Explanation, out: frozenset[str]) -> list[t
     ranked = sorted(others, key=lambda each: -each.value)
     near = [each for each in ranked if each.value >= own - max(_BELOW, _NEAR * own)][:_ASKED]
     alike = frozenset[str]().union(*(_confounded(found.effects, name) for name in out))
-    chaotic = [each for each in others if each.names <= alike and each.starts[0][0].chaotic and each not in near]
-    return [(less, each) for each in (*near, *chaotic)]
+    for each in others:
+        effect = each.starts[0][0]
+        if each not in near and (out & set(effect.contains) or (effect.chaotic and effect.name in alike)):
+            near.append(each)
+    return [(less, each) for each in near]
 
 
 def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str]:
@@ -196,13 +199,13 @@ def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str
 
 def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanation | None:
     """The set without some names, behind the same observer or behind that of the base model, whichever suits it."""
-    names, model = best.names - out, best.fit.model
+    names, model = best.names - out, best.plain.model
     for name in out:
         model = model.without_effect(name)
     observers = {best.fit.bandwidth} if found.held else {best.fit.bandwidth, found.null.bandwidth}
     for bandwidth in sorted(observers):
         if (names, bandwidth) not in found.fits:
-            found.add([found.weighed(_fitted(best.fit, [model], bandwidth))])
+            found.add([found.weighed(_fitted(best.plain, [model], bandwidth))])
     known = [found.fits[names, each] for each in observers if (names, each) in found.fits]
     return max(known, key=lambda each: each.log_marginal, default=None)
 
@@ -258,8 +261,8 @@ def _try(found: Explored, pairs: Sequence[tuple[Explanation, Proposal]], bandwid
 
 def _tried(found: Explored, parent: Explanation, proposal: Proposal, bandwidth: float) -> Iterator[Explanation | None]:
     """One of them, behind the observer of what is there and a slower one; nothing where it says no more than that."""
-    fit = _with(parent.fit, proposal, parent.fit.bandwidth)
-    if fit.log_likelihood <= parent.fit.log_likelihood + _NOTHING:
+    fit = _with(parent.plain, proposal, parent.plain.bandwidth)
+    if fit.log_likelihood <= parent.plain.log_likelihood + _NOTHING:
         return
     weighed = found.weighed(fit)
     yield weighed
@@ -276,13 +279,13 @@ def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -
     Where such a set is likelier there than the best of the others, all go on behind that observer.
     """
     bandwidth = max(HELD / found.null.log.sample_time, *(parent.fit.bandwidth for parent, _ in chosen))
-    tried = side_by_side(lambda pair: found.weighed(_with(pair[0].fit, pair[1], bandwidth)), chosen)
+    tried = side_by_side(lambda pair: found.weighed(_with(pair[0].plain, pair[1], bandwidth)), chosen)
     loose = max((each for each in tried if each is not None), key=lambda each: each.log_marginal, default=None)
     if found.held or loose is None:
         found.add(tried)
         return
     best = found.best
-    rival = found.weighed(_fitted(best.fit, [best.fit.model], loose.fit.bandwidth))
+    rival = found.weighed(_fitted(best.plain, [best.plain.model], loose.fit.bandwidth))
     if rival is None or loose.log_marginal > rival.log_marginal:
         found.held, found.fits = True, {}
         found.add((*tried, rival))

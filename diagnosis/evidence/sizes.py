@@ -36,11 +36,21 @@ class Sizes:
 
     @classmethod
     def of(
-        cls, fit: Fit, names: Collection[str], families: Families, noise: float, functions: Array, observer: float
+        cls,
+        fit: Fit,
+        names: Collection[str],
+        families: Families,
+        noise: float,
+        functions: Array,
+        load: Array,
+        observer: float,
     ) -> Sizes:
-        """Of the effects of a fitted set and of a discrepancy with such coefficients (M + R,), behind an observer."""
+        """Of the effects of a fitted set and of a discrepancy with such coefficients (M + R,), behind an observer.
+
+        While a torque (T,) acts on the load [N m].
+        """
         bandwidth = max(observer, fit.bandwidth)
-        here = Linearised.at(fit, bandwidth)
+        here = Linearised.at(fit, bandwidth, load)
         if here is None:
             return cls(effects=dict.fromkeys(names, np.inf), beyond_special={}, discrepancy=0.0)
         columns = Responses.of(families, here.filters, noise).columns
@@ -52,7 +62,7 @@ class Sizes:
 
 
 def _size(fit: Fit, here: Linearised, name: str, bandwidth: float) -> float:
-    _, without = predicted(fit, fit.model.without_effect(name), bandwidth)
+    _, without = predicted(fit, fit.model.without_effect(name), bandwidth, here.load)
     own = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] == name]
     return _change(without, here, here.nuisance(own))
 
@@ -63,7 +73,8 @@ def _beyond_special(
     for effect in fit.model.effects:
         for special in effect.reduced()[:1] if effect.name in names else ():
             if fit.model.effect(special.name) is None:
-                _, other = predicted(fit, fit.model.without_effect(effect.name).with_effect(special), bandwidth)
+                narrow = fit.model.without_effect(effect.name).with_effect(special)
+                _, other = predicted(fit, narrow, bandwidth, here.load)
                 yield effect.name, (special.name, _change(other, here, Nuisance.of(other)))
 
 
