@@ -138,7 +138,7 @@ class Recursion:
 def _own(source: str) -> str:
     """The generated code for nobody but the loop: unseen from outside, the compiler may drop it or put it in its place.
 
-    That makes the rows a tenth faster, and the compiler too.
+    That makes the rows 4 to 15 % faster and the compiler 6 %.
     """
     hidden = re.sub(r"^(casadi_\w+|void) casadi_", r"static \1 casadi_", source, flags=re.MULTILINE)
     return f"#define CASADI_SYMBOL_EXPORT static\n{hidden}"
