@@ -18,7 +18,7 @@ from scipy import signal
 from identification.log import Log, Run
 from identification.run_parameters import own_model
 from plant.discrete import Structure
-from plant.effects import Moment, State
+from plant.effects import Effect, Moment, State
 from plant.effects.effect import Array
 from plant.recursion import Recursion
 from plant.servo import ServoModel
@@ -172,6 +172,8 @@ def _passive(structure: Structure) -> Recursion:
 
 def _true_angle(model: ServoModel, reading: Array) -> Array:
     """(T,) angle that a sensor of small error shows as a reading (T,), the sensor's lag aside."""
+    if all(effect.states or type(effect).reading is Effect.reading for effect in model.effects):
+        return reading  # as it is
     shown = _shown(Structure(model))((), reading[:, None], model.values)[1][0][:, 0]
     return np.asarray(reading - (shown - reading))
 

@@ -10,11 +10,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of numpy and scipy, which 
 
 LONG = (
     "test_datasets",
+    "test_demo",
     "test_emps",
     "test_hidden_effects",
     "test_search",
-    "test_separating_file",
     "test_unknown",
+    "test_wandering",
 )
 
 

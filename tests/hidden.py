@@ -27,7 +27,8 @@ Values = Mapping[str, float]
 class Hidden:
     """One effect to hide: its parameters at a size, the sizes, and the parameters by which its size is judged.
 
-    The host is what it is hidden in: a machine of (4) and (6), the paper's by default.
+    The host is what it is hidden in: a machine of (4) and (6), the paper's by default. What moves fast shows often and
+    takes many steps of integration in a sample: its log is shorter.
     """
 
     effect: str
@@ -35,6 +36,7 @@ class Hidden:
     sizes: tuple[float, float, float]
     judged: tuple[str, ...]
     host: Machine = field(default_factory=Machine)
+    duration: float = 40.0  # of the log that the tests diagnose [s]
 
     @property
     def base(self) -> ServoModel | None:
@@ -65,6 +67,7 @@ CASES = (
         at=lambda s: {"time_constant": s},
         sizes=(0.0005, 0.0012, 0.0055),
         judged=("time_constant",),
+        duration=20.0,
     ),
     Hidden(effect="dead_zone", at=lambda s: {"half_width": s}, sizes=(0.001, 0.011, 0.2), judged=("half_width",)),
     Hidden(effect="torque_offset", at=lambda s: {"torque": s}, sizes=(0.0003, 0.004, 0.15), judged=("torque",)),
@@ -97,8 +100,15 @@ CASES = (
         at=lambda s: {"frequency": 30.0 / s, "damping": 0.05, "motor_share": 0.3},
         sizes=(0.24, 0.34, 0.52),
         judged=("frequency",),
+        duration=10.0,
     ),
-    Hidden(effect="backlash", at=lambda s: {"gap": s, "motor_share": 0.3}, sizes=(0.002, 0.005, 0.02), judged=("gap",)),
+    Hidden(
+        effect="backlash",
+        at=lambda s: {"gap": s, "motor_share": 0.3},
+        sizes=(0.002, 0.005, 0.02),
+        judged=("gap",),
+        duration=10.0,
+    ),
     Hidden(
         effect="load_dependent_friction",
         at=lambda s: {"coefficient": s},
@@ -110,6 +120,7 @@ CASES = (
         at=lambda s: {"torque": s, "stiffness": 27.0 * s},
         sizes=(0.002, 0.02, 0.3),
         judged=("torque", "stiffness"),
+        duration=20.0,
     ),
     Hidden(
         effect="cable_stiffness",

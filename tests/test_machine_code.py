@@ -147,6 +147,14 @@ def test_threads_do_not_disturb_each_other() -> None:
 
 
 @with_compiler
+@pytest.mark.parametrize("name", ["shown", "rows", "casadi"])
+def test_a_function_may_have_any_name(name: str) -> None:
+    """One called `shown`, as a variable of the loop is, was compiled anew each time, and each time in vain."""
+    row = ca.SX.sym("row", 2)
+    assert Recursion(ca.Function(name, [row], [ca.sumsqr(row)]), carried=0).wait()
+
+
+@with_compiler
 def test_what_was_compiled_is_found_again() -> None:
     first = example()
     assert first._code.library is None  # the compiler has just begun

@@ -19,7 +19,7 @@ from plant.discrete import integration_steps
 from plant.effects import ActuatorLag, Backlash, Compliance, PayloadChange, PreslidingHysteresis
 from plant.effects.effect import POSITIVE, parameters_of
 
-TORQUE, TIME = 1e-4, 0.05  # of the small servo over the large one's: 2 s of samples 0.25 ms apart
+TORQUE, TIME = 1e-4, 0.05  # of the small servo over the large one's: half a second of samples 0.25 ms apart
 RIVALS = ["backlash", "compliance", "input_delay", "actuator_lag"]
 SIZES = {"compliance": 0.34}
 
@@ -34,7 +34,7 @@ def smaller(log: Log, torque: float = TORQUE, time: float = TIME) -> Log:
 def test_the_drivetrain_of_a_small_servo_is_named(case: Hidden) -> None:
     """Once no swing above 1000 rad/s was looked for: a spring then was nothing at all."""
     size = SIZES[case.effect]
-    log, held_out = (smaller(log) for log in logs_of(case.machine(size), seed=12, duration=20.0))
+    log, held_out = (smaller(log) for log in logs_of(case.machine(size), seed=12, duration=10.0))
     found = diagnose(log, None, held_out, candidates=RIVALS)
     (cause,) = found.causes
     assert (found.verdict, cause.effect) == ("named", case.effect)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import pytest
 from machine import Machine, excitation, load_fluctuation, record
 from scipy.stats import multivariate_normal
 
-from diagnosis import diagnose
+from diagnosis import Diagnosis, diagnose
 from diagnosis.candidates import chosen
 from diagnosis.missing_torque import named_on
 from diagnosis.odds import smooth_evidence
@@ -28,8 +29,17 @@ from plant.effects.varying import FrictionOverTurn
 TURN = {"low": 0.0, "high": 2.0 * np.pi}
 
 
+CABLE = {"cable_stiffness": {"stiffness": 0.1, "cubic": 0.002, "rest_angle": 0.4}}
+
+
 def log_of(**hidden: dict[str, float]) -> Log:
     return record(Machine().hiding(**hidden), excitation(1, duration=30.0)).log()
+
+
+@cache
+def cable_beside_gravity() -> Diagnosis:
+    """What is found of a cable if all that is asked for is an offset of gravity."""
+    return diagnose(log_of(**CABLE), candidates=["gravity_offset"])
 
 
 @pytest.mark.parametrize(
@@ -43,7 +53,7 @@ def log_of(**hidden: dict[str, float]) -> Log:
             r"looks like -0\.0\d+ v \|v\| \[N m\], beside viscous friction",
         ),
         (
-            {"cable_stiffness": {"stiffness": 0.1, "cubic": 0.002, "rest_angle": 0.4}},
+            CABLE,
             ("torque_offset", "gravity_offset", "cogging", "asymmetric_friction"),
             "angle",
             "curve_over_angle",
@@ -64,20 +74,20 @@ def test_what_the_catalogue_lacks_is_unknown_and_its_gain_is_had(
 ) -> None:
     """One beside the whole catalogue; for time the others beside those of it that stand near."""
     (name,) = hidden
-    found = diagnose(log_of(**hidden), candidates=near, exclude=[name])
+    log = log_of(**hidden)
+    found = diagnose(log, candidates=near, exclude=[name])
     assert found.verdict == "unknown"
     assert found.causes == ()
     assert found.unexplained.depends_on[0] == variable
     assert carried in [effect.name for effect in found.model.effects]
-    told = diagnose(log_of(**hidden), candidates=[name])
+    told = diagnose(log, candidates=[name])
     assert [cause.effect for cause in told.causes] == [name]
     assert found.gain.cut > 0.9 * told.gain.cut
     assert any(re.search(formula, warning) for warning in found.warnings)
 
 
 def test_names_that_explain_clearly_less_than_a_curve_are_dropped_for_it() -> None:
-    log = log_of(cable_stiffness={"stiffness": 0.1, "cubic": 0.002, "rest_angle": 0.4})
-    found = diagnose(log, candidates=["gravity_offset"])
+    found = cable_beside_gravity()
     assert found.candidates[0].probability > 0.99  # the search had found it
     assert found.verdict == "unknown"
     assert found.causes == ()
@@ -88,10 +98,7 @@ def test_names_that_explain_clearly_less_than_a_curve_are_dropped_for_it() -> No
 @pytest.mark.long
 def test_true_names_that_what_has_none_does_not_far_outdo_are_weighed() -> None:
     """Beside a load that shakes: curves would explain nearly as much."""
-    hidden = {
-        "cable_stiffness": {"stiffness": 0.1, "cubic": 0.002, "rest_angle": 0.4},
-        "coulomb_friction": {"torque": 0.3},
-    }
+    hidden = {**CABLE, "coulomb_friction": {"torque": 0.3}}
     rough = load_fluctuation(3, 0.02, (6000, 1), correlation_time=0.02)
     log = record(Machine().hiding(**hidden), excitation(1, duration=30.0), load_torque=rough).log()
     told: list[str] = []
@@ -126,8 +133,7 @@ def test_what_no_curve_explains_is_carried_by_what_is_richer(
 
 def test_gravity_stays_what_it_was_beside_a_curve_over_the_angle() -> None:
     """It is such a curve itself: set free, the two run off against one another, and beyond the knots it shows."""
-    log = log_of(cable_stiffness={"stiffness": 0.1, "cubic": 0.002, "rest_angle": 0.4})
-    found = diagnose(log, candidates=["gravity_offset"])
+    found = cable_beside_gravity()
     assert found.model.effect("curve_over_angle") is not None
     assert found.model.gravity == found.base.model.gravity
 
