@@ -174,7 +174,7 @@ def _narrowed(found: Explored, best: Explanation) -> list[Explanation]:
 
 
 def _in_place(found: Explored, less: Explanation, out: frozenset[str]) -> list[tuple[Explanation, Proposal]]:
-    """What promises about as much beside a set as the names that were taken out of it, and what has one as special case.
+    """What promises about as much beside a set as the names that were taken out of it, and wider forms of them.
 
     Of a chaotic effect a promise says little, so it is asked for where it is confounded with such a name.
     """
