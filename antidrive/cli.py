@@ -141,7 +141,7 @@ def predict(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Simulate freely what a model says will follow from a log's command."""
+    """Simulate a log from its command alone (free-run), with a model."""
     from antidrive import commands
 
     voice = commands.Voice(quiet=quiet, json=json)

@@ -194,7 +194,7 @@ def test_ur10e_put_down_no_load_where_its_sweep_begins():
     assert any(candidate.effect == "payload_change" and candidate.probability > 0.5 for candidate in found.candidates)
     assert set(causes) == {"presliding_hysteresis", "load_dependent_friction", "encoder_eccentricity"}
     assert causes["encoder_eccentricity"].parameters["order"].value == pytest.approx(128.1, abs=0.5)  # a turn
-    assert any("Payload change would fit too" in warning for warning in found.warnings)
+    assert any("Payload change is rejected: a smooth function" in warning for warning in found.warnings)
     assert found.torque_error.held_out_after < 0.02  # a regression with Coulomb friction leaves 0.032
 
 

@@ -168,7 +168,7 @@ def test_a_diagnosis_says_which_name_it_has_dropped() -> None:
     hidden = {**GIVES, **PULLS}
     found = diagnose(sweep(hidden), None, sweep(hidden), candidates=["payload_change", "cable_stiffness"])
     assert [cause.effect for cause in found.causes] == ["cable_stiffness"]
-    (dropped,) = (warning for warning in found.warnings if "would fit too" in warning)
+    (dropped,) = (warning for warning in found.warnings if "is rejected: a smooth function" in warning)
     assert dropped.startswith("Payload change")
     # What gives before it slides may not be named: it stands beside the cable, and both leave nothing.
     assert found.model.effect("hysteresis") is not None
