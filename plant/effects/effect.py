@@ -189,6 +189,10 @@ class Effect:
         """The torque that leaves the effect when `torque` enters it [N m], at a velocity of the motor."""
         return torque
 
+    def command_for(self, torque: Expression, velocity: Expression) -> Expression:
+        """The torque that must enter the effect so that `torque` leaves it [N m]; the inverse of `command`."""
+        return torque
+
     # ... in the drivetrain, if it is flexible ...
 
     def share(self) -> Expression:
