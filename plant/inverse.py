@@ -24,9 +24,8 @@ if TYPE_CHECKING:
 
     from plant.servo import ServoModel
 
-MOTION = ("angle", "velocity", "acceleration")
 _LOAD = ("load_torque", "dry_friction", "added_inertia")
-_NEWTON = 6  # steps to a torque on which friction depends; one is exact where the dependence is a straight line
+_NEWTON = 6  # steps to a torque on which friction depends
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,7 +76,7 @@ def inverse(model: ServoModel, angle: ArrayLike, velocity: ArrayLike, accelerati
         raise BadParameter("inverse: angle, velocity and acceleration must have the same length.") from None
     if x.ndim != 1 or x.size == 0:
         raise BadParameter("inverse: give angle, velocity and acceleration as numbers or as (T,) arrays.")
-    for name, values in zip(MOTION, (x, v, a), strict=True):
+    for name, values in zip(moving(model), (x, v, a), strict=True):
         if not np.isfinite(values).all():
             raise BadParameter(f"inverse: {name} is not finite in row {int(np.argmin(np.isfinite(values)))}.")
     names, shares = _followed(model.without_clock(), np.vstack((x, v, a)))
@@ -126,6 +125,12 @@ def strength(model: ServoModel) -> str:
     return "torque" if model.axis == "rotary" else "force"
 
 
+def moving(model: ServoModel) -> dict[str, str]:
+    """What the motion of the load is called, and its units."""
+    place, length = ("angle", "rad") if model.axis == "rotary" else ("position", "m")
+    return {place: length, "velocity": f"{length}/s", "acceleration": f"{length}/s^2"}
+
+
 def torque_unit(model: ServoModel) -> str:
     """The unit of that."""
     return model.torque_unit or {"rotary": "N m", "linear": "N"}[model.axis]
@@ -133,12 +138,12 @@ def torque_unit(model: ServoModel) -> str:
 
 def inverse_equations(model: ServoModel) -> InverseEquations:
     """The inverse of a model without clocked effects, whose parameters may be numbers or symbols."""
-    x, v, a = motion = [ca.SX.sym(name) for name in MOTION]
+    x, v, a = motion = [ca.SX.sym(name) for name in moving(model)]
     states = _states(model)
-    memory = [ca.SX.sym(name) for name in ("angle_before", *(f"{effect.name}_state" for effect in states))]
+    memory = [ca.SX.sym(name) for name in (f"{x.name()}_before", *(f"{effect.name}_state" for effect in states))]
     travel = x - memory[0]
     held = {e.name: e.slide(state, travel) for e, state in zip(states, memory[1:], strict=True)}
-    towards = ca.if_else(v == 0, ca.sign(a), ca.sign(v))
+    towards = ca.sign(ca.if_else(v == 0, a, v))
 
     def load_shares(torque: Expression) -> dict[str, Expression]:
         at = Moment(angle=x, velocity=v, torque=torque, inertia=model.inertia)
@@ -187,12 +192,16 @@ def _against(levels: tuple[Expression, Expression] | None, towards: Expression) 
 
 
 def _arriving(load_shares: Any) -> Expression:
-    """The torque at the load, on which its own friction may depend: found by Newton's method."""
+    """The torque at the load, on which its own friction may depend: found by Newton's method.
+
+    One step is exact where the dependence is a straight line, and two where it has a kink at zero.
+    """
     torque = ca.SX.sym("torque")
     short = ca.SX(sum(load_shares(torque).values())) - torque
     slope, guess = ca.jacobian(short, torque), ca.SX(0)
     better = torque - short / slope
-    for _ in range(1 if slope.is_constant() else _NEWTON):
+    straight = ca.jacobian(slope, torque).is_zero()
+    for _ in range(1 if slope.is_constant() else 2 if straight else _NEWTON):
         guess = ca.substitute(better, torque, guess)
     return guess
 
