@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from antidrive import __version__, completion
+from antidrive.common_words import OUT, Force, Json, Out, Quiet, Seed
 from antidrive.examples import told
 from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, PerRun, Prior, fit_options
 from antidrive.log_words import with_log
@@ -20,18 +21,12 @@ from antidrive.program import run
 
 app = typer.Typer()
 
-Out = Annotated[Path, typer.Option(help="Folder for the results.")]
 Holdout = Annotated[
     list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Log to validate on; may be repeated.")
 ]
 Base = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model to start from, instead of eqs. (4)+(6).")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else.")]
-Force = Annotated[bool, typer.Option("--force", help="Go on with a log that contradicts every machine.")]
 MinTorque = Annotated[float, typer.Option(help="Least torque of each pinion [N m].")]
 MaxTorque = Annotated[float, typer.Option(help="Greatest torque of each pinion [N m].")]
-OUT = Path("antidrive-out")
 
 
 def _say_version(wanted: bool) -> None:
@@ -249,15 +244,22 @@ def export(
     max_torque: MaxTorque = 0.3,
     single: Annotated[bool, typer.Option("--single", help="Calculate in single precision.")] = False,
     fmu: Annotated[bool, typer.Option("--fmu", help="Write controller and plant as FMUs instead.")] = False,
+    feedforward: Annotated[
+        bool, typer.Option("--feedforward", help="Write the inverse model instead, as C99 and Structured Text.")
+    ] = False,
     effects: Effects = None,
     out: Out = OUT,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Write the controller as C99 for a target, with driver, CMakeLists.txt, README.txt; or as FMU with its plant."""
-    from antidrive import commands, drive_commands
+    from antidrive import commands, drive_commands, model_commands
     from plant.gears import GearTrain
 
+    voice = commands.Voice(quiet=quiet, json=json)
+    if feedforward:
+        model_commands.feedforward(model, single=single, effects=effects, out=out, voice=voice)
+        return
     drive_commands.export(
         model,
         GearTrain(pinion_teeth=pinion_teeth, follower_teeth=follower_teeth),
@@ -269,7 +271,7 @@ def export(
         fmu=fmu,
         effects=effects,
         out=out,
-        voice=commands.Voice(quiet=quiet, json=json),
+        voice=voice,
     )
 
 

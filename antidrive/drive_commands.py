@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from antidrive import report
 from antidrive.output import whole_folder, written
-from antidrive.own_effects import read_own_model
+from antidrive.own_effects import read_identified
 from antidrive.provenance import Provenance
 from antidrive.voice import Voice
-from identification.errors import Unidentifiable
 from plant.errors import BadParameter
 
 if TYPE_CHECKING:
@@ -99,13 +98,7 @@ def export(
 
     if fmu and single:
         raise BadParameter("An FMU calculates in double precision; leave --single or --fmu out.")
-    read = read_own_model(model, effects)
-    if not read.identified:
-        raise Unidentifiable(
-            f"{model}: no parameter of this model was identified, its values are those that the fit began with; "
-            "identify it from a log that shows them, or write a model by hand."
-        )
-    servo = read.model
+    servo = read_identified(model, effects).model
     with whole_folder(out) as draft, voice.progress("compiling the controller") as progress:
         controller = Controller(servo, gears, **numbers)
         told, content = (

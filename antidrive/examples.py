@@ -34,6 +34,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "export": (
         "antidrive export model.json --out target --single",
         "antidrive export model.json --fmu --pinion-teeth 18 18 --follower-teeth 144",
+        "antidrive export model.json --feedforward --single",
     ),
 }
 

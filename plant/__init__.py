@@ -5,6 +5,7 @@ from __future__ import annotations
 from plant.discrete import sample_step
 from plant.effects import Effect, catalogue
 from plant.errors import AntidriveError, BadModelFile, BadParameter
+from plant.feedforward import Feedforward, feedforward_code
 from plant.fleet import Fleet
 from plant.fmu import Fmu
 from plant.gears import GearTrain, Ratios
@@ -20,6 +21,7 @@ __all__ = [
     "BadModelFile",
     "BadParameter",
     "Effect",
+    "Feedforward",
     "Fleet",
     "Fmu",
     "GearTrain",
@@ -28,6 +30,7 @@ __all__ = [
     "Rig",
     "ServoModel",
     "catalogue",
+    "feedforward_code",
     "linearise",
     "read_model",
     "sample_step",

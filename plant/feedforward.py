@@ -58,7 +58,7 @@ class Feedforward:
         }
 
 
-def feedforward(model: ServoModel, *, single: bool = False, name: str = "antidrive") -> Feedforward:
+def feedforward_code(model: ServoModel, *, single: bool = False, name: str = "antidrive") -> Feedforward:
     """The inverse of a model as C99 and as Structured Text: set-points in, torque and its shares out.
 
     Args:

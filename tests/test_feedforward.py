@@ -28,7 +28,7 @@ from plant.effects import (
 )
 from plant.effects.curve import CurveOverTorque, CurveOverVelocity
 from plant.effects.varying import FrictionOverTurn
-from plant.feedforward import Feedforward, feedforward
+from plant.feedforward import Feedforward, feedforward_code
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
 MATIEC = os.environ.get("MATIEC")  # the folder in which matiec was built: iec2c, and lib beside it
@@ -101,7 +101,7 @@ def compiled(made: Feedforward, folder: Path) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("single", [False, True])
 @pytest.mark.parametrize("name", MODELS)
 def test_the_c_code_gives_the_torque_of_the_model(name, single, tmp_path):
-    model, made = MODELS[name], feedforward(MODELS[name], single=single, name="elbow")
+    model, made = MODELS[name], feedforward_code(MODELS[name], single=single, name="elbow")
     torque, shares = compiled(made, tmp_path)
     wanted = expected(model)
     close = {"rtol": 2e-5, "atol": 2e-5} if single else {"rtol": 1e-12, "atol": 1e-12}
@@ -153,7 +153,7 @@ def evaluated(text: str, rows: np.ndarray) -> list[dict[str, float]]:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_the_structured_text_gives_the_torque_of_the_model(name):
-    model, made = MODELS[name], feedforward(MODELS[name], name="elbow")
+    model, made = MODELS[name], feedforward_code(MODELS[name], name="elbow")
     found = evaluated(made.files["elbow_feedforward.st"], motion())
     wanted = expected(model)
     for share in made.shares:
@@ -186,7 +186,7 @@ int main(void) {
 @pytest.mark.parametrize("single", [False, True])
 @pytest.mark.parametrize("name", MODELS)
 def test_matiec_compiles_the_structured_text(name, single, tmp_path):
-    model, made = MODELS[name], feedforward(MODELS[name], single=single, name="elbow")
+    model, made = MODELS[name], feedforward_code(MODELS[name], single=single, name="elbow")
     (tmp_path / "elbow.st").write_text(made.files["elbow_feedforward.st"])
     library = Path(str(MATIEC)) / "lib"
     subprocess.run([f"{MATIEC}/iec2c", "-I", library, "-T", tmp_path, tmp_path / "elbow.st"], check=True)
@@ -201,7 +201,7 @@ def test_matiec_compiles_the_structured_text(name, single, tmp_path):
 
 
 def test_units_and_limits_are_in_the_header():
-    made = feedforward(NAMED, name="elbow_2", single=True)
+    made = feedforward_code(NAMED, name="elbow_2", single=True)
     header, source, block = made.files.values()
     assert "angle [rad], velocity [rad/s], acceleration [rad/s^2]" in header
     assert "typedef float elbow_2_real;" in header
@@ -216,7 +216,7 @@ def test_units_and_limits_are_in_the_header():
 
 
 def test_a_linear_axis_has_its_units():
-    header = feedforward(LINEAR).files["antidrive_feedforward.h"]
+    header = feedforward_code(LINEAR).files["antidrive_feedforward.h"]
     assert "force [N]" in header
     assert "position [m], velocity [m/s], acceleration [m/s^2]" in header
 
@@ -224,4 +224,4 @@ def test_a_linear_axis_has_its_units():
 @pytest.mark.parametrize("name", ["", "Elbow", "2nd", "a__b", "a-b", "elbow_"])
 def test_a_name_that_is_no_identifier_is_refused(name):
     with pytest.raises(BadParameter, match="small letters"):
-        feedforward(NAMED, name=name)
+        feedforward_code(NAMED, name=name)
