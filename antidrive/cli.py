@@ -18,6 +18,7 @@ from antidrive.examples import told
 from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, PerRun, Prior, fit_options
 from antidrive.log_words import with_log
 from antidrive.program import run
+from antidrive.table_command import table
 
 app = typer.Typer()
 
@@ -273,6 +274,10 @@ def export(
         out=out,
         voice=voice,
     )
+
+
+for _command in (table,):
+    app.command(epilog=told(_command.__name__))(_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from plant.discrete import sample_step
+from plant.drive_table import DriveTable, drive_table
 from plant.effects import Effect, catalogue
 from plant.errors import AntidriveError, BadModelFile, BadParameter
 from plant.feedforward import Feedforward, feedforward_code
@@ -20,6 +21,7 @@ __all__ = [
     "AntidriveError",
     "BadModelFile",
     "BadParameter",
+    "DriveTable",
     "Effect",
     "Feedforward",
     "Fleet",
@@ -30,6 +32,7 @@ __all__ = [
     "Rig",
     "ServoModel",
     "catalogue",
+    "drive_table",
     "feedforward_code",
     "linearise",
     "read_model",
