@@ -220,7 +220,9 @@ def _position_error(model: ServoModel) -> tuple[str, Parts, list[str]]:
     def true(shown: Array) -> Array:
         found = shown
         for _ in range(_ROUNDS):
-            found = shown - sum(effect.curve(found) for effect in errors)
+            before, found = found, shown - sum(effect.curve(found) for effect in errors)
+            if np.array_equal(before, found):
+                break
         return found
 
     parts: Parts = {e.name: lambda shown, e=e: e.curve(true(shown)) for e in errors}  # type: ignore[misc]
