@@ -16,6 +16,7 @@ from antidrive import __version__, completion
 from antidrive.common_words import OUT, Force, Json, Out, Quiet, Seed
 from antidrive.examples import told
 from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, PerRun, Prior, fit_options
+from antidrive.friction_command import friction
 from antidrive.log_words import with_log
 from antidrive.program import run
 from antidrive.table_command import table
@@ -276,7 +277,7 @@ def export(
     )
 
 
-for _command in (table,):
+for _command in (table, friction):
     app.command(epilog=told(_command.__name__))(_command)
 
 

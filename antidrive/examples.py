@@ -36,6 +36,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "antidrive export model.json --fmu --pinion-teeth 18 18 --follower-teeth 144",
         "antidrive export model.json --feedforward --single",
     ),
+    "friction": (
+        "antidrive friction staircase.csv",
+        "antidrive friction sweep.csv --torque-constant 0.035 && antidrive table friction antidrive-out/model.json",
+    ),
     "table": (
         "antidrive table friction model.json --points 64",
         "antidrive table cogging model.json --range 0:6.2832 --single",
