@@ -18,6 +18,7 @@ from antidrive.examples import told
 from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, PerRun, Prior, fit_options
 from antidrive.friction_command import friction
 from antidrive.log_words import with_log
+from antidrive.plan_command import plan
 from antidrive.program import run
 from antidrive.table_command import table
 
@@ -277,7 +278,7 @@ def export(
     )
 
 
-for _command in (table, friction):
+for _command in (table, friction, plan):
     app.command(epilog=told(_command.__name__))(_command)
 
 

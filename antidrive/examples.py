@@ -36,6 +36,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "antidrive export model.json --fmu --pinion-teeth 18 18 --follower-teeth 144",
         "antidrive export model.json --feedforward --single",
     ),
+    "plan": (
+        "antidrive plan --limits travel=-1:1,speed=5,acceleration=50 --out experiment.csv",
+        "antidrive plan --limits torque=2 --rate 1000",
+    ),
     "friction": (
         "antidrive friction staircase.csv",
         "antidrive friction sweep.csv --torque-constant 0.035 && antidrive table friction antidrive-out/model.json",

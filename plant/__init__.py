@@ -7,6 +7,7 @@ from plant.drive_table import DriveTable, drive_table
 from plant.effects import Effect, catalogue
 from plant.errors import AntidriveError, BadModelFile, BadParameter
 from plant.feedforward import Feedforward, feedforward_code
+from plant.first_experiment import DriveLimits, first_experiment
 from plant.fleet import Fleet
 from plant.fmu import Fmu
 from plant.gears import GearTrain, Ratios
@@ -21,6 +22,7 @@ __all__ = [
     "AntidriveError",
     "BadModelFile",
     "BadParameter",
+    "DriveLimits",
     "DriveTable",
     "Effect",
     "Feedforward",
@@ -34,6 +36,7 @@ __all__ = [
     "catalogue",
     "drive_table",
     "feedforward_code",
+    "first_experiment",
     "linearise",
     "read_model",
     "sample_step",
