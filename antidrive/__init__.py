@@ -23,6 +23,7 @@ from antidrive.neighbours import refuse_strangers
 
 if TYPE_CHECKING:
     from allocation import Allocator
+    from antidrive.changes import compare
     from antidrive.prediction import predict
     from antidrive.version import VERSION as __version__
     from diagnosis import Diagnosis, diagnose
@@ -43,6 +44,7 @@ __all__ = [
     "__version__",
     "catalogue",
     "closed_loop",
+    "compare",
     "diagnose",
     "identify",
     "predict",
@@ -61,6 +63,7 @@ HOMES = {
     "ServoModel": "plant",
     "catalogue": "plant",
     "closed_loop": "mpc",
+    "compare": "antidrive.changes",
     "diagnose": "diagnosis",
     "identify": "identification",
     "predict": "antidrive.prediction",

@@ -14,6 +14,7 @@ import typer
 
 from antidrive import __version__, completion
 from antidrive.common_words import OUT, Force, Json, Out, Quiet, Seed
+from antidrive.compare_command import compare
 from antidrive.examples import told
 from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, PerRun, Prior, fit_options
 from antidrive.friction_command import friction
@@ -278,7 +279,7 @@ def export(
     )
 
 
-for _command in (table, friction, plan):
+for _command in (compare, table, friction, plan):
     app.command(epilog=told(_command.__name__))(_command)
 
 

@@ -44,6 +44,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "antidrive friction staircase.csv",
         "antidrive friction sweep.csv --torque-constant 0.035 && antidrive table friction antidrive-out/model.json",
     ),
+    "compare": (
+        "antidrive compare monday/model.json friday.csv",
+        "antidrive compare model.json friday.csv --candidates cogging,backlash --fixed inertia",
+    ),
     "table": (
         "antidrive table friction model.json --points 64",
         "antidrive table cogging model.json --range 0:6.2832 --single",
