@@ -15,6 +15,7 @@ from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.simulation import free_simulation
 from plant.model_file import ModelFile, read_model
+from plant.presented import Presented
 from plant.servo import ServoModel
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ class Change:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Comparison:
+class Comparison(Presented):
     """A known model beside a new log.
 
     Attributes:

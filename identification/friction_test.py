@@ -19,6 +19,7 @@ from identification.friction_windows import friction_windows, kept_of
 from identification.log import Log
 from plant.effects import CoulombFriction, Effect, GravityOffset, StribeckFriction, TorqueOffset
 from plant.effects.effect import Array
+from plant.presented import Presented
 from plant.servo import ServoModel
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ _NOT_FRICTION = ("inertia", "gravity", "gravity_quadrature")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FrictionTest:
+class FrictionTest(Presented):
     """Friction over speed.
 
     Attributes:

@@ -22,6 +22,7 @@ from identification.recording import Recording, Response, counted
 from identification.run import Run
 from plant.effects import Effect
 from plant.errors import BadParameter
+from plant.presented import Presented
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,7 +41,7 @@ class Source:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Log:
+class Log(Presented):
     """Experiments on one machine.
 
     runs: at least one.

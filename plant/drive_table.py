@@ -13,6 +13,7 @@ from plant.effects.effect import TURN, Array
 from plant.effects.ripple import HARMONICS, Ripple
 from plant.errors import BadParameter
 from plant.inverse import moving, strength, torque_unit
+from plant.presented import Presented
 from plant.servo import ServoModel
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ Waves: TypeAlias = tuple[tuple[float, float, float], ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DriveTable:
+class DriveTable(Presented):
     """A table of points between which a drive draws straight lines.
 
     Attributes:
