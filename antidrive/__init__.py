@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from diagnosis import Diagnosis, diagnose
     from identification import Fit, Log
     from identification import fit as identify
+    from identification.friction_test import friction_test
     from mpc import Controller, closed_loop
     from plant import GearTrain, Rig, ServoModel, catalogue, read_model, simulate
 
@@ -46,6 +47,7 @@ __all__ = [
     "closed_loop",
     "compare",
     "diagnose",
+    "friction_test",
     "identify",
     "predict",
     "read_model",
@@ -65,6 +67,7 @@ HOMES = {
     "closed_loop": "mpc",
     "compare": "antidrive.changes",
     "diagnose": "diagnosis",
+    "friction_test": "identification.friction_test",
     "identify": "identification",
     "predict": "antidrive.prediction",
     "read_model": "plant",
@@ -86,4 +89,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return list(__all__)

@@ -129,10 +129,13 @@ def inspect_log(
 @app.command(epilog=told("predict"))
 @with_log
 def predict(
+    context: typer.Context,
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model to simulate.")],
     log: Any,
     effects: Effects = None,
     window: Annotated[float | None, typer.Option(metavar="S", help="Restart every S seconds.")] = None,
+    measured: Annotated[bool, typer.Option("--measured", help="Add what was measured as a last column.")] = False,
+    report: Annotated[Path | None, typer.Option(metavar="PAGE.html", help="Page with both drawn.")] = None,
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="File for run, time, angle or position.")] = Path(
         "antidrive-out/prediction.csv"
     ),
@@ -143,8 +146,8 @@ def predict(
     """Simulate freely what a model says will follow from a log's command."""
     from antidrive import commands
 
-    voice = commands.Voice(quiet=quiet, json=json)
-    commands.predict(model, log, effects=effects, window=window, out=out, voice=voice)
+    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
+    commands.predict(model, log, effects=effects, window=window, measured=measured, page=report, out=out, voice=voice)
 
 
 @app.command(epilog=told("simulate"))

@@ -147,26 +147,40 @@ def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Exp
 
 
 def predict(
-    model: Path, options: LogOptions, *, effects: Path | None, window: float | None, out: Path, voice: Voice
+    model: Path,
+    options: LogOptions,
+    *,
+    effects: Path | None,
+    window: float | None,
+    measured: bool,
+    page: Path | None,
+    out: Path,
+    voice: Voice,
 ) -> None:
-    """Simulate a log freely and write run, time, angle (or position) as CSV."""
+    """Simulate a log freely and write run, time, angle (or position) as CSV, with what was measured if asked for."""
     from antidrive.prediction import write_prediction
+    from antidrive.prediction_page import prediction_page, rms_error
 
     servo = read_own_model(model, effects or options.fit.effects).model
     if window is not None and not (np.isfinite(window) and window > 0.0):
         raise BadParameter(f"--window must be a positive number of seconds, not {window:g}.")
     with whole_file(out) as draft:
-        measured = _read(options, voice)
-        log = measured.log if measured.holdout is None else Log.merge([measured.log, measured.holdout])
+        read = _read(options, voice)
+        log = read.log if read.holdout is None else Log.merge([read.log, read.holdout])
         with voice.progress("predicting") as progress:
-            simulated = write_prediction(draft, log, servo, window=window, tell=progress)
+            simulated = write_prediction(draft, log, servo, window=window, measured=measured, tell=progress)
+        if page is not None:
+            with whole_file(page) as drawn:
+                text = prediction_page(log, simulated, Provenance.now(voice.words, log.sources))
+                drawn.write_text(text, encoding="utf-8")
     unit = log.measured_unit
     errors = [
-        {"run": run.run, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.measured)[run.valid] ** 2)))}
-        for run, y in zip(log.runs, simulated, strict=True)
+        {"run": run.run, "label": run.label, "rms": rms_error(run, output)}
+        for run, output in zip(log.runs, simulated, strict=True)
     ]
     lines = [f"{entry['label']}: rms error {entry['rms']:.4g} {unit}" for entry in errors]
-    voice.result("\n".join([*lines, f"Written: {out}"]), {"file": str(out), "unit": unit, "runs": errors})
+    files = f"{out}" if page is None else f"{out}, {page}"
+    voice.result("\n".join([*lines, f"Written: {files}"]), {"file": str(out), "unit": unit, "runs": errors})
 
 
 def inspect(options: LogOptions, *, out: Path, voice: Voice) -> None:

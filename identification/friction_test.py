@@ -17,6 +17,7 @@ from identification.errors import Unidentifiable
 from identification.friction_regression import best_of, candidates, refined
 from identification.friction_windows import friction_windows, kept_of
 from identification.log import Log
+from identification.log_like import LogLike, log_of
 from plant.effects import CoulombFriction, Effect, GravityOffset, StribeckFriction, TorqueOffset
 from plant.effects.effect import Array
 from plant.presented import Presented
@@ -153,12 +154,13 @@ class FrictionTest(Presented):
         }
 
 
-def friction_test(log: Log) -> FrictionTest:
+def friction_test(log: LogLike) -> FrictionTest:
     """Friction from a log in which the load moves at several speeds, in steps or in slow sweeps.
 
     Raises:
         Unidentifiable: the load does not move, or at one speed only.
     """
+    log = log_of(log)
     rows = friction_windows(log)
     speed = np.abs(rows["velocity"])
     if speed.size < 2 or np.ptp(np.quantile(speed, _MOST)) <= _APART * np.median(rows["velocity_error"]):

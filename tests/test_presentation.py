@@ -6,8 +6,9 @@ from html.parser import HTMLParser
 
 import matplotlib
 import numpy as np
+import pandas as pd
 import pytest
-from front_door import TRUTH, columns
+from front_door import TRUTH, antidrive, columns, write_csv, write_model
 from test_friction_test import PLAIN, SWEEP, driven
 
 import antidrive as ad
@@ -122,3 +123,18 @@ def test_what_has_no_page_says_so(results, tmp_path):
     with pytest.raises(BadParameter, match="A Log has no report"):
         results["log"].report(tmp_path / "x.html")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_prediction_lies_beside_what_was_measured(tmp_path):
+    model, log = write_model(tmp_path / "model.json", TRUTH), write_csv(tmp_path / "log.csv", columns(duration=4.0))
+    out, page = tmp_path / "p.csv", tmp_path / "p.html"
+    spoken = antidrive("predict", model, log, "--measured", "--report", page, "--out", out)
+    assert spoken.code == 0, spoken.err
+    table = pd.read_csv(out)
+    assert list(table) == ["run", "time", "angle", "measured"]
+    assert table["measured"].to_numpy() == pytest.approx(pd.read_csv(log)["angle"].to_numpy())
+    again = ad.predict(TRUTH, log, measured=True)
+    assert again["measured"].to_numpy() == pytest.approx(table["measured"].to_numpy())
+    assert again["angle"].to_numpy() == pytest.approx(table["angle"].to_numpy(), abs=1e-9)
+    assert "rms error" in page.read_text(encoding="utf-8")
+    assert spoken.out.splitlines()[-1] == f"Written: {out}, {page}"
