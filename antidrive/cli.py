@@ -254,6 +254,9 @@ def export(
     feedforward: Annotated[
         bool, typer.Option("--feedforward", help="Write the inverse model instead, as C99 and Structured Text.")
     ] = False,
+    mujoco: Annotated[bool, typer.Option("--mujoco", help="Write the model for MuJoCo instead.")] = False,
+    urdf: Annotated[bool, typer.Option("--urdf", help="Write the model as a joint in URDF instead.")] = False,
+    plant: Annotated[bool, typer.Option("--plant", help="Write the model as an FMU with one torque instead.")] = False,
     effects: Effects = None,
     out: Out = OUT,
     quiet: Quiet = False,
@@ -264,8 +267,11 @@ def export(
     from plant.gears import GearTrain
 
     voice = commands.Voice(quiet=quiet, json=json)
-    if feedforward:
-        model_commands.feedforward(model, single=single, effects=effects, out=out, voice=voice)
+    given = {"feedforward": feedforward, "mujoco": mujoco, "urdf": urdf, "plant": plant}
+    if form := model_commands.chosen(given, fmu=fmu):
+        model_commands.export_model(
+            model, form, single=single, sample_time=sample_time, effects=effects, out=out, voice=voice
+        )
         return
     drive_commands.export(
         model,

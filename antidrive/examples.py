@@ -35,6 +35,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "antidrive export model.json --out target --single",
         "antidrive export model.json --fmu --pinion-teeth 18 18 --follower-teeth 144",
         "antidrive export model.json --feedforward --single",
+        "antidrive export model.json --mujoco --out mujoco",
     ),
     "plan": (
         "antidrive plan --limits travel=-1:1,speed=5,acceleration=50 --out experiment.csv",

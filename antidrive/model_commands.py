@@ -1,20 +1,87 @@
-"""What leaves a model for other tools: the feed-forward of a drive."""
+"""What leaves a model for drives and simulators: feed-forward, MuJoCo, URDF, and an FMU with one torque."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from antidrive.output import whole_folder, written
 from antidrive.own_effects import read_identified
 from antidrive.voice import Voice
+from plant.errors import BadParameter
+from plant.model_file import ModelFile
+
+Made = tuple[dict[str, str | bytes], list[str], dict[str, Any]]
+"""Files with their content, what they are in sentences, and for scripts."""
 
 
-def feedforward(model: Path, *, single: bool, effects: Path | None, out: Path, voice: Voice) -> None:
-    """Write the inverse model as C99 and Structured Text."""
+def chosen(given: Mapping[str, bool], *, fmu: bool) -> str:
+    """Which form is asked for; empty for the controller.
+
+    Raises:
+        BadParameter: more than one.
+    """
+    found = [name for name, wanted in given.items() if wanted]
+    if len(found) + fmu > 1:
+        raise BadParameter(f"--{found[0]} and --{found[1] if len(found) > 1 else 'fmu'} are two exports; give one.")
+    return found[0] if found else ""
+
+
+def export_model(
+    model: Path, form: str, *, single: bool, sample_time: float, effects: Path | None, out: Path, voice: Voice
+) -> None:
+    """Write a model in one form; a sample time in the model file comes before the one given."""
+    read = read_identified(model, effects)
+    with whole_folder(out) as draft, voice.progress(f"writing {form}") as progress:
+        if form == "plant":
+            made = _plant(read, draft, read.sample_time or sample_time, progress)
+        else:
+            made = _TEXTS[form](read, single)
+        files, told, content = made
+        for name, text in files.items():
+            (draft / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+        names = sorted(path.name for path in draft.iterdir())
+    voice.result("\n".join([*told, written(out, ", ".join(names))]), {"schema": 1, "files": names, **content})
+
+
+def _feedforward(read: ModelFile, single: bool) -> Made:
     from plant.feedforward import feedforward_code
 
-    made = feedforward_code(read_identified(model, effects).model, single=single)
-    with whole_folder(out) as draft:
-        for name, text in made.files.items():
-            (draft / name).write_text(text, encoding="utf-8")
-    voice.result("\n".join([*made.sentences(), written(out, ", ".join(made.files))]), made.summary())
+    made = feedforward_code(read.model, single=single)
+    return dict(made.files), made.sentences(), made.summary()
+
+
+def _mujoco(read: ModelFile, single: bool) -> Made:
+    from plant.mujoco_model import mujoco_model
+
+    made = mujoco_model(read.model, sample_time=read.sample_time)
+    content = {name: list(getattr(made, name)) for name in ("native", "called", "left_out")}
+    return dict(made.files), made.sentences(), content | {"timestep": made.timestep}
+
+
+def _urdf(read: ModelFile, single: bool) -> Made:
+    from plant.urdf import urdf
+
+    made = urdf(read.model)
+    told = ["A base and a link with one joint, with its damping, friction and limit."]
+    return {"antidrive.urdf": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
+
+
+def _plant(read: ModelFile, draft: Path, sample_time: float, progress: Any) -> Made:
+    from antidrive.exports import fmu_entry
+    from antidrive.time_left import Parts
+    from plant.servo_fmu import servo_fmu
+
+    fmu = servo_fmu(read.model, sample_time=sample_time)
+    done = Parts(len(fmu.compilers()), progress, doing="compiling the FMU").done
+    fmu.write(draft / f"{fmu.name}.fmu", after=done)
+    told, entry = fmu_entry(fmu)
+    return {}, [told, f"FMI 2.0 for co-simulation, with a sample of {sample_time:g} s."], {"fmus": [entry]}
+
+
+_TEXTS: dict[str, Callable[[ModelFile, bool], Made]] = {
+    "feedforward": _feedforward,
+    "mujoco": _mujoco,
+    "urdf": _urdf,
+}

@@ -1,4 +1,4 @@
-"""CasADi expressions as lines of code that people read: C99, or Structured Text of IEC 61131-3.
+"""CasADi expressions as lines of code that people read, in one of the languages of `plant.code_dialects`.
 
 What is used once stands where it is used; what is used more often gets a name. Nothing is reordered, so that the
 numbers are those of CasADi as far as the functions of the other language are.
@@ -7,12 +7,13 @@ numbers are those of CasADi as far as the functions of the other language are.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import casadi as ca
-import numpy as np
+
+from plant.code_dialects import Dialect
 
 _BOOLEAN = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!=", ca.OP_AND: "&&", ca.OP_OR: "||"}
 _INFIX = {ca.OP_ADD: ("+", 1), ca.OP_SUB: ("-", 1), ca.OP_MUL: ("*", 2), ca.OP_DIV: ("/", 2)}
@@ -20,29 +21,6 @@ _CALL = re.compile(r"\w+\(\{0\}(, \{1\})?\)")
 _NAME = re.compile(r"\w+")
 _ATOM = 4
 """How tightly the parts of a text hold together: 1 for a sum, 2 for a product, 3 for a sign, 4 for what needs none."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Dialect:
-    """How a language writes what is not the same in both.
-
-    Attributes:
-        number: a constant.
-        functions: by CasADi operation, a template with {0} and {1}, which have brackets in what is no call.
-        infix: by C's sign of a comparison or a connective, the language's own.
-        choose: one value where a condition holds, and another elsewhere.
-        as_number: 1 or 0 for a condition.
-        as_condition: whether a number is not zero.
-        negated: a condition that does not hold.
-    """
-
-    number: Callable[[float], str]
-    functions: Mapping[int, str]
-    infix: Mapping[str, str]
-    choose: str
-    as_number: str
-    as_condition: str
-    negated: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,91 +175,3 @@ class _Written:
                 values = self.number(here.parts[1]), self.number(there.parts[1])
                 return self.dialect.choose.format(self.condition(here.parts[0]), *values)
         return ""
-
-
-def c99(single: bool) -> Dialect:
-    """C99 in double or single precision."""
-    f = "f" if single else ""
-    plain = {
-        ca.OP_EXP: "exp",
-        ca.OP_LOG: "log",
-        ca.OP_SQRT: "sqrt",
-        ca.OP_SIN: "sin",
-        ca.OP_COS: "cos",
-        ca.OP_TAN: "tan",
-        ca.OP_ASIN: "asin",
-        ca.OP_ACOS: "acos",
-        ca.OP_ATAN: "atan",
-        ca.OP_SINH: "sinh",
-        ca.OP_COSH: "cosh",
-        ca.OP_TANH: "tanh",
-        ca.OP_ASINH: "asinh",
-        ca.OP_FABS: "fabs",
-        ca.OP_FLOOR: "floor",
-        ca.OP_CEIL: "ceil",
-    }
-    double = {ca.OP_FMIN: "fmin", ca.OP_FMAX: "fmax", ca.OP_POW: "pow", ca.OP_CONSTPOW: "pow", ca.OP_ATAN2: "atan2"}
-    return Dialect(
-        number=lambda value: f"{_decimal(value, single)}{f}",
-        functions={
-            **{operation: f"{name}{f}({{0}})" for operation, name in plain.items()},
-            **{operation: f"{name}{f}({{0}}, {{1}})" for operation, name in double.items()},
-            ca.OP_SQ: "square({0})",
-            ca.OP_TWICE: f"(2.0{f} * {{0}})",
-            ca.OP_INV: f"(1.0{f} / {{0}})",
-            ca.OP_SIGN: "sign({0})",
-        },
-        infix={sign: sign for sign in _BOOLEAN.values()},
-        choose="({0} ? {1} : {2})",
-        as_number=f"({{0}} ? 1.0{f} : 0.0{f})",
-        as_condition=f"({{0}} != 0.0{f})",
-        negated="(!{0})",
-    )
-
-
-def structured_text(single: bool) -> Dialect:
-    """Structured Text of IEC 61131-3, with no functions but its own."""
-    plain = {
-        ca.OP_EXP: "EXP",
-        ca.OP_LOG: "LN",
-        ca.OP_SQRT: "SQRT",
-        ca.OP_SIN: "SIN",
-        ca.OP_COS: "COS",
-        ca.OP_TAN: "TAN",
-        ca.OP_ASIN: "ASIN",
-        ca.OP_ACOS: "ACOS",
-        ca.OP_ATAN: "ATAN",
-        ca.OP_FABS: "ABS",
-    }
-    double = {ca.OP_FMIN: "MIN", ca.OP_FMAX: "MAX", ca.OP_POW: "EXPT", ca.OP_CONSTPOW: "EXPT"}
-    number = "REAL" if single else "LREAL"
-    whole = f"DINT_TO_{number}(TRUNC({{0}}))"
-    return Dialect(
-        number=lambda value: _decimal(value, single),
-        functions={
-            **{operation: f"{name}({{0}})" for operation, name in plain.items()},
-            **{operation: f"{name}({{0}}, {{1}})" for operation, name in double.items()},
-            ca.OP_SQ: "({0} * {0})",
-            ca.OP_TWICE: "(2.0 * {0})",
-            ca.OP_INV: "(1.0 / {0})",
-            ca.OP_SIGN: "(SEL({0} > 0.0, 0.0, 1.0) - SEL({0} < 0.0, 0.0, 1.0))",
-            ca.OP_SINH: "(0.5 * (EXP({0}) - EXP(-{0})))",
-            ca.OP_COSH: "(0.5 * (EXP({0}) + EXP(-{0})))",
-            ca.OP_TANH: "(1.0 - 2.0 / (EXP(2.0 * {0}) + 1.0))",
-            ca.OP_ASINH: "LN({0} + SQRT({0} * {0} + 1.0))",
-            ca.OP_FLOOR: f"({whole} - SEL({{0}} < {whole}, 0.0, 1.0))",
-        },
-        infix={"<": "<", "<=": "<=", "==": "=", "!=": "<>", "&&": "AND", "||": "OR"},
-        choose="SEL({0}, {2}, {1})",
-        as_number="SEL({0}, 0.0, 1.0)",
-        as_condition="({0} <> 0.0)",
-        negated="(NOT {0})",
-    )
-
-
-def _decimal(value: float, single: bool) -> str:
-    """A number with a decimal point, with as many digits as it has."""
-    text = str(np.float32(value)) if single else repr(float(value))
-    mantissa, e, exponent = text.partition("e")
-    mantissa = mantissa if "." in mantissa else f"{mantissa}.0"
-    return f"{mantissa}E{int(exponent)}" if e else mantissa

@@ -9,7 +9,8 @@ from typing import Any
 
 import casadi as ca
 
-from plant.code_text import Dialect, Text, c99, structured_text, text_of
+from plant.code_dialects import Dialect, c99, structured_text
+from plant.code_text import Text, text_of
 from plant.effects.curve import Unnamed
 from plant.effects.parameter import Parameter
 from plant.errors import BadParameter

@@ -1,0 +1,92 @@
+"""Models on validation logs, in other simulators: how far each is from what was measured, beside our own simulation.
+
+    python benchmarks/simulators.py [FOLDER OF THE DATA SETS]
+
+A model is identified on one part of the data and played over the other from the command alone, in one piece. Writes
+results/simulators.txt.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent / "tests"))
+
+from machine import Machine, excitation, record  # noqa: E402
+from simulators import in_fmu, in_mujoco, in_urdf  # noqa: E402
+
+from identification import Log, fit  # noqa: E402
+from identification.datasets import load_dataset  # noqa: E402
+from identification.simulation import free_simulation  # noqa: E402
+from plant import ServoModel  # noqa: E402
+from plant.effects import Cogging, CoulombFriction, DeadZone, InputDelay, StribeckFriction  # noqa: E402
+
+DATA = HERE.parent.parent / "shared" / "data"
+START = ServoModel(
+    effects=(
+        InputDelay(time=0.01),
+        DeadZone(half_width=0.2),
+        StribeckFriction(coulomb=0.2, excess=0.1, velocity=0.2),
+        Cogging(amplitude=0.2, order=12.0, phase=0.3),
+    )
+)
+
+
+def cases(data: Path) -> dict[str, tuple[Log, Log, ServoModel, tuple[str, ...]]]:
+    """Log to learn from, log to judge by, where the fit starts, and what it keeps."""
+    hidden = {
+        "input_delay": {"time": 0.01},
+        "stribeck_friction": {"coulomb": 0.25, "excess": 0.1, "velocity": 0.2},
+        "cogging": {"amplitude": 0.2, "order": 12.0, "phase": 0.3},
+    }
+    machine = Machine().hiding(**hidden)
+    logs = [record(machine, excitation(7 + k, duration=20.0), seed=11 + k).log() for k in range(2)]
+    found = {"synthetic": (logs[0], logs[1], START, ())}
+    if data.exists():
+        motors = load_dataset("hsm150", data / "hsm150")
+        start = ServoModel(inertia=1e-3, gravity=0.0, viscous_friction=1e-4, effects=(CoulombFriction(torque=0.02),))
+        found["HSM150"] = (motors.estimation, motors.holdout, start, ("gravity",))
+    return found
+
+
+def line(name: str, learnt: Log, judged: Log, start: ServoModel, fixed: tuple[str, ...]) -> list[str]:
+    """Errors of one case."""
+    model = fit(learnt, start, fixed=fixed).model
+    run, ours = judged.runs[0], free_simulation(judged, model)[0]
+    dt = float(np.median(np.diff(run.time)))
+    begun = {"angle": float(ours[0]), "velocity": float((ours[1] - ours[0]) / dt)}
+    with tempfile.TemporaryDirectory() as folder:
+        outputs = {
+            "here": ours,
+            "MuJoCo": in_mujoco(model, run.command, dt, Path(folder) / "mujoco", **begun),
+            "FMU in FMPy": in_fmu(model, run.command, dt, Path(folder) / "fmu", **begun),
+            "URDF in MuJoCo": in_urdf(model, run.command, dt, **begun),
+        }
+
+    def rms(output: np.ndarray) -> float:
+        return float(np.sqrt(np.mean((output - run.measured)[run.valid] ** 2)))
+
+    spread = float(np.std(run.measured[run.valid]))
+    told = [
+        f"{name}: {len(run)} samples at {1.0 / dt:.0f} Hz; the angle has a spread of {spread:.4g} rad",
+        f"  {model}",
+    ]
+    return told + [f"  {tool:16} {rms(output):10.4g} rad rms" for tool, output in outputs.items()]
+
+
+def main() -> None:
+    data = Path(sys.argv[1]) if len(sys.argv) > 1 else DATA
+    head = f"Validation logs in other simulators (MuJoCo {version('mujoco')}, FMPy {version('fmpy')})"
+    lines = [head, *(text for name, case in cases(data).items() for text in line(name, *case))]
+    print("\n".join(lines))
+    (HERE / "results" / "simulators.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
