@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -25,7 +26,7 @@ from identification import Log, fit  # noqa: E402
 from identification.datasets import load_dataset  # noqa: E402
 from identification.simulation import free_simulation  # noqa: E402
 from plant import ServoModel  # noqa: E402
-from plant.effects import Cogging, CoulombFriction, DeadZone, InputDelay, StribeckFriction  # noqa: E402
+from plant.effects import AsymmetricFriction, Cogging, DeadZone, InputDelay, StribeckFriction  # noqa: E402
 
 DATA = HERE.parent.parent / "shared" / "data"
 START = ServoModel(
@@ -49,15 +50,16 @@ def cases(data: Path) -> dict[str, tuple[Log, Log, ServoModel, tuple[str, ...]]]
     logs = [record(machine, excitation(7 + k, duration=20.0), seed=11 + k).log() for k in range(2)]
     found = {"synthetic": (logs[0], logs[1], START, ())}
     if data.exists():
-        motors = load_dataset("hsm150", data / "hsm150")
-        start = ServoModel(inertia=1e-3, gravity=0.0, viscous_friction=1e-4, effects=(CoulombFriction(torque=0.02),))
-        found["HSM150"] = (motors.estimation, motors.holdout, start, ("gravity",))
+        joint = load_dataset("ur10e", data / "ur10e", joint=1)
+        effects = (AsymmetricFriction(forward=1.0, backward=1.0),)
+        start = ServoModel(inertia=1.0, gravity=0.0, viscous_friction=1.0, effects=effects)
+        found["UR10e, joint 1, torque in A"] = (joint.estimation, joint.holdout, start, ("gravity",))
     return found
 
 
 def line(name: str, learnt: Log, judged: Log, start: ServoModel, fixed: tuple[str, ...]) -> list[str]:
     """Errors of one case."""
-    model = fit(learnt, start, fixed=fixed).model
+    model = replace(fit(learnt, start, fixed=fixed).model, torque_unit=None)
     run, ours = judged.runs[0], free_simulation(judged, model)[0]
     dt = float(np.median(np.diff(run.time)))
     begun = {"angle": float(ours[0]), "velocity": float((ours[1] - ours[0]) / dt)}
