@@ -59,8 +59,9 @@ def cases(data: Path) -> dict[str, tuple[Log, Log, ServoModel, tuple[str, ...]]]
 
 def line(name: str, learnt: Log, judged: Log, start: ServoModel, fixed: tuple[str, ...]) -> list[str]:
     """Errors of one case."""
-    model = replace(fit(learnt, start, fixed=fixed).model, torque_unit=None)
-    run, ours = judged.runs[0], free_simulation(judged, model)[0]
+    identified = fit(learnt, start, fixed=fixed).model
+    run, ours = judged.runs[0], free_simulation(judged, identified)[0]
+    model = replace(identified, torque_unit=None)  # the simulators count in N m, whatever that is
     dt = float(np.median(np.diff(run.time)))
     begun = {"angle": float(ours[0]), "velocity": float((ours[1] - ours[0]) / dt)}
     with tempfile.TemporaryDirectory() as folder:
