@@ -62,22 +62,26 @@ def line(name: str, learnt: Log, judged: Log, start: ServoModel, fixed: tuple[st
     identified = fit(learnt, start, fixed=fixed).model
     run, ours = judged.runs[0], free_simulation(judged, identified)[0]
     model = replace(identified, torque_unit=None)  # the simulators count in N m, whatever that is
-    dt = float(np.median(np.diff(run.time)))
-    begun = {"angle": float(ours[0]), "velocity": float((ours[1] - ours[0]) / dt)}
+    steps = np.diff(run.time)
+    dt = float(np.median(steps)) / (1 if np.ptp(steps) < 1e-3 * np.median(steps) else 5)  # of uneven times a finer grid
+    grid = run.time[0] + dt * np.arange(int(np.ceil((run.time[-1] - run.time[0]) / dt - 1e-6)) + 1)
+    command = run.command[np.searchsorted(run.time, grid + 1e-6, side="right") - 1]
+    slope = float(np.gradient(ours[:3], run.time[:3], edge_order=2)[0])
+    begun = {"angle": float(ours[0]), "velocity": slope}
     with tempfile.TemporaryDirectory() as folder:
         outputs = {
-            "here": ours,
-            "MuJoCo": in_mujoco(model, run.command, dt, Path(folder) / "mujoco", **begun),
-            "FMU in FMPy": in_fmu(model, run.command, dt, Path(folder) / "fmu", **begun),
-            "URDF in MuJoCo": in_urdf(model, run.command, dt, **begun),
+            "MuJoCo": in_mujoco(model, command, dt, Path(folder) / "mujoco", **begun),
+            "FMU in FMPy": in_fmu(model, command, dt, Path(folder) / "fmu", **begun),
+            "URDF in MuJoCo": in_urdf(model, command, dt, **begun),
         }
+    outputs = {"here": ours, **{tool: np.interp(run.time, grid, output) for tool, output in outputs.items()}}
 
     def rms(output: np.ndarray) -> float:
         return float(np.sqrt(np.mean((output - run.measured)[run.valid] ** 2)))
 
     spread = float(np.std(run.measured[run.valid]))
     told = [
-        f"{name}: {len(run)} samples at {1.0 / dt:.0f} Hz; the angle has a spread of {spread:.4g} rad",
+        f"{name}: {len(run)} samples in {run.duration:.0f} s; the angle has a spread of {spread:.4g} rad",
         f"  {model}",
     ]
     return told + [f"  {tool:16} {rms(output):10.4g} rad rms" for tool, output in outputs.items()]
