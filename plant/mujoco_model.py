@@ -1,6 +1,6 @@
 """A servo for MuJoCo: MJCF for what it has attributes for, and a function in Python for the rest.
 
-MJCF reference: mujoco.readthedocs.io, XML reference. Needs MuJoCo 3.5 or later where the command is late.
+MJCF reference: mujoco.readthedocs.io, XML reference. A late command needs the attribute `delay` of an actuator.
 """
 
 from __future__ import annotations
