@@ -256,6 +256,7 @@ def export(
     ] = False,
     mujoco: Annotated[bool, typer.Option("--mujoco", help="Write the model for MuJoCo instead.")] = False,
     urdf: Annotated[bool, typer.Option("--urdf", help="Write the model as a joint in URDF instead.")] = False,
+    modelica: Annotated[bool, typer.Option("--modelica", help="Write the model as a Modelica class instead.")] = False,
     plant: Annotated[bool, typer.Option("--plant", help="Write the model as an FMU with one torque instead.")] = False,
     effects: Effects = None,
     out: Out = OUT,
@@ -267,7 +268,7 @@ def export(
     from plant.gears import GearTrain
 
     voice = commands.Voice(quiet=quiet, json=json)
-    given = {"feedforward": feedforward, "mujoco": mujoco, "urdf": urdf, "plant": plant}
+    given = {"feedforward": feedforward, "mujoco": mujoco, "urdf": urdf, "modelica": modelica, "plant": plant}
     if form := model_commands.chosen(given, fmu=fmu):
         model_commands.export_model(
             model, form, single=single, sample_time=sample_time, effects=effects, out=out, voice=voice

@@ -1,4 +1,4 @@
-"""What leaves a model for drives and simulators: feed-forward, MuJoCo, URDF, and an FMU with one torque."""
+"""What leaves a model for drives and simulators: feed-forward, MuJoCo, URDF, Modelica, FMU."""
 
 from __future__ import annotations
 
@@ -80,8 +80,17 @@ def _plant(read: ModelFile, draft: Path, sample_time: float, progress: Any) -> M
     return {}, [told, f"FMI 2.0 for co-simulation, with a sample of {sample_time:g} s."], {"fmus": [entry]}
 
 
+def _modelica(read: ModelFile, single: bool) -> Made:
+    from plant.modelica_class import modelica_class
+
+    made = modelica_class(read.model)
+    told = ["A class that needs no library; dry friction rises over its parameter friction_width."]
+    return {"Antidrive.mo": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
+
+
 _TEXTS: dict[str, Callable[[ModelFile, bool], Made]] = {
     "feedforward": _feedforward,
     "mujoco": _mujoco,
     "urdf": _urdf,
+    "modelica": _modelica,
 }

@@ -1,4 +1,4 @@
-"""How C99, Structured Text of IEC 61131-3 and Python write an expression."""
+"""How C99, Structured Text of IEC 61131-3, Python and Modelica write an expression."""
 
 from __future__ import annotations
 
@@ -152,6 +152,33 @@ def python() -> Dialect:
         choose="({1} if {0} else {2})",
         as_number="float({0})",
         as_condition="({0} != 0.0)",
+        negated="(not {0})",
+    )
+
+
+def modelica() -> Dialect:
+    """Modelica, with no functions but its built-in ones."""
+    names = ["exp", "log", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "floor", "ceil"]
+    plain = {getattr(ca, f"OP_{name.upper()}"): f"{name}({{0}})" for name in names}
+    return Dialect(
+        number=lambda value: repr(float(value)),
+        functions={
+            **plain,
+            ca.OP_FABS: "abs({0})",
+            ca.OP_FMIN: "min({0}, {1})",
+            ca.OP_FMAX: "max({0}, {1})",
+            ca.OP_POW: "({0} ^ {1})",
+            ca.OP_CONSTPOW: "({0} ^ {1})",
+            ca.OP_SQ: "({0} ^ 2)",
+            ca.OP_TWICE: "(2.0 * {0})",
+            ca.OP_INV: "(1.0 / {0})",
+            ca.OP_SIGN: "sign({0})",
+            ca.OP_ASINH: "log({0} + sqrt({0} ^ 2 + 1.0))",
+        },
+        infix={"<": "<", "<=": "<=", "==": "==", "!=": "<>", "&&": "and", "||": "or"},
+        choose="(if {0} then {1} else {2})",
+        as_number="(if {0} then 1.0 else 0.0)",
+        as_condition="({0} <> 0.0)",
         negated="(not {0})",
     )
 

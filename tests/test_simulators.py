@@ -142,6 +142,7 @@ def test_a_linear_axis_or_volts_are_refused():
     [
         ("mujoco", ["antidrive.xml", "antidrive_mujoco.py"]),
         ("urdf", ["antidrive.urdf"]),
+        ("modelica", ["Antidrive.mo"]),
         ("plant", ["antidrive_plant.fmu"]),
     ],
 )
