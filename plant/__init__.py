@@ -13,10 +13,13 @@ from plant.fmu import Fmu
 from plant.gears import GearTrain, Ratios
 from plant.linear import linearise
 from plant.model_file import ModelFile, read_model
+from plant.modelica_class import ModelicaClass, modelica_class
+from plant.mujoco_model import MujocoModel, mujoco_model
 from plant.rig import Rig
 from plant.servo import ServoModel
 from plant.servo_fmu import servo_fmu
 from plant.simulation import simulate
+from plant.urdf import Urdf, urdf
 
 __all__ = [
     "AntidriveError",
@@ -30,16 +33,22 @@ __all__ = [
     "Fmu",
     "GearTrain",
     "ModelFile",
+    "ModelicaClass",
+    "MujocoModel",
     "Ratios",
     "Rig",
     "ServoModel",
+    "Urdf",
     "catalogue",
     "drive_table",
     "feedforward_code",
     "first_experiment",
     "linearise",
+    "modelica_class",
+    "mujoco_model",
     "read_model",
     "sample_step",
     "servo_fmu",
     "simulate",
+    "urdf",
 ]
