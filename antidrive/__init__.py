@@ -27,9 +27,8 @@ if TYPE_CHECKING:
     from antidrive.prediction import predict
     from antidrive.version import VERSION as __version__
     from diagnosis import Diagnosis, diagnose
-    from identification import Fit, Log
+    from identification import Fit, Log, friction_test
     from identification import fit as identify
-    from identification.friction_test import friction_test
     from mpc import Controller, closed_loop
     from plant import GearTrain, Rig, ServoModel, catalogue, read_model, simulate
 
@@ -67,7 +66,7 @@ HOMES = {
     "closed_loop": "mpc",
     "compare": "antidrive.changes",
     "diagnose": "diagnosis",
-    "friction_test": "identification.friction_test",
+    "friction_test": "identification",
     "identify": "identification",
     "predict": "antidrive.prediction",
     "read_model": "plant",

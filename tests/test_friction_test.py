@@ -82,6 +82,13 @@ def test_one_direction_leaves_the_offset_in_the_friction():
     assert "one way only" in found.sentences()[0]
 
 
+def test_friction_below_zero_is_spoken_of():
+    log = driven(PLAIN, STAIRCASE)
+    found = friction_test(Log.from_arrays(**{**log, "torque": -log["torque"]}))
+    assert any(line.startswith("Friction below zero") for line in found.sentences())
+    assert found.model is None or found.model.effect("coulomb_friction") is None
+
+
 @pytest.mark.parametrize("speed", [np.full(2000, 0.5), np.zeros(2000)], ids=["one speed", "rest"])
 def test_one_speed_is_not_enough(speed):
     with pytest.raises(Unidentifiable, match="one speed at most"):
