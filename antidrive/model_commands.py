@@ -31,11 +31,11 @@ def chosen(given: Mapping[str, bool], *, fmu: bool) -> str:
 def export_model(
     model: Path, form: str, *, single: bool, sample_time: float, effects: Path | None, out: Path, voice: Voice
 ) -> None:
-    """Write a model in one form; a sample time in the model file comes before the one given."""
+    """Write a model in one form; `single` is for the feed-forward, the sample time [s] for the FMU."""
     read = read_identified(model, effects)
     with whole_folder(out) as draft, voice.progress(f"writing {form}") as progress:
         if form == "plant":
-            made = _plant(read, draft, read.sample_time or sample_time, progress)
+            made = _plant(read, draft, sample_time, progress)
         else:
             made = _TEXTS[form](read, single)
         files, told, content = made
