@@ -34,10 +34,7 @@ def export_model(
     """Write a model in one form; `single` is for the feed-forward, the sample time [s] for the FMU."""
     read = read_identified(model, effects)
     with whole_folder(out) as draft, voice.progress(f"writing {form}") as progress:
-        if form == "plant":
-            made = _plant(read, draft, sample_time, progress)
-        else:
-            made = _TEXTS[form](read, single)
+        made = _plant(read, draft, sample_time, progress) if form == "plant" else _TEXTS[form](read, single)
         files, told, content = made
         for name, text in files.items():
             (draft / name).write_bytes(text if isinstance(text, bytes) else text.encode())

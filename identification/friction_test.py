@@ -122,9 +122,7 @@ class FrictionTest(Presented):
                 error = f" +- {self.std[name]:.2g}" if name in self.std else ""
                 lines.append(f"{meaning}: {found[name]:.4g}{error} {self.units[name]}{more}")
         if min(found["coulomb"], found["viscous"]) < 0.0:
-            lines.append(
-                "Friction below zero is none: see whether torque and angle go together, and their signs."
-            )
+            lines.append("Friction below zero is none: see whether torque and angle go together, and their signs.")
         if "excess" not in found:
             slowest = float(np.min(np.abs(self.velocity)))
             lines.append(

@@ -46,7 +46,9 @@ class MujocoModel:
         """What is where, for readers."""
         found = [f"In the MJCF: {', '.join(self.native)}."]
         if self.called:
-            found.append(f"In the Python beside it, since MuJoCo has no attribute for it: {', '.join(self.called)}.")
+            found.append(
+                f"In the Python beside it, for which MJCF has no attribute, or not in this order: {', '.join(self.called)}."
+            )
         return [*found, *self.left_out]
 
 
