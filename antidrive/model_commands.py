@@ -29,12 +29,31 @@ def chosen(given: Mapping[str, bool], *, fmu: bool) -> str:
 
 
 def export_model(
-    model: Path, form: str, *, single: bool, sample_time: float, effects: Path | None, out: Path, voice: Voice
+    model: Path,
+    form: str,
+    *,
+    name: str = "antidrive",
+    single: bool,
+    sample_time: float,
+    effects: Path | None,
+    out: Path,
+    voice: Voice,
 ) -> None:
-    """Write a model in one form; `single` is for the feed-forward, the sample time [s] for the FMU."""
+    """Write a model in one form.
+
+    Args:
+        model: file of the model.
+        form: "feedforward", "mujoco", "urdf", "modelica" or "plant".
+        name: with which files and what is in them begin.
+        single: whether a feed-forward calculates in single precision.
+        sample_time: of an FMU [s].
+        effects: file with effects of one's own.
+        out: folder for the files.
+        voice: how the command speaks.
+    """
     read = read_identified(model, effects)
     with whole_folder(out) as draft, voice.progress(f"writing {form}") as progress:
-        made = _plant(read, draft, sample_time, progress) if form == "plant" else _TEXTS[form](read, single)
+        made = _plant(read, draft, sample_time, progress) if form == "plant" else _TEXTS[form](read, name, single)
         files, told, content = made
         for name, text in files.items():
             (draft / name).write_bytes(text if isinstance(text, bytes) else text.encode())
@@ -42,27 +61,27 @@ def export_model(
     voice.result("\n".join([*told, written(out, ", ".join(names))]), {"schema": 1, "files": names, **content})
 
 
-def _feedforward(read: ModelFile, single: bool) -> Made:
+def _feedforward(read: ModelFile, name: str, single: bool) -> Made:
     from plant.feedforward import feedforward_code
 
-    made = feedforward_code(read.model, single=single)
+    made = feedforward_code(read.model, single=single, name=name)
     return dict(made.files), made.sentences(), made.summary()
 
 
-def _mujoco(read: ModelFile, single: bool) -> Made:
+def _mujoco(read: ModelFile, name: str, single: bool) -> Made:
     from plant.mujoco_model import mujoco_model
 
-    made = mujoco_model(read.model, sample_time=read.sample_time)
-    content = {name: list(getattr(made, name)) for name in ("native", "called", "left_out")}
+    made = mujoco_model(read.model, sample_time=read.sample_time, name=name)
+    content = {key: list(getattr(made, key)) for key in ("native", "called", "left_out")}
     return dict(made.files), made.sentences(), content | {"timestep": made.timestep}
 
 
-def _urdf(read: ModelFile, single: bool) -> Made:
+def _urdf(read: ModelFile, name: str, single: bool) -> Made:
     from plant.urdf import urdf
 
-    made = urdf(read.model)
+    made = urdf(read.model, name=name)
     told = ["A base and a link with one joint, with its damping, friction and limit."]
-    return {"antidrive.urdf": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
+    return {f"{name}.urdf": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
 
 
 def _plant(read: ModelFile, draft: Path, sample_time: float, progress: Any) -> Made:
@@ -77,15 +96,16 @@ def _plant(read: ModelFile, draft: Path, sample_time: float, progress: Any) -> M
     return {}, [told, f"FMI 2.0 for co-simulation, with a sample of {sample_time:g} s."], {"fmus": [entry]}
 
 
-def _modelica(read: ModelFile, single: bool) -> Made:
+def _modelica(read: ModelFile, name: str, single: bool) -> Made:
     from plant.modelica_class import modelica_class
 
-    made = modelica_class(read.model)
+    title = name.capitalize()
+    made = modelica_class(read.model, name=title)
     told = ["A class that needs no library; dry friction rises over its parameter friction_width."]
-    return {"Antidrive.mo": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
+    return {f"{title}.mo": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
 
 
-_TEXTS: dict[str, Callable[[ModelFile, bool], Made]] = {
+_TEXTS: dict[str, Callable[[ModelFile, str, bool], Made]] = {
     "feedforward": _feedforward,
     "mujoco": _mujoco,
     "urdf": _urdf,
