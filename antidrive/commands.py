@@ -74,7 +74,7 @@ def identify(
         content, unseen = fit_to_dict(found), blind_spots(found)
         content["data"]["warnings"] += unseen
         provenance = Provenance.now(voice.words, measured.log.sources)
-        model_file(found).write(draft / "model.json")
+        model_file(found, options.reading().gears).write(draft / "model.json")
         write_json(draft / "fit.json", content)
         page = report.fit_page(found, simulated, provenance, notes=measured.notes, warnings=unseen)
         (draft / "report.html").write_text(page, encoding="utf-8")
@@ -112,7 +112,7 @@ def diagnose(
             )
         held_out = measured.holdout.sources if measured.holdout is not None else ()
         provenance = Provenance.now(voice.words, (*measured.log.sources, *held_out))
-        model_file(found.extended).write(draft / "model.json")
+        model_file(found.extended, options.reading().gears).write(draft / "model.json")
         content, files, experiment, said = found.to_dict(), "diagnosis.json, model.json", None, []
         if found.verdict == "ambiguous":
             with voice.progress("designing an experiment that tells the rivals apart") as progress:

@@ -83,8 +83,8 @@ def _played(scenario: Scenario, rig: Rig, design: ServoModel, seed: int, done: C
         title=scenario.title,
         scenario=scenario,
         result=result,
-        min_torque=first.min_torque,
-        max_torque=first.max_torque,
+        min_torque=float(np.min(first.bounds.least)),
+        max_torque=float(np.max(first.bounds.greatest)),
         single=single,
         intact=intact,
     )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from allocation import Bounds
+from allocation import Bounds, PerDrive
 from mpc.compiled import CompiledStep
 from mpc.control import Control
 from mpc.corridor import SoftLimits, corridor, enter, moved, prices
@@ -25,6 +25,7 @@ from mpc.split import machine, reach, split
 from mpc.step import InterpretedStep
 from mpc.trouble import sentence
 from mpc.weights import rate_weight, terminal_weight
+from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
 from plant.gears import GearTrain
 from plant.number import whole
@@ -101,14 +102,14 @@ class Controller:
     """
 
     model: ServoModel
-    gears: GearTrain
+    gears: DriveTrain
     _: KW_ONLY
     sample_time: float = 0.005
     horizon: int = 30
-    min_torque: float = 0.02
-    max_torque: float = 0.3
-    rotor_inertia: float = 0.0
-    motor_friction: float = 0.0
+    min_torque: PerDrive = 0.02
+    max_torque: PerDrive = 0.3
+    rotor_inertia: PerDrive = 0.0
+    motor_friction: PerDrive = 0.0
     bandwidth: float = 4.0
     encoder_resolution: float = 2 * np.pi / 2**17
     encoder_noise: float = 2e-5
@@ -127,8 +128,10 @@ class Controller:
 
     def __post_init__(self) -> None:
         """Check every number, lay out what is remembered, and compile the step if there is a compiler."""
-        if self.model.axis != "rotary":
-            raise BadParameter("The controller drives a load through gears; give it a model of a rotary axis.")
+        if self.model.axis == "linear" and isinstance(self.gears, GearTrain):
+            raise BadParameter(
+                "A linear axis has no gear train; give Ratios of its drives in N/(N m), such as Ratios(ratios=(62.8,))."
+            )
         if self.model.torque_unit is not None:
             raise BadParameter(
                 f"The controller gives torques in N m, the model is in {self.model.torque_unit}: identify it from a "
@@ -182,7 +185,7 @@ class Controller:
             "passes": self.sqp_iterations,
             "rounds": _ROUNDS[self._rows],
         }
-        preload_step = self.preload_rate * self.sample_time / self.gears.pinion_teeth[0]
+        preload_step = self.preload_rate * self.sample_time / (abs(float(self.gears.null_vector[0])) or 1.0)
         self._arrays = self._all_arrays(machine(self.bounds, drive, preload_step))
         n = len(behind.states)
         filters = (predictor.stage, *self.estimator.functions)
@@ -205,7 +208,7 @@ class Controller:
         """Everything that a step reads and writes, by name."""
         n = len(self.estimator.predictor.model.states)
         P = self._terminal_weight
-        greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * self.max_torque)
+        greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * float(np.min(self.bounds.greatest)))
         attainable = 2.0 * greatest / self.model.inertia * self.sample_time**2
         wave = 2 * np.pi * self.bandwidth
         own = [self.model.inertia, greatest, wave, attainable, self.torque_rate * self.sample_time]
@@ -222,8 +225,8 @@ class Controller:
         return constant | remembered | laid_out(n, self.horizon, self._whole_delay, self._rows)
 
     def _motor_encoders(self, resolution: float) -> MotorEncoders:
-        first, second = self.gears.motor_ratios.tolist()
-        return MotorEncoders(ratios=(first, second), resolution=resolution, noise=self.motor_noise)
+        turns = np.copysign(self.gears.motor_ratios, -self.gears.angle_map).tolist()
+        return MotorEncoders(ratios=tuple(turns), resolution=resolution, noise=self.motor_noise)
 
     @cached_property
     def _interpreted(self) -> InterpretedStep:
@@ -239,6 +242,12 @@ class Controller:
     def compile_time(self) -> float:
         """How long the constructor waited for the compiler [s]; zero where machine code was kept or there is none."""
         return self._machine_code.compile_time
+
+    @property
+    def words(self) -> tuple[str, str, str, str]:
+        """What moves and what pushes it, each with its unit: an angle and a torque, or a position and a force."""
+        linear = self.model.axis == "linear"
+        return ("position", "m", "force", "N") if linear else ("angle", "rad", "torque", "N m")
 
     @property
     def c_code(self) -> str:
@@ -278,6 +287,8 @@ class Controller:
             raise BadParameter("Give the controller a motor_resolution, or no motor angles.")
         reasons = sentence(self._step(float(angle), wanted.ndim == 1))
         torques = arrays["torques"].reshape(self.horizon, 2).copy()
+        if self.gears.drives == 1:  # the pair of its own senses
+            torques = torques.sum(axis=1, keepdims=True)
         margin, disturbance, residual = arrays["outcome"].tolist()
         return Control(
             torques=torques[0],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from plant.discrete import sample_step
+from plant.drive_train import DriveTrain
 from plant.effects import Effect, catalogue
 from plant.errors import AntidriveError, BadModelFile, BadParameter
 from plant.fleet import Fleet
@@ -19,6 +20,7 @@ __all__ = [
     "AntidriveError",
     "BadModelFile",
     "BadParameter",
+    "DriveTrain",
     "Effect",
     "Fleet",
     "Fmu",

@@ -1,11 +1,12 @@
-/* A sampled machine as a slave of FMI 2.0 for co-simulation. Before this file stand its variables, GUID, SAMPLE_TIME
-   and the machine itself: struct machine with machine_init, machine_begin and machine_end.
+/* A sampled machine as a slave of FMI 2.0 for co-simulation. Before this file stand its variables, GUID, SAMPLE_TIME,
+   limits of its parameters, and the machine itself: struct machine with machine_init, machine_begin and machine_end.
 
    A sample begins at each whole multiple of SAMPLE_TIME after the start: the inputs are read then and held until it
    ends. The master may take any steps; only at its communication points does it see and set values. */
 
 #include <math.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -86,7 +87,19 @@ PUBLIC int fmi2EnterInitializationMode(struct slave *slave)
   return OK;
 }
 
-PUBLIC int fmi2ExitInitializationMode(struct slave *slave) { return fmi2EnterInitializationMode(slave); }
+/* No machine has an inertia of zero: parameters outside their limits would make every output a NaN, or nonsense. */
+PUBLIC int fmi2ExitInitializationMode(struct slave *slave)
+{
+  for (int i = 0; limits[i].name; ++i) {
+    double value = slave->values[limits[i].place];
+    char why[256];
+    if (isfinite(value) && value >= limits[i].lower && value <= limits[i].upper) continue;
+    snprintf(why, sizeof why, "%s = %g must be finite and within %g .. %g.", limits[i].name, value, limits[i].lower,
+             limits[i].upper);
+    return refused(slave, why);
+  }
+  return fmi2EnterInitializationMode(slave);
+}
 
 PUBLIC int fmi2DoStep(struct slave *slave, double now, double length, int settled)
 {

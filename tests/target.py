@@ -64,7 +64,8 @@ def built(files: Mapping[str, str], folder: Path, *flags: str, main: str = "driv
     folder.mkdir(exist_ok=True)
     for name, text in files.items():
         (folder / name).write_text(text)
-    line = ["gcc", *STRICT, *flags, "antidrive_controller.c", *([main] if main else []), "-o", "program", "-lm"]
+    (code,) = (name for name in files if name.endswith("controller.c"))
+    line = ["gcc", *STRICT, *flags, code, *([main] if main else []), "-o", "program", "-lm"]
     said = subprocess.run(line, cwd=folder, capture_output=True, text=True)
     assert said.returncode == 0, said.stderr
     return folder / "program"
