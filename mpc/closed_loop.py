@@ -82,7 +82,7 @@ def closed_loop(
     """Run a controller on the rig, from rest at the reference's first angle, the teeth pressed by the least preload.
 
     Args:
-        controller: a fresh one: it remembers what it did before.
+        controller: it forgets first what it did before.
         rig: the machine.
         reference: wanted load angle [rad]: a function of time (M,) [s], or the samples, the last of them held.
         duration: [s].
@@ -93,6 +93,7 @@ def closed_loop(
     Raises:
         BadParameter: a duration below one sample, or a reference that is not finite.
     """
+    controller.reset()
     dt, N = controller.sample_time, controller.horizon
     if not np.isfinite(duration) or duration < dt:
         raise BadParameter(f"The duration must be at least one sample of {dt:g} s, not {duration!r} s.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass, field, fields
+from dataclasses import KW_ONLY, FrozenInstanceError, dataclass, field, fields
 from functools import cached_property, partial
 from typing import Any
 
@@ -17,6 +17,7 @@ from mpc.corridor import SoftLimits, corridor, enter, moved, prices
 from mpc.drive import DriveInverse
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
 from mpc.governor import Governor, followable, governed
+from mpc.handover import Running, hand_over
 from mpc.layout import laid_out
 from mpc.prediction import Predictor
 from mpc.preview import preview
@@ -161,6 +162,11 @@ class Controller:
             rotor_inertia=self.rotor_inertia,
             motor_friction=self.motor_friction,
         )
+        if not np.ptp(self.bounds.reachable()) > 0:
+            raise BadParameter(
+                "min_torque must be below max_torque, less what the motors' friction takes: else no torque is left to "
+                "move the load."
+            )
         self._whole_delay, switch = whole_samples(float(self.model.delay()), self.sample_time)
         drive, behind = DriveInverse.of(self.model)
         predictor = Predictor(model=behind, sample_time=self.sample_time, switch=max(switch, 0.0), width=FRICTION_WIDTH)
@@ -194,6 +200,15 @@ class Controller:
         self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        """A controller is fixed once it is made: everything follows from its attributes, none may change alone."""
+        if "_step" in self.__dict__ and not name.startswith("_"):
+            raise FrozenInstanceError(
+                f"a Controller is fixed when it is made, so {name} cannot be set; controller.with_({name}=...) gives "
+                "one that goes on from here."
+            )
+        super().__setattr__(name, value)
+
     def __reduce__(self) -> tuple[Any, ...]:
         """How it was made, and what it remembers; the machine code is found again."""
         made = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
@@ -203,6 +218,42 @@ class Controller:
         """Go on from there."""
         for name, array in remembered.items():
             self._arrays[name][:] = array
+
+    def with_(self, **changes: Any) -> Controller:
+        """A controller with some attributes changed that goes on from here: same estimate, same plan, no bump.
+
+        Where the model changes, the torque that nobody knows is chosen so that the load accelerates as before. This one
+        is left as it is; let only one of both go on.
+
+        Args:
+            changes: attributes by name, such as `max_torque=0.2` or `model=better`.
+
+        Raises:
+            BadParameter: there is no such attribute, or a value that it cannot have.
+        """
+        made = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+        if unknown := sorted(set(changes) - set(made)):
+            raise BadParameter(f"A Controller has no {unknown[0]!r}; it has {', '.join(made)}.")
+        new = type(self)(**{**made, **changes})
+        hand_over(self._running, new._running)
+        return new
+
+    @property
+    def _running(self) -> Running:
+        return Running(
+            model=self.model,
+            sample_time=self.sample_time,
+            late=self._whole_delay,
+            greatest=float(np.max(np.abs(self.bounds.reachable()))),
+            estimator=self.estimator,
+            arrays=self._arrays,
+            remembered=self._remembered,
+        )
+
+    def reset(self) -> None:
+        """Forget everything: the next reading begins anew, at rest."""
+        for name in self._remembered:
+            self._arrays[name][:] = 0.0
 
     def _all_arrays(self, machine: Array) -> dict[str, Array]:
         """Everything that a step reads and writes, by name."""
@@ -222,7 +273,9 @@ class Controller:
             "soft": self._soft,
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
-        return constant | remembered | laid_out(n, self.horizon, self._whole_delay, self._rows)
+        remembered |= laid_out(n, self.horizon, self._whole_delay, self._rows)
+        self._remembered = tuple(remembered)
+        return constant | remembered
 
     def _motor_encoders(self, resolution: float) -> MotorEncoders:
         turns = np.copysign(self.gears.motor_ratios, -self.gears.angle_map).tolist()

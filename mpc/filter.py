@@ -6,6 +6,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from mpc.prediction import Predictor
 from mpc.trouble import Trouble
@@ -31,6 +32,18 @@ def belief_of(n: int, motors: bool) -> Any:
     """Memory of the filter, in symbols."""
     m = n + 1 + 2 * motors
     return ca.SX.sym("belief", 2 + m + m * (m + 1) // 2)
+
+
+def place_of_covariance(m: int) -> slice:
+    """Where in the belief the covariance of state, disturbance and offsets (m,) is."""
+    return slice(2 + m, 2 + m + m * (m + 1) // 2)
+
+
+def covariance_of(belief: NDArray[np.float64], m: int) -> NDArray[np.float64]:
+    """(m, m) that covariance."""
+    upper = np.zeros((m, m))
+    upper[np.tril_indices(m)[::-1]] = belief[place_of_covariance(m)]
+    return upper + np.triu(upper, 1).T
 
 
 def _levels(motors: bool) -> Any:
@@ -113,11 +126,15 @@ def _corrected(x: Any, spread: Any, row: Any, innovation: Any, variance: Any, be
 
 def _motor_row(model: ServoModel, m: int, i: int) -> Any:
     """(m,) what motor i shows, seen from the load: its own angle where the drivetrain is flexible, and its offset."""
-    kinds = [kind if effect.flexible else None for effect in model.effects for kind in effect.states]
-    place = 2 + kinds.index(State.ANGLE) if State.ANGLE in kinds else 0
     row = ca.SX(m, 1)
-    row[place], row[m - 2 + i] = 1, 1
+    row[motor_place(model)], row[m - 2 + i] = 1, 1
     return row
+
+
+def motor_place(model: ServoModel) -> int:
+    """Where among the states the motor's angle is; that of the load, 0, where the drivetrain is rigid."""
+    kinds = [kind if effect.flexible else None for effect in model.effects for kind in effect.states]
+    return 2 + kinds.index(State.ANGLE) if State.ANGLE in kinds else 0
 
 
 def beginning(predictor: Predictor, motors: bool) -> Any:
