@@ -143,7 +143,7 @@ def _go_on_accelerating(old: Running, new: Running) -> None:
     for _ in range(_ROUNDS):
         miss = off(unknown)
         slopes = [(off(unknown + small * row) - miss) / small for row in np.eye(units.size)]
-        step: Array = np.linalg.lstsq(np.column_stack(slopes), miss, rcond=None)[0]
+        step = np.asarray(np.linalg.lstsq(np.column_stack(slopes), miss, rcond=None)[0], dtype=np.float64)
         if not np.isfinite(step).all() or np.max(np.abs(step)) < _CLOSE:
             break
         unknown = unknown - step
