@@ -71,9 +71,7 @@ class Axis:
         if self.kind == "stribeck":
             effect = StribeckFriction(coulomb=(factor or 0) * sliding, excess=(factor or 0) * excess, velocity=0.05)
         effects = () if factor is None else (effect,)
-        return ServoModel(
-            inertia=self.rig().total_inertia, gravity=0.1, viscous_friction=0.02, effects=effects
-        )
+        return ServoModel(inertia=self.rig().total_inertia, gravity=0.1, viscous_friction=0.02, effects=effects)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -84,10 +82,14 @@ class Axis:
             "max_torque": MAX_TORQUE,
             "encoder_resolution": 2 * np.pi / 2**self.bits,
             "encoder_noise": 2e-6,
+            "motor_friction": 5e-4,
+            "rotor_inertia": 4e-6,
         }
 
     def __str__(self) -> str:
-        return f"J {self.inertia:4g}  Ts {1e3 * self.sample_time:1.0f}  {self.kind:8}  {self.share:4.2f}  {self.bits} bit"
+        return (
+            f"J {self.inertia:4g}  Ts {1e3 * self.sample_time:1.0f}  {self.kind:8}  {self.share:4.2f}  {self.bits} bit"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,12 +110,8 @@ class Task:
 
 
 TASKS = {
-    "sine": Task(
-        reference=lambda t: 0.04 * (1 - np.cos(np.pi * t)), duration=4.0, counts=lambda t: t > 0.25
-    ),
-    "ramp": Task(
-        reference=lambda t: 0.01 * np.maximum(t - 0.2, 0.0), duration=2.5, counts=lambda t: t > 0.7
-    ),
+    "sine": Task(reference=lambda t: 0.04 * (1 - np.cos(np.pi * t)), duration=4.0, counts=lambda t: t > 0.25),
+    "ramp": Task(reference=lambda t: 0.01 * np.maximum(t - 0.2, 0.0), duration=2.5, counts=lambda t: t > 0.7),
     "steps": Task(
         reference=lambda t: STEP * (np.floor(t / DWELL) % 2),
         duration=4 * DWELL,
@@ -149,7 +147,9 @@ def score(axis: Axis, controller: Any, task: Task, seed: int) -> Score:
     """Close the loop around anything that steps as a `Controller` does."""
     time = np.arange(round(task.duration / axis.sample_time)) * axis.sample_time
     moving = (axis.share + 0.1) * GREATEST
-    loop = closed_loop(controller, axis.rig(), task.reference, task.duration, seed, disturbance=moving * task.push(time))
+    loop = closed_loop(
+        controller, axis.rig(), task.reference, task.duration, seed, disturbance=moving * task.push(time)
+    )
     counts = task.counts(loop.time)
     torque = GEARS.follower_torque(loop.torques)
     return Score(

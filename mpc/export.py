@@ -23,7 +23,7 @@ from mpc.trouble import Trouble, sentence
 Array = NDArray[np.float64]
 
 FILES = ("antidrive_controller.h", "antidrive_controller.c", "driver.c", "CMakeLists.txt", "README.txt")
-_CONSTANT = ("model", "levels", "machine", "tuning", "prices", "moved", "soft")
+_CONSTANT = ("model", "levels", "machine", "tuning", "prices", "moved", "soft", "rubbing")
 _SHOWN = ("outcome", "torques", "angles")
 _CLOCK = 200e6  # of the Cortex-M7 that the estimate is for [Hz]
 
