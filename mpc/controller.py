@@ -16,6 +16,7 @@ from mpc.control import Control
 from mpc.corridor import SoftLimits, corridor, enter, moved, prices
 from mpc.drive import DriveInverse
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
+from mpc.friction import Frictionless, learn, numbers, rigid_contacts, rub
 from mpc.governor import Governor, followable, governed
 from mpc.handover import Running, hand_over
 from mpc.layout import laid_out
@@ -34,9 +35,6 @@ from plant.servo import ServoModel
 from plant.simulation import whole_samples
 
 Array = NDArray[np.float64]
-
-FRICTION_WIDTH = 0.005
-"""Velocity over which the prediction smooths dry friction [rad/s], so that it has a derivative at rest."""
 
 _ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
 """Bound on the sweeps of each method of the quadratic programme; two are usual, 20 where other intervals are active."""
@@ -87,6 +85,8 @@ class Controller:
         disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)].
         motor_resolution: step of the encoders at the motor shafts [rad]; None if there are none.
         motor_noise: standard deviation of what else they err by, teeth included, at the load [rad].
+        friction_std: standard error of the model's dry friction, as a share of it: so much of it is not compensated
+            until the load has shown it.
         torque_rate: greatest change of the follower torque behind the drive [N m/s]. Where it takes longer than the
             horizon from end to end, a big step overshoots.
         preload_rate: greatest change of the preload, as torque on pinion 1 [N m/s]. Both rates yield to the bounds: the
@@ -118,6 +118,7 @@ class Controller:
     disturbance_rate: float = 1.0
     motor_resolution: float | None = None
     motor_noise: float = 2e-5
+    friction_std: float = 0.2
     torque_rate: float = float("inf")
     preload_rate: float = float("inf")
     angle_limits: tuple[float, float] = (-float("inf"), float("inf"))
@@ -169,7 +170,10 @@ class Controller:
             )
         self._whole_delay, switch = whole_samples(float(self.model.delay()), self.sample_time)
         drive, behind = DriveInverse.of(self.model)
-        predictor = Predictor(model=behind, sample_time=self.sample_time, switch=max(switch, 0.0), width=FRICTION_WIDTH)
+        behind = rigid_contacts(behind)
+        smooth = Frictionless.of(behind)
+        predictor = Predictor(model=smooth, sample_time=self.sample_time, switch=max(switch, 0.0))
+        self._friction = rub(behind), learn(behind, self.motor_resolution is not None)
         self.estimator = Estimator(
             predictor=predictor,
             resolution=self.encoder_resolution,
@@ -194,7 +198,7 @@ class Controller:
         preload_step = self.preload_rate * self.sample_time / (abs(float(self.gears.null_vector[0])) or 1.0)
         self._arrays = self._all_arrays(machine(self.bounds, drive, preload_step))
         n = len(behind.states)
-        filters = (predictor.stage, *self.estimator.functions)
+        filters = (predictor.stage, *self.estimator.functions, *self._friction)
         aims = (preview(), followable(), governed(limits.any), enter(), corridor(), reach())
         sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows), split())
         self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
@@ -261,7 +265,8 @@ class Controller:
         P = self._terminal_weight
         greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * float(np.min(self.bounds.greatest)))
         attainable = 2.0 * greatest / self.model.inertia * self.sample_time**2
-        wave = 2 * np.pi * self.bandwidth
+        wave, noise = 2 * np.pi * self.bandwidth, float(np.sqrt(self.estimator.levels[0]))
+        floor = self.min_torque * float(np.min(self.gears.mesh_ratios))
         own = [self.model.inertia, greatest, wave, attainable, self.torque_rate * self.sample_time]
         constant = {
             "model": self.estimator.predictor.parameters,
@@ -271,6 +276,7 @@ class Controller:
             "prices": prices(self._rate_weight, greatest, self.model.inertia, self.sample_time),
             "moved": moved(self.model.inertia, self.sample_time),
             "soft": self._soft,
+            "rubbing": numbers(self.friction_std, wave, noise, self.encoder_resolution, self.encoder_noise, floor),
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
         remembered |= laid_out(n, self.horizon, self._whole_delay, self._rows)
@@ -284,7 +290,7 @@ class Controller:
     @cached_property
     def _interpreted(self) -> InterpretedStep:
         """The step without machine code."""
-        return InterpretedStep(self._sizes, self._arrays, self.estimator, self.governor)
+        return InterpretedStep(self._sizes, self._arrays, self.estimator, self.governor, self._friction)
 
     @property
     def compiled(self) -> bool:

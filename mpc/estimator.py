@@ -139,12 +139,17 @@ class Estimator:
         return sentence(self.update(reading, torque, previous_torque, motor_angles))
 
     def update(
-        self, reading: float, torque: float, previous_torque: float, motor_angles: tuple[float, float] = NO_ANGLES
+        self,
+        reading: float,
+        torque: float,
+        previous_torque: float,
+        motor_angles: tuple[float, float] = NO_ANGLES,
+        deaf: float = 0.0,
     ) -> int:
-        """As `advance`, but what went wrong as a number, see `Trouble`."""
+        """As `advance`, but what went wrong as a number, see `Trouble`; an innovation within `deaf` [rad] is none."""
         estimate = self._estimate
         estimate.inputs[1][:] = (reading, *motor_angles) if self.motors else (reading,)
-        estimate.inputs[2][:] = torque, previous_torque
+        estimate.inputs[2][:] = torque, previous_torque, deaf
         belief, trouble, anew = estimate()
         self.belief[:] = belief
         if anew[0]:

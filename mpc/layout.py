@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mpc.friction import LEARNT
+
 Array = NDArray[np.float64]
 
 
@@ -21,6 +23,8 @@ def laid_out(states: int, horizon: int, late: int, rows: int) -> dict[str, Array
         "bounds": 3 * N,  # which of them holds, and both, at each stage
         "preload": 1,  # lambda of the last sample
         "load": 1,  # torque that the load takes without accelerating
+        "learnt": LEARNT,  # see `mpc.friction`
+        "rubs": late + 3,  # torques against friction, beside those of past
     }
     handed = {
         "readings": 3,
@@ -37,6 +41,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int) -> dict[str, Array
         "B": samples * n * 2,
         "range": 2 * N,
         "unit": 1,
+        "rub": N,  # torque against friction of each stage
         "data": 2 * N,
         "barrier": 2 * rows * N,  # what the interior point method adds to the cost
         "fence": 2 * rows * N,  # ends of the intervals of each stage

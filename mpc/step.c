@@ -46,7 +46,7 @@ static void aim(struct controller *c)
     three[1] = k < last ? wanted[k + 1] : wanted[last] + speed;
     three[2] = k < last - 1 ? wanted[k + 2] : wanted[last] + (k < last ? 1 : 2) * speed;
     ahead[k] = now[0];
-    govern(now, three, limits, c->soft, c->model + PARAMETERS - 2, next);
+    govern(now, three, limits, c->soft, c->model + PARAMETERS - 1, next);
     memcpy(now, next, sizeof now);
     if (k == 0) memcpy(c->path + 1, next, sizeof next);
   }
@@ -55,12 +55,34 @@ static void aim(struct controller *c)
   for (k = 1; k <= c->late + 1; ++k) ahead[last + k] = ahead[last] + speed * k + bend * k * (k + 1) / 2;
 }
 
+/* What friction there will be on the way, and what is known of it by now. A disturbance that had a part of a friction
+   that is over loses it; as much goes from what the torques did against friction to what they did besides. */
+static void rubbed(struct controller *c)
+{
+  int k;
+  real now[4], learnt[8], disturbance, more, total, before;
+  const real *ahead = c->ahead + c->late;
+  total = c->past[c->late + 1] + c->rubs[c->late + 1];
+  now[0] = c->rubs[1], now[1] = total, now[2] = ahead[0], now[3] = ahead[1];
+  learn(c->belief, c->learnt, now, c->model, c->rubbing, c->tuning, learnt, &disturbance);
+  memcpy(c->learnt, learnt, sizeof learnt);
+  more = c->belief[2] - disturbance;
+  c->belief[2] = disturbance;
+  for (k = 0; k < c->late + 3; ++k) c->past[k] += more, c->rubs[k] -= more;
+  for (k = 1; k <= c->horizon; ++k) c->plan[k] += more;
+  before = c->rubs[c->late + 1];
+  for (k = 0; k < c->horizon; ++k) {
+    rub(ahead + k, &before, &total, c->learnt, c->model, c->rubbing, c->rub + k);
+    before = c->rub[k];
+  }
+}
+
 /* The intervals of the numbers beside the torque, less what the guess makes of them. */
 static void confine(struct controller *c)
 {
   int k, i;
   real memory[2][8], ends[4];
-  const real *ahead = c->ahead + c->late, *dt = c->model + PARAMETERS - 2;
+  const real *ahead = c->ahead + c->late, *dt = c->model + PARAMETERS - 1;
   enter(c->states + N * c->late, c->soft, memory[0]);
   for (k = 0; k < c->horizon; ++k) {
     const real *state = c->states + N * (c->late + k + 1);
@@ -74,8 +96,9 @@ static void confine(struct controller *c)
 static void linearise(struct controller *c)
 {
   int k, late = c->late, total = late + c->horizon;
-  real both[2], pace, acceleration, disturbance = c->belief[2], dt = c->model[PARAMETERS - 2];
-  real low = c->past[late + 1], high = low, step = c->tuning[8], least, most, before_low, before_high, most_step;
+  real both[2], pace, acceleration, disturbance = c->belief[2], dt = c->model[PARAMETERS - 1];
+  real low = c->past[late + 1] + c->rubs[late + 1], high = low, step = c->tuning[8], least, most, before_low, before_high, most_step;
+  real rubbed_before = c->rubs[late + 1];
   const real *ahead = c->ahead + late, *state;
   memcpy(c->states, c->belief + 3, N * sizeof(real));
   for (k = 0; k < total; ++k) {
@@ -96,14 +119,16 @@ static void linearise(struct controller *c)
     high = range[1] = larger(smaller(high + step, most), least);
     most_step = larger(step, larger(low - before_high, before_low - high));
     c->unit[0] = larger(c->unit[0], larger(fabs(range[0]), fabs(range[1])));
+    range[0] -= c->rub[k], range[1] -= c->rub[k]; /* from now on what is left to the net torque */
     bounds[1] = range[0] - c->guess[k];
     bounds[2] = range[1] - c->guess[k];
     data[0] = k ? state[0] - ahead[k] : 0;
     data[1] = c->guess[k] - (k ? c->guess[k - 1] : c->past[late + 1]);
     if (ROWS > 1) {
-      c->fence[BARRIER * k + 2] = -most_step - data[1];
-      c->fence[BARRIER * k + 3] = most_step - data[1];
+      c->fence[BARRIER * k + 2] = -most_step - data[1] - (c->rub[k] - rubbed_before);
+      c->fence[BARRIER * k + 3] = most_step - data[1] - (c->rub[k] - rubbed_before);
     }
+    rubbed_before = c->rub[k];
   }
   if (ROWS > 1) confine(c);
   state = c->states + N * total;
@@ -153,6 +178,7 @@ static void hold(struct controller *c)
     c->preload[0] = preload;
     c->outcome[0] = margin;
     c->past[c->late + 2] = given;
+    c->rubs[c->late + 2] = 0;
   }
   c->angles[k] = NAN;
 }
@@ -168,7 +194,7 @@ static int broken(const struct controller *c, int k)
 static int plan_ahead(struct controller *c)
 {
   int k, trouble = 0, beyond = 0, shift = c->late;
-  real dt = c->model[PARAMETERS - 2], given, margin, sum = 0, preload = c->preload[0], next;
+  real dt = c->model[PARAMETERS - 1], given, margin, sum = 0, preload = c->preload[0], next, total;
   for (k = 0; k < c->horizon; ++k) c->guess[k] = c->plan[0] ? c->plan[k + 2 - (k == c->horizon - 1)] : c->past[shift + 1];
   for (k = 0; k < c->horizon; ++k)
     c->bounds[3 * k] = c->plan[0] ? c->bounds[3 * (k + 1 - (k == c->horizon - 1))] : 0;
@@ -179,20 +205,24 @@ static int plan_ahead(struct controller *c)
     c->angles[k] = state[0] + s[0];
     if (k < c->horizon) c->acceleration[k] = (state[N + 1] + s[M + 1] - (state[1] + s[1])) / dt;
     if (ROWS > 1 && k && broken(c, k)) beyond = BEYOND;
-    if (k < c->horizon) sum += fabs(c->acceleration[k]) + fabs(c->plan[k + 1]);
+    if (k < c->horizon) sum += fabs(c->acceleration[k]) + fabs(c->plan[k + 1]) + fabs(c->rub[k]);
   }
   if (!isfinite(sum)) {
     hold(c);
     return UNCERTIFIED;
   }
-  c->load[0] = c->plan[1] - c->tuning[4] * c->acceleration[0];
+  c->load[0] = c->plan[1] + c->rub[0] - c->tuning[4] * c->acceleration[0];
   c->outcome[0] = INFINITY;
   for (k = 0; k < c->horizon; ++k) {
-    split(&preload, c->plan + k + 1, c->states + N * (shift + k) + 1, c->acceleration + k, c->machine,
+    total = c->plan[k + 1] + c->rub[k];
+    split(&preload, &total, c->states + N * (shift + k) + 1, c->acceleration + k, c->machine,
           &next, c->torques + 2 * k, &given, &margin);
     preload = next;
     c->outcome[0] = margin < c->outcome[0] ? margin : c->outcome[0];
-    if (k == 0) c->past[shift + 2] = given, c->preload[0] = preload;
+    if (k) continue;
+    c->past[shift + 2] = given - c->rub[0];
+    c->rubs[shift + 2] = c->rub[0];
+    c->preload[0] = preload;
   }
   if (c->outcome[0] < -1e-9 * c->machine[1]) trouble |= PARTING;
   return trouble | beyond;
@@ -201,11 +231,11 @@ static int plan_ahead(struct controller *c)
 int control_step(struct controller *c, double angle, int previewed)
 {
   int trouble;
-  real torques[2], code, anew, belief[BELIEF];
-  torques[0] = c->past[1], torques[1] = c->past[0];
+  real acted[3], code, anew, belief[BELIEF];
+  acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[6] == 0 ? c->rubbing[3] : 0;
   c->readings[0] = angle; /* and behind it those of the motors */
-  estimate(c->belief, c->readings, torques, c->model, c->levels, belief, &code, &anew);
-  if (anew) begin(c->readings, torques, c->model, c->levels, belief);
+  estimate(c->belief, c->readings, acted, c->model, c->levels, belief, &code, &anew);
+  if (anew) begin(c->readings, acted, c->model, c->levels, belief);
   memcpy(c->belief, belief, sizeof belief);
   trouble = (int)code;
   if (!c->belief[0]) {
@@ -213,9 +243,11 @@ int control_step(struct controller *c, double angle, int previewed)
   } else {
     trouble |= look(c, previewed);
     aim(c);
+    rubbed(c);
     trouble |= plan_ahead(c);
   }
   c->outcome[1] = c->belief[2];
   memmove(c->past, c->past + 1, (c->late + 2) * sizeof(real));
+  memmove(c->rubs, c->rubs + 1, (c->late + 2) * sizeof(real));
   return trouble;
 }

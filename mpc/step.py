@@ -6,6 +6,7 @@ Both forms work on the same arrays, so that either can go on where the other has
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +35,17 @@ class InterpretedStep:
     """
 
     def __init__(
-        self, sizes: Mapping[str, int], arrays: Mapping[str, Array], estimator: Estimator, governor: Governor
+        self,
+        sizes: Mapping[str, int],
+        arrays: Mapping[str, Array],
+        estimator: Estimator,
+        governor: Governor,
+        friction: tuple[Any, Any],
     ) -> None:
-        """On the arrays of a controller."""
+        """On the arrays of a controller; the functions of friction are `mpc.friction.rub` and `learn`."""
         N, late = sizes["horizon"], sizes["late"]
         n = len(estimator.predictor.model.states)
-        self._late, self._passes, self._dt = late, sizes["passes"], float(arrays["model"][-2])
+        self._late, self._passes, self._dt = late, sizes["passes"], float(arrays["model"][-1])
         self._estimator, self._governor = estimator, governor
         self.programme = Programme(arrays, sizes["rounds"])
         self._a = arrays
@@ -53,10 +59,14 @@ class InterpretedStep:
         outputs = {0: arrays["states"][n:], 1: arrays["A"], 2: arrays["B"]}
         self._along = Kernel(along, {0: arrays["states"][:n], 2: np.tile(arrays["model"], late + N)}, outputs)
         self._reach = Kernel(unrolled(reach().map(N), N, reach()), {2: np.tile(machine, N)}, {0: arrays["range"]})
+        rub, learn = friction
+        learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
+        self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
+        self._rub = Kernel(rub, {3: learnt, 4: same, 5: rubbing})
         self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
         confined = {0: self._enter.outputs[0], 2: np.tile(arrays["soft"], N), 3: np.full(N, self._dt)}
         self._corridor = Kernel(unrolled(corridor().mapaccum(N), N, corridor()), confined)
-        inputs = {0: arrays["preload"], 1: arrays["plan"][1:], 3: arrays["acceleration"], 4: np.tile(machine, N)}
+        inputs = {0: arrays["preload"], 3: arrays["acceleration"], 4: np.tile(machine, N)}
         self._split = Kernel(unrolled(split().mapaccum(N), N, split()), inputs, {1: arrays["torques"]})
 
     def __call__(self, angle: float, previewed: bool) -> int:
@@ -67,15 +77,18 @@ class InterpretedStep:
     def _sample(self, angle: float, previewed: bool) -> int:
         past = self._a["past"]
         _, first, second = self._a["readings"].tolist()
-        trouble = self._estimator.update(angle, past[1], past[0], (first, second))
+        deaf = float(self._a["rubbing"][3]) if self._a["learnt"][6] == 0 else 0.0
+        trouble = self._estimator.update(angle, past[1], past[0], (first, second), deaf)
         if self._estimator.belief[0]:
             trouble |= self._look(previewed)
             self._aim()
+            self._rubbed()
             trouble |= self._plan_ahead()
         else:
             self._hold()
         self._a["outcome"][1] = self._estimator.belief[2]
         past[:-1] = past[1:]
+        self._a["rubs"][:-1] = self._a["rubs"][1:]
         return trouble
 
     def _look(self, previewed: bool) -> int:
@@ -102,6 +115,23 @@ class InterpretedStep:
         governed = self._governor.govern(self._a["wanted"], (limits[0], limits[1]))
         self._a["ahead"][:] = prolonged(governed, self._late + 1)
 
+    def _rubbed(self) -> None:
+        """What friction there will be on the way, and what is known of it by now."""
+        a, belief, ahead, newest = self._a, self._estimator.belief, self._a["ahead"][self._late :], self._late + 1
+        rubs, total = a["rubs"], a["past"][newest] + a["rubs"][newest]
+        self._learn.inputs[2][:] = rubs[1], total, ahead[0], ahead[1]
+        learnt, disturbance = self._learn()
+        a["learnt"][:] = learnt
+        more = belief[2] - disturbance[0]
+        belief[2] = disturbance[0]
+        a["past"] += more
+        rubs -= more
+        a["plan"][1:] += more
+        before, self._rub.inputs[2][0] = rubs[newest], total
+        for k in range(a["rub"].size):
+            self._rub.inputs[0][:], self._rub.inputs[1][0] = ahead[k : k + 2], before
+            before = a["rub"][k] = self._rub()[0][0]
+
     def _plan_ahead(self) -> int:
         """The torques of the horizon for what was planned."""
         a, late, trouble = self._a, self._late, Trouble.NONE
@@ -118,15 +148,16 @@ class InterpretedStep:
         a["angles"][:] = states[:, 0] + s[:, 0]
         speeds = states[:, 1] + s[:, 1]
         a["acceleration"][:] = (speeds[1:] - speeds[:-1]) / self._dt
-        if not (np.isfinite(a["acceleration"]).all() and np.isfinite(plan).all()):
+        if not all(np.isfinite(part).all() for part in (a["acceleration"], plan, a["rub"])):
             self._hold()
             return Trouble.UNCERTIFIED
-        a["load"][0] = plan[1] - a["tuning"][4] * a["acceleration"][0]
+        a["load"][0] = plan[1] + a["rub"][0] - a["tuning"][4] * a["acceleration"][0]
+        self._split.inputs[1][:] = plan[1:] + a["rub"]
         self._split.inputs[2][:] = states[:-1, 1]
         preload, _, given, margin = self._split()
         a["preload"][0] = preload[0]
         a["outcome"][0] = margin.min()
-        a["past"][late + 2] = given[0]
+        a["past"][late + 2], a["rubs"][late + 2] = given[0] - a["rub"][0], a["rub"][0]
         if a["outcome"][0] < -1e-9 * a["machine"][1]:
             trouble |= Trouble.PARTING
         low, high, speed, _, _, far, fast, _ = a["soft"].tolist()
@@ -169,14 +200,16 @@ class InterpretedStep:
         self._reach()
         steps = np.full(N, np.inf)
         if a["tuning"][8] < np.inf:
-            self._range[:], steps = within_rate(self._range, past[late + 1], a["tuning"][8])
+            self._range[:], steps = within_rate(self._range, past[late + 1] + a["rubs"][late + 1], a["tuning"][8])
         a["unit"][0] = np.abs(a["range"]).max()
+        self._range[:] -= a["rub"][:, None]  # what is left to the net torque
         programme.bounds[:, 1:] = self._range - guess[:, None]
         programme.data[1:, 0] = states[1:-1, 0] - ahead[1:N]
         programme.data[0, 1] = guess[0] - past[late + 1]
         programme.data[1:, 1] = guess[1:] - guess[:-1]
         if programme.rows > TORQUE_ALONE:
-            programme.fence[:, 1] = np.stack((-steps, steps), axis=-1) - programme.data[:, 1:]
+            rubs = np.diff(a["rub"], prepend=a["rubs"][late + 1])
+            programme.fence[:, 1] = np.stack((-steps, steps), axis=-1) - programme.data[:, 1:] - rubs[:, None]
             self._enter()
             for place in range(3):
                 self._corridor.inputs[1][place::3] = ahead[place : place + N]
@@ -188,12 +221,14 @@ class InterpretedStep:
     def _hold(self) -> None:
         """Keep the teeth together with as little torque on the load as that allows, and know nothing."""
         a = self._a
-        a["plan"][:], a["acceleration"][:], self._split.inputs[2][:] = 0.0, 0.0, 0.0
+        a["plan"][0], a["acceleration"][:] = 0.0, 0.0
+        self._split.inputs[1][:], self._split.inputs[2][:] = 0.0, 0.0
         preload, _, given, margin = self._split()
         a["preload"][0] = preload[0]
         a["angles"][:] = np.nan
         a["outcome"][0], a["outcome"][2] = margin[0], np.inf
         a["past"][self._late + 2] = given[0]
+        a["rubs"][self._late + 2] = 0.0
 
 
 def within_rate(ranges: Array, last: float, step: float) -> tuple[Array, Array]:
