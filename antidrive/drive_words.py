@@ -62,6 +62,9 @@ TUNING: dict[str, Any] = {
     "motor_noise": Annotated[
         Number, typer.Option(metavar="RAD", help="What else they err by, teeth included, at the load.")
     ],
+    "friction_std": Annotated[
+        Number, typer.Option(metavar="SHARE", help="Standard error of the model's dry friction, as a share of it.")
+    ],
     "torque_rate": Annotated[
         Number, typer.Option(metavar="RATE", help="Greatest change of the torque on the load (N m/s).")
     ],

@@ -266,7 +266,8 @@ class Controller:
         greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * float(np.min(self.bounds.greatest)))
         attainable = 2.0 * greatest / self.model.inertia * self.sample_time**2
         wave, noise = 2 * np.pi * self.bandwidth, float(np.sqrt(self.estimator.levels[0]))
-        floor = self.min_torque * float(np.min(self.gears.mesh_ratios))
+        alone = self.gears.drives == 1  # there is no flank that a jump of the torque could part
+        floor = np.inf if alone else float(np.min(self.bounds.least * self.gears.mesh_ratios))
         own = [self.model.inertia, greatest, wave, attainable, self.torque_rate * self.sample_time]
         constant = {
             "model": self.estimator.predictor.parameters,

@@ -58,20 +58,22 @@ def hand_over(old: Running, new: Running) -> None:
     _plan(old, new)
     if old.sample_time != new.sample_time:
         theirs["numbers"][0] = 0.0  # the wanted angles were so far apart in time
+    if old.model.effects != new.model.effects:
+        theirs["learnt"][:] = 0.0  # of another friction
     if old.model != new.model or mine["belief"].size != theirs["belief"].size:
         _estimate(old, new)
 
 
 def _past(old: Running, new: Running) -> None:
-    """The torques that were commanded, each as the new model's drive puts it out."""
-    velocity, count = float(old.estimator.belief[4]), old.late + 2
+    """The torques that were commanded, each as the new model's drive puts it out, and what of them was for friction."""
+    velocity, count, wanted = float(old.estimator.belief[4]), old.late + 2, new.late + 2
     before, after = (DriveInverse.of(each.model)[0] for each in (old, new))
-    under_way = old.arrays["past"][:count]
+    net, rubs = old.arrays["past"][:count], old.arrays["rubs"][:count]
     if before != after:
-        under_way = np.asarray(after.effective(before.command(under_way, velocity), velocity))
-    wanted = new.late + 2
-    kept = under_way[-wanted:]
-    new.arrays["past"][:wanted] = np.append(np.full(wanted - kept.size, kept[0]), kept)
+        net = np.asarray(after.effective(before.command(net + rubs, velocity), velocity)) - rubs
+    for name, torques in (("past", net), ("rubs", rubs)):
+        kept = torques[-wanted:]
+        new.arrays[name][:wanted] = np.append(np.full(wanted - kept.size, kept[0]), kept)
 
 
 def _plan(old: Running, new: Running) -> None:
