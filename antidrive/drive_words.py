@@ -50,6 +50,9 @@ TUNING: dict[str, Any] = {
     "bandwidth": Annotated[Number, typer.Option(metavar="HZ", help="Of the closed loop.")],
     "encoder_resolution": Annotated[Number, typer.Option(metavar="RAD", help="Step of the load's encoder.")],
     "encoder_noise": Annotated[Number, typer.Option(metavar="RAD", help="Standard deviation of its noise.")],
+    "encoder_range": Annotated[
+        Number, typer.Option(metavar="RAD", help="Angle after which it begins again: 6.2832 of a single turn.")
+    ],
     "torque_noise": Annotated[
         Number, typer.Option(metavar="NM", help="What the model misses from sample to sample, standard deviation.")
     ],

@@ -26,6 +26,8 @@ from mpc.riccati import ALL_ROWS, TORQUE_ALONE, backward, forward, slope
 from mpc.split import machine, reach, split
 from mpc.step import InterpretedStep
 from mpc.trouble import sentence
+from mpc.watch import numbers as watching
+from mpc.watch import watch, watched_of
 from mpc.weights import rate_weight, terminal_weight
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
@@ -81,6 +83,9 @@ class Controller:
         bandwidth: w/(2 pi) [Hz].
         encoder_resolution: step of the load's encoder [rad].
         encoder_noise: standard deviation of its noise [rad].
+        encoder_range: angle after which the load's encoder begins again [rad], 2 pi of one that knows a single turn;
+            each reading is put on the turn that is nearest to the prediction. Zero if its readings go on. References
+            go on: 3.3 rad is not -2.98 rad.
         torque_noise: what the model misses from sample to sample, standard deviation [N m].
         disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)].
         motor_resolution: step of the encoders at the motor shafts [rad]; None if there are none.
@@ -114,6 +119,7 @@ class Controller:
     bandwidth: float = 4.0
     encoder_resolution: float = 2 * np.pi / 2**17
     encoder_noise: float = 2e-5
+    encoder_range: float = 0.0
     torque_noise: float = 0.05
     disturbance_rate: float = 1.0
     motor_resolution: float | None = None
@@ -145,6 +151,8 @@ class Controller:
                 raise BadParameter(f"{name} must be finite and above zero, not {value!r}.")
         if (whole(self.horizon) or 0) < 2:
             raise BadParameter(f"horizon must be a whole number of at least 2 samples, not {self.horizon!r}.")
+        if not (np.isfinite(self.encoder_range) and self.encoder_range >= 0):
+            raise BadParameter(f"encoder_range must be finite and not negative, not {self.encoder_range!r}.")
         for name in ("torque_rate", "preload_rate"):
             if not getattr(self, name) > 0:
                 raise BadParameter(f"{name} must be above zero, not {getattr(self, name)!r}.")
@@ -198,7 +206,8 @@ class Controller:
         preload_step = self.preload_rate * self.sample_time / (abs(float(self.gears.null_vector[0])) or 1.0)
         self._arrays = self._all_arrays(machine(self.bounds, drive, preload_step))
         n = len(behind.states)
-        filters = (predictor.stage, *self.estimator.functions, *self._friction)
+        self._watch = watch(predictor, self.estimator.motors is not None)
+        filters = (predictor.stage, self._watch, *self.estimator.functions, *self._friction)
         aims = (preview(), followable(), governed(limits.any), enter(), corridor(), reach())
         sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows), split())
         self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
@@ -277,12 +286,28 @@ class Controller:
             "prices": prices(self._rate_weight, greatest, self.model.inertia, self.sample_time),
             "moved": moved(self.model.inertia, self.sample_time),
             "soft": self._soft,
+            "watching": self._watching(greatest),
             "rubbing": numbers(self.friction_std, wave, noise, self.encoder_resolution, self.encoder_noise, floor),
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
-        remembered |= laid_out(n, self.horizon, self._whole_delay, self._rows)
+        watched = watched_of(n, self.estimator.motors is not None)
+        remembered |= laid_out(n, self.horizon, self._whole_delay, self._rows, watched)
         self._remembered = tuple(remembered)
         return constant | remembered
+
+    def _watching(self, greatest: float) -> Array:
+        """Numbers of the watch over the encoders."""
+        motors = self.estimator.motors
+        variances, ratios = (motors.levels[:2], motors.ratios) if motors else ([0.0], (1.0, 1.0))
+        return watching(
+            turn=self.encoder_range,
+            variance=float(self.estimator.levels[0]),
+            resolution=self.encoder_resolution,
+            motor_variance=max(variances),
+            brake=2 * greatest / self.model.inertia,
+            greatest=greatest,
+            ratios=ratios,
+        )
 
     def _motor_encoders(self, resolution: float) -> MotorEncoders:
         turns = np.copysign(self.gears.motor_ratios, -self.gears.angle_map).tolist()
@@ -291,7 +316,7 @@ class Controller:
     @cached_property
     def _interpreted(self) -> InterpretedStep:
         """The step without machine code."""
-        return InterpretedStep(self._sizes, self._arrays, self.estimator, self.governor, self._friction)
+        return InterpretedStep(self._sizes, self._arrays, self.estimator, self.governor, self._friction, self._watch)
 
     @property
     def compiled(self) -> bool:

@@ -57,8 +57,9 @@ def _triangle(n: int) -> Any:
 def estimation(predictor: Predictor, motors: bool) -> Any:
     """One sample of the filter, as a `casadi.Function`.
 
-    (belief, readings: angle and motor angles if there are any, torques since the last sample and before and by how
-    much the angle may be off unnoticed (3,), parameters, levels) -> belief, trouble (see `Trouble`), and whether to begin anew.
+    (belief, readings: angle and motor angles if there are any, torques since the last sample and before, and by how
+    much the angle may be off unnoticed (3,), parameters, levels) -> belief, trouble (see `Trouble`), and whether to
+    begin anew.
     """
     model = predictor.model
     n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)

@@ -10,10 +10,11 @@ from mpc.friction import LEARNT
 Array = NDArray[np.float64]
 
 
-def laid_out(states: int, horizon: int, late: int, rows: int) -> dict[str, Array]:
+def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> dict[str, Array]:
     """Zeros for n states, N samples looked ahead, a delay of so many whole samples, and so many intervals a stage.
 
-    The constants of a model are not among them, nor what estimator and governor remember: their owners have them.
+    The constants of a model are not among them, nor what estimator and governor remember: their owners have them. Of
+    the watch over the sensors so many numbers are remembered.
     """
     n, N, samples = states, horizon, late + horizon
     remembered = {
@@ -24,6 +25,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int) -> dict[str, Array
         "preload": 1,  # lambda of the last sample
         "load": 1,  # torque that the load takes without accelerating
         "learnt": LEARNT,  # see `mpc.friction`
+        "watched": watched,  # see `mpc.watch`
         "rubs": late + 3,  # torques against friction, beside those of past
     }
     handed = {

@@ -4,7 +4,7 @@
    the Python form uses (mpc/step.py); here stand the loops around them. No memory is taken, every loop is bounded. */
 
 enum { LOST = 1, BRIDGED = 2, JUMPED = 4, STAYED = 8, DIVERGED = 16, AIMLESS = 32, UNCERTIFIED = 64, PARTING = 128,
-       BEYOND = 256 };
+       BEYOND = 256, CONTRADICTED = 1024 };
 
 #define CONVERGED 1e-9 /* change of the torques at which a full solution ends, in the same unit */
 
@@ -228,16 +228,31 @@ static int plan_ahead(struct controller *c)
   return trouble | beyond;
 }
 
+/* Put the reading on its turn, and leave out what is contradicted; whether anything is. */
+static int watched(struct controller *c)
+{
+  real acted[3], belief[BELIEF], memory[WATCHED], reading, load_out, motors_out;
+  acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->past[1] + c->rubs[1];
+  watch(c->belief, c->readings, c->watched, acted, c->model, c->watching, belief, &reading, memory, &load_out, &motors_out);
+  memcpy(c->belief, belief, sizeof belief);
+  memcpy(c->watched, memory, sizeof memory);
+  if (motors_out != 0) c->readings[1] = c->readings[2] = NAN;
+  c->readings[0] = load_out != 0 ? NAN : reading;
+  return load_out != 0 || motors_out != 0;
+}
+
 int control_step(struct controller *c, double angle, int previewed)
 {
-  int trouble;
+  int trouble, out;
   real acted[3], code, anew, belief[BELIEF];
   acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[6] == 0 ? c->rubbing[3] : 0;
   c->readings[0] = angle; /* and behind it those of the motors */
+  out = watched(c);
   estimate(c->belief, c->readings, acted, c->model, c->levels, belief, &code, &anew);
   if (anew) begin(c->readings, acted, c->model, c->levels, belief);
   memcpy(c->belief, belief, sizeof belief);
   trouble = (int)code;
+  if (out) trouble = (trouble & ~BRIDGED) | CONTRADICTED;
   if (!c->belief[0]) {
     hold(c);
   } else {

@@ -41,6 +41,7 @@ class InterpretedStep:
         estimator: Estimator,
         governor: Governor,
         friction: tuple[Any, Any],
+        watch: Any,
     ) -> None:
         """On the arrays of a controller; the functions of friction are `mpc.friction.rub` and `learn`."""
         N, late = sizes["horizon"], sizes["late"]
@@ -63,6 +64,8 @@ class InterpretedStep:
         learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
         self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
         self._rub = Kernel(rub, {3: learnt, 4: same, 5: rubbing})
+        shared = {0: estimator.belief, 2: arrays["watched"], 4: same, 5: arrays["watching"]}
+        self._watch = Kernel(watch, shared)
         self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
         confined = {0: self._enter.outputs[0], 2: np.tile(arrays["soft"], N), 3: np.full(N, self._dt)}
         self._corridor = Kernel(unrolled(corridor().mapaccum(N), N, corridor()), confined)
@@ -76,9 +79,12 @@ class InterpretedStep:
 
     def _sample(self, angle: float, previewed: bool) -> int:
         past = self._a["past"]
+        angle, out = self._watched(angle)
         _, first, second = self._a["readings"].tolist()
         deaf = float(self._a["rubbing"][3]) if self._a["learnt"][6] == 0 else 0.0
         trouble = self._estimator.update(angle, past[1], past[0], (first, second), deaf)
+        if out:
+            trouble = trouble & ~Trouble.BRIDGED | Trouble.CONTRADICTED
         if self._estimator.belief[0]:
             trouble |= self._look(previewed)
             self._aim()
@@ -90,6 +96,20 @@ class InterpretedStep:
         past[:-1] = past[1:]
         self._a["rubs"][:-1] = self._a["rubs"][1:]
         return trouble
+
+    def _watched(self, angle: float) -> tuple[float, bool]:
+        """The angle on its turn, or NaN, as the motors' readings, where it is contradicted, and whether anything is."""
+        a, watch = self._a, self._watch
+        a["readings"][0] = angle
+        watch.inputs[1][:] = a["readings"][: watch.inputs[1].size]
+        past, newest = a["past"], a["past"][1] + a["rubs"][1]
+        watch.inputs[3][:] = past[1], past[0], newest
+        belief, reading, watched, load_out, motors_out = watch()
+        self._estimator.belief[:], a["watched"][:] = belief, watched
+        if motors_out[0]:
+            a["readings"][1:] = np.nan
+        a["readings"][0] = np.nan if load_out[0] else reading[0]
+        return float(a["readings"][0]), bool(load_out[0] or motors_out[0])
 
     def _look(self, previewed: bool) -> int:
         """The wanted angle over the horizon; of a reference that is one number only that number is given."""

@@ -358,7 +358,7 @@ def test_refuses_parameters_that_cannot_be(bad: dict[str, float]) -> None:
 def test_refuses_what_admits_no_torque_and_what_has_no_gears() -> None:
     with pytest.raises(InfeasibleTorque):
         Controller(RIGID, PAPER, min_torque=0.4, max_torque=0.3)
-    with pytest.raises(BadParameter, match="rotary"):
+    with pytest.raises(BadParameter, match="Ratios"):
         Controller(ServoModel(gravity=0.0, axis="linear"), PAPER)
 
 
