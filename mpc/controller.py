@@ -280,6 +280,7 @@ class Controller:
         own = [self.model.inertia, greatest, wave, attainable, self.torque_rate * self.sample_time]
         constant = {
             "model": self.estimator.predictor.parameters,
+            "acting": self.estimator.acting,
             "levels": self.estimator.levels,
             "machine": machine,
             "tuning": np.array([self._rate_weight, P[0, 0], P[0, 1], P[1, 1], *own]),
@@ -345,7 +346,14 @@ class Controller:
         plan = self._arrays["plan"]
         return plan[1:].copy() if plan[0] else None
 
-    def step(self, angle: float, reference: ArrayLike, motor_angles: ArrayLike | None = None) -> Control:
+    def step(
+        self,
+        angle: float,
+        reference: ArrayLike,
+        motor_angles: ArrayLike | None = None,
+        *,
+        elapsed: float | None = None,
+    ) -> Control:
         """One sample: the measured angle in, the pinion torques out.
 
         Args:
@@ -353,9 +361,11 @@ class Controller:
             reference: wanted load angle [rad]: a number, or the (N + 1,) samples from now on.
             motor_angles: (2,) measured angles of the motor shafts [rad], for a controller with a `motor_resolution`;
                 those that are not numbers are left out.
+            elapsed: time since the last step [s], where it is not the sample time: of a loop that jitters or misses
+                cycles. After more than a horizon of them the estimate begins anew.
 
         Raises:
-            BadParameter: the reference or the motor angles have another shape.
+            BadParameter: the reference or the motor angles have another shape, or the time is not above zero.
         """
         wanted, arrays = np.asarray(reference, dtype=np.float64), self._arrays
         if wanted.shape == (self.horizon + 1,):
@@ -370,6 +380,9 @@ class Controller:
             arrays["readings"][1:] = NO_ANGLES if motor_angles is None else _pair(motor_angles)
         elif motor_angles is not None:
             raise BadParameter("Give the controller a motor_resolution, or no motor angles.")
+        if elapsed is not None and not (np.isfinite(elapsed) and elapsed > 0):
+            raise BadParameter(f"elapsed must be a time above zero since the last step, not {elapsed!r}.")
+        arrays["elapsed"][0] = elapsed or 0.0
         reasons = sentence(self._step(float(angle), wanted.ndim == 1))
         torques = arrays["torques"].reshape(self.horizon, 2).copy()
         if self.gears.drives == 1:  # the pair of its own senses

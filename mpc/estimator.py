@@ -72,6 +72,7 @@ class Estimator:
         torque_noise: standard deviation of what the model misses from sample to sample [N m].
         disturbance_rate: how fast the disturbance may wander [N m/sqrt(s)].
         motors: encoders at the motors, None if there are none.
+        acting: parameters of the predictor with the time since the last sample, which need not be that of all samples.
         belief: all that is remembered: whether there is an estimate, wild readings in a row, d, state (n,), offsets of
             the motors, and the upper triangle of the covariance of state, d and offsets, column by column.
         levels: variance of the sensor, torque_noise, disturbance_rate, and those of the motors.
@@ -83,6 +84,7 @@ class Estimator:
     torque_noise: float
     disturbance_rate: float
     motors: MotorEncoders | None = None
+    acting: Array = field(init=False, repr=False)
     belief: Array = field(init=False, repr=False)
     levels: Array = field(init=False, repr=False)
 
@@ -97,6 +99,7 @@ class Estimator:
             raise BadParameter("The sensor needs a resolution or a noise above zero: no filter can trust it fully.")
         more = self.motors.levels if self.motors else []
         self.levels = np.array([variance, self.torque_noise, self.disturbance_rate, *more])
+        self.acting = self.predictor.parameters.copy()
         self.belief = np.zeros(belief_of(len(self.predictor.model.states), self.motors is not None).shape[0])
 
     @property
@@ -168,4 +171,4 @@ class Estimator:
 
     @cached_property
     def _estimate(self) -> Kernel:
-        return Kernel(self.functions[0], {0: self.belief, 3: self.predictor.parameters, 4: self.levels})
+        return Kernel(self.functions[0], {0: self.belief, 3: self.acting, 4: self.levels})

@@ -30,6 +30,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
     }
     handed = {
         "readings": 3,
+        "elapsed": 1,  # since the last sample, if it is not the sample time
         "wanted": N + 1,
         "torques": 2 * N,
         "angles": N + 1,

@@ -228,12 +228,52 @@ static int plan_ahead(struct controller *c)
   return trouble | beyond;
 }
 
+/* The torques under way move on by a sample. */
+static void move_on(struct controller *c)
+{
+  memmove(c->past, c->past + 1, (c->late + 2) * sizeof(real));
+  memmove(c->rubs, c->rubs + 1, (c->late + 2) * sizeof(real));
+}
+
+/* A sample that was missed: the last torques were held, and nothing was read. */
+static void miss(struct controller *c)
+{
+  real readings[3] = {NAN, NAN, NAN}, acted[3] = {0}, code, anew, belief[BELIEF];
+  acted[0] = c->past[1], acted[1] = c->past[0];
+  estimate(c->belief, readings, acted, c->model, c->levels, belief, &code, &anew);
+  memcpy(c->belief, belief, sizeof belief);
+  move_on(c);
+  memmove(c->plan + 1, c->plan + 2, (c->horizon - 1) * sizeof(real));
+  c->watched[1] = 0; /* the model that runs free begins anew */
+}
+
+/* The time since the last sample: whole samples that were missed, and what is left of it, which the model then has for
+   one. The reference that is remembered by the sample moves on by as much. */
+static void lapse(struct controller *c)
+{
+  int k, missed;
+  real dt = c->model[PARAMETERS - 1], elapsed = c->elapsed[0], shift;
+  memcpy(c->acting, c->model, PARAMETERS * sizeof(real));
+  c->elapsed[0] = 0;
+  if (!(elapsed > 0 && isfinite(elapsed))) return;
+  if (elapsed > (c->horizon + 0.5) * dt) { /* nothing is known any more */
+    c->belief[0] = c->path[0] = c->plan[0] = c->numbers[0] = 0;
+    return;
+  }
+  shift = c->numbers[0] > 1 ? (elapsed / dt - 1) * (c->numbers[3] - c->numbers[2]) : 0;
+  for (k = 1; k < 4; ++k) c->numbers[k] += shift;
+  c->path[1] += c->path[2] * (elapsed - dt);
+  missed = elapsed > dt ? (int)(elapsed / dt - 0.5) : 0;
+  for (k = 0; k < missed; ++k) miss(c);
+  c->acting[PARAMETERS - 1] = elapsed - missed * dt;
+}
+
 /* Put the reading on its turn, and leave out what is contradicted; whether anything is. */
 static int watched(struct controller *c)
 {
   real acted[3], belief[BELIEF], memory[WATCHED], reading, load_out, motors_out;
   acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->past[1] + c->rubs[1];
-  watch(c->belief, c->readings, c->watched, acted, c->model, c->watching, belief, &reading, memory, &load_out, &motors_out);
+  watch(c->belief, c->readings, c->watched, acted, c->acting, c->watching, belief, &reading, memory, &load_out, &motors_out);
   memcpy(c->belief, belief, sizeof belief);
   memcpy(c->watched, memory, sizeof memory);
   if (motors_out != 0) c->readings[1] = c->readings[2] = NAN;
@@ -245,10 +285,11 @@ int control_step(struct controller *c, double angle, int previewed)
 {
   int trouble, out;
   real acted[3], code, anew, belief[BELIEF];
-  acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[6] == 0 ? c->rubbing[3] : 0;
   c->readings[0] = angle; /* and behind it those of the motors */
+  lapse(c);
   out = watched(c);
-  estimate(c->belief, c->readings, acted, c->model, c->levels, belief, &code, &anew);
+  acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[6] == 0 ? c->rubbing[3] : 0;
+  estimate(c->belief, c->readings, acted, c->acting, c->levels, belief, &code, &anew);
   if (anew) begin(c->readings, acted, c->model, c->levels, belief);
   memcpy(c->belief, belief, sizeof belief);
   trouble = (int)code;
@@ -262,7 +303,6 @@ int control_step(struct controller *c, double angle, int previewed)
     trouble |= plan_ahead(c);
   }
   c->outcome[1] = c->belief[2];
-  memmove(c->past, c->past + 1, (c->late + 2) * sizeof(real));
-  memmove(c->rubs, c->rubs + 1, (c->late + 2) * sizeof(real));
+  move_on(c);
   return trouble;
 }

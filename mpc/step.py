@@ -64,7 +64,7 @@ class InterpretedStep:
         learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
         self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
         self._rub = Kernel(rub, {3: learnt, 4: same, 5: rubbing})
-        shared = {0: estimator.belief, 2: arrays["watched"], 4: same, 5: arrays["watching"]}
+        shared = {0: estimator.belief, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
         self._watch = Kernel(watch, shared)
         self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
         confined = {0: self._enter.outputs[0], 2: np.tile(arrays["soft"], N), 3: np.full(N, self._dt)}
@@ -79,6 +79,7 @@ class InterpretedStep:
 
     def _sample(self, angle: float, previewed: bool) -> int:
         past = self._a["past"]
+        self._lapse()
         angle, out = self._watched(angle)
         _, first, second = self._a["readings"].tolist()
         deaf = float(self._a["rubbing"][3]) if self._a["learnt"][6] == 0 else 0.0
@@ -93,9 +94,43 @@ class InterpretedStep:
         else:
             self._hold()
         self._a["outcome"][1] = self._estimator.belief[2]
-        past[:-1] = past[1:]
-        self._a["rubs"][:-1] = self._a["rubs"][1:]
+        self._move_on()
         return trouble
+
+    def _move_on(self) -> None:
+        """The torques under way move on by a sample."""
+        for name in ("past", "rubs"):
+            self._a[name][:-1] = self._a[name][1:]
+
+    def _miss(self) -> None:
+        """A sample that was missed: the last torques were held, and nothing was read."""
+        past, plan = self._a["past"], self._a["plan"]
+        self._estimator.acting[-1] = self._dt
+        self._estimator.update(np.nan, past[1], past[0])
+        self._move_on()
+        plan[1:-1] = plan[2:]
+        self._a["watched"][1] = 0.0  # the model that runs free begins anew
+
+    def _lapse(self) -> None:
+        """The time since the last sample: whole samples that were missed, and what is left, which the model takes.
+
+        The reference that is remembered by the sample moves on by as much.
+        """
+        a, dt, path, numbers = self._a, self._dt, self._governor.path, self._a["numbers"]
+        elapsed, a["elapsed"][0] = float(a["elapsed"][0]), 0.0
+        a["acting"][:] = a["model"]
+        if not (elapsed > 0 and np.isfinite(elapsed)):
+            return
+        if elapsed > (a["guess"].size + 0.5) * dt:  # nothing is known any more
+            self._estimator.belief[0] = path[0] = a["plan"][0] = numbers[0] = 0.0
+            return
+        if numbers[0] > 1:
+            numbers[1:] += (elapsed / dt - 1) * (numbers[3] - numbers[2])
+        path[1] += path[2] * (elapsed - dt)
+        missed = int(elapsed / dt - 0.5) if elapsed > dt else 0
+        for _ in range(missed):
+            self._miss()
+        a["acting"][-1] = elapsed - missed * dt
 
     def _watched(self, angle: float) -> tuple[float, bool]:
         """The angle on its turn, or NaN, as the motors' readings, where it is contradicted, and whether anything is."""

@@ -37,6 +37,8 @@ void ${name}_motors(struct controller *c, real first, real second)
   c->readings[2] = second;
 }
 
+void ${name}_elapsed(struct controller *c, real seconds) { c->elapsed[0] = seconds; }
+
 /* A single drive is the pair of its own two senses. */
 static int answered(struct controller *c, int status, real torques[DRIVES])
 {

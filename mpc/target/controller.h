@@ -20,7 +20,7 @@ extern "C" {
 
 typedef ${real} ${name}_real;
 
-#define ${NAME}_SAMPLE_TIME ${sample_time} /* [s], between two steps; nothing checks that it is kept */
+#define ${NAME}_SAMPLE_TIME ${sample_time} /* [s], between two steps; where it is not kept tell ${name}_elapsed */
 #define ${NAME}_MIN_TORQUE ${min_torque} /* [N m], least magnitude of a drive's torque */
 #define ${NAME}_MAX_TORQUE ${max_torque} /* [N m], greatest */
 ${intervals}
@@ -72,6 +72,10 @@ int ${name}_step_ahead(struct ${name}_controller *controller, ${name}_real ${ang
 /* Measured angles of the motor shafts for the next step [rad], NaN where there is none. They count only if
    ${NAME}_MOTORS is 1, and for one step. */
 void ${name}_motors(struct ${name}_controller *controller, ${name}_real first, ${name}_real second);
+
+/* The time since the last step [s] for the next one, where it is not ${NAME}_SAMPLE_TIME: in a loop that jitters or
+   misses cycles. After more than a horizon of them the estimate begins anew. */
+void ${name}_elapsed(struct ${name}_controller *controller, ${name}_real seconds);
 
 #ifdef __cplusplus
 }
