@@ -25,6 +25,7 @@ from mpc.riccati import ALL_ROWS, TORQUE_ALONE, backward, forward, slope
 from mpc.split import machine, reach, split
 from mpc.step import InterpretedStep
 from mpc.trouble import sentence
+from mpc.tuning import OBSERVER, Tuning
 from mpc.weights import rate_weight, terminal_weight
 from plant.errors import BadParameter
 from plant.gears import GearTrain
@@ -36,6 +37,10 @@ Array = NDArray[np.float64]
 
 _ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
 """Bound on the sweeps of each method of the quadratic programme; two are usual, 20 where other intervals are active."""
+
+
+_CHOSEN: Any = None
+"""Of what is left out and then chosen by `mpc.tuning`."""
 
 
 @dataclass(eq=False)
@@ -72,15 +77,15 @@ class Controller:
         model: the servo, on a rotary axis, torques on the follower.
         gears: the gear train.
         sample_time: Ts [s].
-        horizon: N, samples looked ahead.
+        horizon: N, samples looked ahead; by default a quarter of a period of the bandwidth.
         min_torque, max_torque: bounds on each pinion torque [N m].
         rotor_inertia: of each motor at its shaft [kg m^2]; zero leaves rotors out.
         motor_friction: dry friction of each motor at its shaft [N m], counted against the flank in either sense.
-        bandwidth: w/(2 pi) [Hz].
+        bandwidth: w/(2 pi) [Hz]; by default what machine, sample time and encoder allow (`mpc.tuning`).
         encoder_resolution: step of the load's encoder [rad].
         encoder_noise: standard deviation of its noise [rad].
         torque_noise: what the model misses from sample to sample, standard deviation [N m].
-        disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)].
+        disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)]; by default as the bandwidth wants it.
         motor_resolution: step of the encoders at the motor shafts [rad]; None if there are none.
         motor_noise: standard deviation of what else they err by, teeth included, at the load [rad].
         friction_std: standard error of the model's dry friction, as a share of it: so much of it is not compensated
@@ -104,16 +109,16 @@ class Controller:
     gears: GearTrain
     _: KW_ONLY
     sample_time: float = 0.005
-    horizon: int = 30
+    horizon: int = _CHOSEN
     min_torque: float = 0.02
     max_torque: float = 0.3
     rotor_inertia: float = 0.0
     motor_friction: float = 0.0
-    bandwidth: float = 4.0
+    bandwidth: float = _CHOSEN
     encoder_resolution: float = 2 * np.pi / 2**17
     encoder_noise: float = 2e-5
-    torque_noise: float = 0.05
-    disturbance_rate: float = 1.0
+    torque_noise: float = 0.0
+    disturbance_rate: float = _CHOSEN
     motor_resolution: float | None = None
     motor_noise: float = 2e-5
     friction_std: float = 0.2
@@ -137,20 +142,15 @@ class Controller:
             )
         for name in ("sample_time", "bandwidth"):
             value = getattr(self, name)
-            if not np.isfinite(value) or value <= 0:
+            if value is not _CHOSEN and not (np.isfinite(value) and value > 0):
                 raise BadParameter(f"{name} must be finite and above zero, not {value!r}.")
-        if (whole(self.horizon) or 0) < 2:
+        if self.horizon is not _CHOSEN and (whole(self.horizon) or 0) < 2:
             raise BadParameter(f"horizon must be a whole number of at least 2 samples, not {self.horizon!r}.")
         for name in ("torque_rate", "preload_rate"):
             if not getattr(self, name) > 0:
                 raise BadParameter(f"{name} must be above zero, not {getattr(self, name)!r}.")
         if (whole(self.sqp_iterations) or 0) < 1:
             raise BadParameter(f"sqp_iterations must be a whole number above zero, not {self.sqp_iterations!r}.")
-        self.horizon, self.sqp_iterations = int(self.horizon), int(self.sqp_iterations)
-        if self.bandwidth * self.sample_time > 0.1:
-            raise BadParameter(
-                f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."
-            )
         self.model = self.model.without_clock().without_effect("backlash")
         self.bounds = Bounds(
             gears=self.gears,
@@ -159,6 +159,9 @@ class Controller:
             rotor_inertia=self.rotor_inertia,
             motor_friction=self.motor_friction,
         )
+        self._greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * self.max_torque)
+        self._floor = self.min_torque * float(np.min(self.gears.mesh_ratios))
+        self._tune()
         self._whole_delay, switch = whole_samples(float(self.model.delay()), self.sample_time)
         drive, behind = DriveInverse.of(self.model)
         behind = rigid_contacts(behind)
@@ -172,6 +175,7 @@ class Controller:
             torque_noise=self.torque_noise,
             disturbance_rate=self.disturbance_rate,
             motors=None if self.motor_resolution is None else self._motor_encoders(self.motor_resolution),
+            surprise=self._greatest / self.model.inertia / (OBSERVER * 2 * np.pi * self.bandwidth) ** 2,
         )
         limits = SoftLimits(angle=self.angle_limits, speed=self.speed_limit)
         noise = float(np.sqrt(self.estimator.levels[0]))
@@ -195,6 +199,25 @@ class Controller:
         self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
 
+    def _tune(self) -> None:
+        """Choose what was left out, and check that all goes together."""
+        chosen = Tuning.of(
+            self.model,
+            sample_time=self.sample_time,
+            noise=max(float(np.hypot(self.encoder_resolution / np.sqrt(12.0), self.encoder_noise)), 1e-12),
+            least=self._floor,
+            greatest=self._greatest,
+            bandwidth=self.bandwidth,
+        )
+        for name in ("bandwidth", "horizon", "disturbance_rate"):
+            if getattr(self, name) is _CHOSEN:
+                setattr(self, name, getattr(chosen, name))
+        self.horizon, self.sqp_iterations = int(self.horizon), int(self.sqp_iterations)
+        if self.bandwidth * self.sample_time > 0.1:
+            raise BadParameter(
+                f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."
+            )
+
     def __reduce__(self) -> tuple[Any, ...]:
         """How it was made, and what it remembers; the machine code is found again."""
         made = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
@@ -209,10 +232,9 @@ class Controller:
         """Everything that a step reads and writes, by name."""
         n = len(self.estimator.predictor.model.states)
         P = self._terminal_weight
-        greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * self.max_torque)
+        greatest = self._greatest
         attainable = 2.0 * greatest / self.model.inertia * self.sample_time**2
         wave, noise = 2 * np.pi * self.bandwidth, float(np.sqrt(self.estimator.levels[0]))
-        floor = self.min_torque * float(np.min(self.gears.mesh_ratios))
         own = [self.model.inertia, greatest, wave, attainable, self.torque_rate * self.sample_time]
         constant = {
             "model": self.estimator.predictor.parameters,
@@ -222,7 +244,9 @@ class Controller:
             "prices": prices(self._rate_weight, greatest, self.model.inertia, self.sample_time),
             "moved": moved(self.model.inertia, self.sample_time),
             "soft": self._soft,
-            "rubbing": numbers(self.friction_std, wave, noise, self.encoder_resolution, self.encoder_noise, floor),
+            "rubbing": numbers(
+                self.friction_std, wave, noise, self.encoder_resolution, self.encoder_noise, self._floor
+            ),
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
         return constant | remembered | laid_out(n, self.horizon, self._whole_delay, self._rows)

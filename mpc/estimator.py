@@ -72,9 +72,10 @@ class Estimator:
         torque_noise: standard deviation of what the model misses from sample to sample [N m].
         disturbance_rate: how fast the disturbance may wander [N m/sqrt(s)].
         motors: encoders at the motors, None if there are none.
+        surprise: by how much an unknown torque may move the load before the filter knows it [rad].
         belief: all that is remembered: whether there is an estimate, wild readings in a row, d, state (n,), offsets of
             the motors, and the upper triangle of the covariance of state, d and offsets, column by column.
-        levels: variance of the sensor, torque_noise, disturbance_rate, and those of the motors.
+        levels: variance of the sensor, torque_noise, disturbance_rate, surprise, and those of the motors.
     """
 
     predictor: Predictor
@@ -83,6 +84,7 @@ class Estimator:
     torque_noise: float
     disturbance_rate: float
     motors: MotorEncoders | None = None
+    surprise: float = 0.0
     belief: Array = field(init=False, repr=False)
     levels: Array = field(init=False, repr=False)
 
@@ -96,7 +98,7 @@ class Estimator:
         if variance == 0.0:
             raise BadParameter("The sensor needs a resolution or a noise above zero: no filter can trust it fully.")
         more = self.motors.levels if self.motors else []
-        self.levels = np.array([variance, self.torque_noise, self.disturbance_rate, *more])
+        self.levels = np.array([variance, self.torque_noise, self.disturbance_rate, self.surprise, *more])
         self.belief = np.zeros(belief_of(len(self.predictor.model.states), self.motors is not None).shape[0])
 
     @property
