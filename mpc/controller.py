@@ -26,6 +26,7 @@ from mpc.riccati import ALL_ROWS, TORQUE_ALONE, backward, forward, slope
 from mpc.split import machine, reach, split
 from mpc.step import InterpretedStep
 from mpc.trouble import sentence
+from mpc.tuning import OBSERVER, Tuning
 from mpc.watch import numbers as watching
 from mpc.watch import watch, watched_of
 from mpc.weights import rate_weight, terminal_weight
@@ -40,6 +41,10 @@ Array = NDArray[np.float64]
 
 _ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
 """Bound on the sweeps of each method of the quadratic programme; two are usual, 20 where other intervals are active."""
+
+
+_CHOSEN: Any = None
+"""Of what is left out and then chosen by `mpc.tuning`."""
 
 
 @dataclass(eq=False)
@@ -76,18 +81,18 @@ class Controller:
         model: the servo, on a rotary axis, torques on the follower.
         gears: the gear train.
         sample_time: Ts [s].
-        horizon: N, samples looked ahead.
+        horizon: N, samples looked ahead; by default a quarter of a period of the bandwidth.
         min_torque, max_torque: bounds on each pinion torque [N m].
         rotor_inertia: of each motor at its shaft [kg m^2]; zero leaves rotors out.
         motor_friction: dry friction of each motor at its shaft [N m], counted against the flank in either sense.
-        bandwidth: w/(2 pi) [Hz].
+        bandwidth: w/(2 pi) [Hz]; by default what machine, sample time and encoder allow (`mpc.tuning`).
         encoder_resolution: step of the load's encoder [rad].
         encoder_noise: standard deviation of its noise [rad].
         encoder_range: angle after which the load's encoder begins again [rad], 2 pi of one that knows a single turn;
             each reading is put on the turn that is nearest to the prediction. Zero if its readings go on. References
             go on: 3.3 rad is not -2.98 rad.
         torque_noise: what the model misses from sample to sample, standard deviation [N m].
-        disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)].
+        disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)]; by default as the bandwidth wants it.
         motor_resolution: step of the encoders at the motor shafts [rad]; None if there are none.
         motor_noise: standard deviation of what else they err by, teeth included, at the load [rad].
         friction_std: standard error of the model's dry friction, as a share of it: so much of it is not compensated
@@ -111,17 +116,17 @@ class Controller:
     gears: DriveTrain
     _: KW_ONLY
     sample_time: float = 0.005
-    horizon: int = 30
+    horizon: int = _CHOSEN
     min_torque: PerDrive = 0.02
     max_torque: PerDrive = 0.3
     rotor_inertia: PerDrive = 0.0
     motor_friction: PerDrive = 0.0
-    bandwidth: float = 4.0
+    bandwidth: float = _CHOSEN
     encoder_resolution: float = 2 * np.pi / 2**17
     encoder_noise: float = 2e-5
     encoder_range: float = 0.0
-    torque_noise: float = 0.05
-    disturbance_rate: float = 1.0
+    torque_noise: float = 0.0
+    disturbance_rate: float = _CHOSEN
     motor_resolution: float | None = None
     motor_noise: float = 2e-5
     friction_std: float = 0.2
@@ -147,9 +152,9 @@ class Controller:
             )
         for name in ("sample_time", "bandwidth"):
             value = getattr(self, name)
-            if not np.isfinite(value) or value <= 0:
+            if value is not _CHOSEN and not (np.isfinite(value) and value > 0):
                 raise BadParameter(f"{name} must be finite and above zero, not {value!r}.")
-        if (whole(self.horizon) or 0) < 2:
+        if self.horizon is not _CHOSEN and (whole(self.horizon) or 0) < 2:
             raise BadParameter(f"horizon must be a whole number of at least 2 samples, not {self.horizon!r}.")
         if not (np.isfinite(self.encoder_range) and self.encoder_range >= 0):
             raise BadParameter(f"encoder_range must be finite and not negative, not {self.encoder_range!r}.")
@@ -158,11 +163,6 @@ class Controller:
                 raise BadParameter(f"{name} must be above zero, not {getattr(self, name)!r}.")
         if (whole(self.sqp_iterations) or 0) < 1:
             raise BadParameter(f"sqp_iterations must be a whole number above zero, not {self.sqp_iterations!r}.")
-        self.horizon, self.sqp_iterations = int(self.horizon), int(self.sqp_iterations)
-        if self.bandwidth * self.sample_time > 0.1:
-            raise BadParameter(
-                f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."
-            )
         self.model = self.model.without_clock().without_effect("backlash")
         self.bounds = Bounds(
             gears=self.gears,
@@ -176,6 +176,10 @@ class Controller:
                 "min_torque must be below max_torque, less what the motors' friction takes: else no torque is left to "
                 "move the load."
             )
+        least = float(np.min(self.bounds.greatest))
+        self._greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * least)
+        self._floor = float(np.min(self.bounds.least * self.gears.mesh_ratios))
+        self._tune()
         self._whole_delay, switch = whole_samples(float(self.model.delay()), self.sample_time)
         drive, behind = DriveInverse.of(self.model)
         behind = rigid_contacts(behind)
@@ -189,6 +193,7 @@ class Controller:
             torque_noise=self.torque_noise,
             disturbance_rate=self.disturbance_rate,
             motors=None if self.motor_resolution is None else self._motor_encoders(self.motor_resolution),
+            surprise=self._greatest / self.model.inertia / (OBSERVER * 2 * np.pi * self.bandwidth) ** 2,
         )
         limits = SoftLimits(angle=self.angle_limits, speed=self.speed_limit)
         noise = float(np.sqrt(self.estimator.levels[0]))
@@ -221,6 +226,25 @@ class Controller:
                 "one that goes on from here."
             )
         super().__setattr__(name, value)
+    def _tune(self) -> None:
+        """Choose what was left out, and check that all goes together."""
+        chosen = Tuning.of(
+            self.model,
+            sample_time=self.sample_time,
+            noise=max(float(np.hypot(self.encoder_resolution / np.sqrt(12.0), self.encoder_noise)), 1e-12),
+            least=self._floor,
+            greatest=self._greatest,
+            bandwidth=self.bandwidth,
+        )
+        names = ("bandwidth", "horizon", "disturbance_rate")
+        self._left_out = tuple(name for name in names if getattr(self, name) is _CHOSEN)
+        for name in self._left_out:
+            setattr(self, name, getattr(chosen, name))
+        self.horizon, self.sqp_iterations = int(self.horizon), int(self.sqp_iterations)
+        if self.bandwidth * self.sample_time > 0.1:
+            raise BadParameter(
+                f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."
+            )
 
     def __reduce__(self) -> tuple[Any, ...]:
         """How it was made, and what it remembers; the machine code is found again."""
@@ -235,6 +259,7 @@ class Controller:
     def with_(self, **changes: Any) -> Controller:
         """A controller with some attributes changed that goes on from here: same estimate, same plan, no bump.
 
+        What was left out is chosen anew.
         Where the model changes, the torque that nobody knows is chosen so that the load accelerates as before. This one
         is left as it is; let only one of both go on.
 
@@ -247,7 +272,7 @@ class Controller:
         made = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
         if unknown := sorted(set(changes) - set(made)):
             raise BadParameter(f"A Controller has no {unknown[0]!r}; it has {', '.join(made)}.")
-        new = type(self)(**{**made, **changes})
+        new = type(self)(**{**made, **dict.fromkeys(self._left_out, _CHOSEN), **changes})
         hand_over(self._running, new._running)
         return new
 
@@ -272,11 +297,10 @@ class Controller:
         """Everything that a step reads and writes, by name."""
         n = len(self.estimator.predictor.model.states)
         P = self._terminal_weight
-        greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * float(np.min(self.bounds.greatest)))
+        greatest = self._greatest
         attainable = 2.0 * greatest / self.model.inertia * self.sample_time**2
         wave, noise = 2 * np.pi * self.bandwidth, float(np.sqrt(self.estimator.levels[0]))
-        alone = self.gears.drives == 1  # there is no flank that a jump of the torque could part
-        floor = np.inf if alone else float(np.min(self.bounds.least * self.gears.mesh_ratios))
+        floor = self._floor if self.gears.drives > 1 else np.inf  # a single drive has no flank that a jump could part
         own = [self.model.inertia, greatest, wave, attainable, self.torque_rate * self.sample_time]
         constant = {
             "model": self.estimator.predictor.parameters,

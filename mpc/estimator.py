@@ -73,9 +73,10 @@ class Estimator:
         disturbance_rate: how fast the disturbance may wander [N m/sqrt(s)].
         motors: encoders at the motors, None if there are none.
         acting: parameters of the predictor with the time since the last sample, which need not be that of all samples.
+        surprise: by how much an unknown torque may move the load before the filter knows it [rad].
         belief: all that is remembered: whether there is an estimate, wild readings in a row, d, state (n,), offsets of
             the motors, and the upper triangle of the covariance of state, d and offsets, column by column.
-        levels: variance of the sensor, torque_noise, disturbance_rate, and those of the motors.
+        levels: variance of the sensor, torque_noise, disturbance_rate, surprise, and those of the motors.
     """
 
     predictor: Predictor
@@ -84,6 +85,7 @@ class Estimator:
     torque_noise: float
     disturbance_rate: float
     motors: MotorEncoders | None = None
+    surprise: float = 0.0
     acting: Array = field(init=False, repr=False)
     belief: Array = field(init=False, repr=False)
     levels: Array = field(init=False, repr=False)
@@ -98,7 +100,7 @@ class Estimator:
         if variance == 0.0:
             raise BadParameter("The sensor needs a resolution or a noise above zero: no filter can trust it fully.")
         more = self.motors.levels if self.motors else []
-        self.levels = np.array([variance, self.torque_noise, self.disturbance_rate, *more])
+        self.levels = np.array([variance, self.torque_noise, self.disturbance_rate, self.surprise, *more])
         self.acting = self.predictor.parameters.copy()
         self.belief = np.zeros(belief_of(len(self.predictor.model.states), self.motors is not None).shape[0])
 

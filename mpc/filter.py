@@ -47,7 +47,7 @@ def covariance_of(belief: NDArray[np.float64], m: int) -> NDArray[np.float64]:
 
 
 def _levels(motors: bool) -> Any:
-    return ca.SX.sym("levels", 8 if motors else 3)
+    return ca.SX.sym("levels", 9 if motors else 4)
 
 
 def _triangle(n: int) -> Any:
@@ -74,7 +74,7 @@ def estimation(predictor: Predictor, motors: bool) -> Any:
     F = ca.SX.eye(m)
     F[:n, :n], F[:n, n] = by_state, ca.sum2(by_torque)
     dt, kick = p[-1], p[-1] / p[0] * torque_noise
-    slips = [levels[5] ** 2 * dt] * 2 if motors else []
+    slips = [levels[6] ** 2 * dt] * 2 if motors else []
     added = ca.vertcat((kick * dt / 2) ** 2, kick**2, ca.SX(n - 2, 1), wander**2 * dt, *slips)
     spread = ca.mtimes(ca.mtimes(F, covariance), F.T) + ca.diag(added)
     shown, slope = predictor.sensor(ahead, p)
@@ -85,7 +85,7 @@ def estimation(predictor: Predictor, motors: bool) -> Any:
 
     # What to believe.
     sound, heard = finite(ca.vertcat(ahead, ca.triu(spread).nz[:])), finite(reading)
-    wild = ca.fabs(innovation) > _OUTLIER * ca.sqrt(expected)
+    wild = ca.fabs(innovation) > _OUTLIER * ca.sqrt(expected) + levels[3]
     wilder = doubts + 1
     cases = [
         (ca.logic_and(ca.logic_not(ca.logic_and(known, sound)), ca.logic_not(heard)), Trouble.LOST, False),
@@ -106,12 +106,12 @@ def estimation(predictor: Predictor, motors: bool) -> Any:
     x, spread = _corrected(x, spread, row, innovation, variance, believed)
     for i in range(2 * motors):
         row = _motor_row(model, m, i)
-        innovation = -readings[1 + i] / levels[6 + i] - ca.dot(row, x)
-        expected = ca.mtimes(row.T, ca.mtimes(spread, row)) + levels[3 + i]
+        innovation = -readings[1 + i] / levels[7 + i] - ca.dot(row, x)
+        expected = ca.mtimes(row.T, ca.mtimes(spread, row)) + levels[4 + i]
         heard = finite(readings[1 + i])
         near = ca.fabs(innovation) <= _OUTLIER * ca.sqrt(expected)
         jumped = ca.logic_and(heard, ca.logic_not(near))
-        x, spread = _corrected(x, spread, row, innovation, levels[3 + i], ca.logic_and(heard, near))
+        x, spread = _corrected(x, spread, row, innovation, levels[4 + i], ca.logic_and(heard, near))
         spread[n + 1 + i, n + 1 + i] += ca.if_else(jumped, _UNKNOWN, 0)
     memory = ca.vertcat(ca.logic_and(known, sound), doubts, x[n], x[:n], x[n + 1 :], ca.triu(spread).nz[:])
     inputs = [belief, readings, acted, p, levels]
@@ -149,8 +149,8 @@ def beginning(predictor: Predictor, motors: bool) -> Any:
     known: dict[State, Any] = {State.ANGLE: ca.sqrt(levels[0]), State.VELOCITY: 1.0}
     spread = [known.get(kind, level) ** 2 for kind in model.kinds] + [level**2]
     heard = [finite(readings[1 + i]) for i in range(2 * motors)]
-    offsets = [ca.if_else(h, -readings[1 + i] / levels[6 + i] - state[0], 0) for i, h in enumerate(heard)]
-    spread += [ca.if_else(h, levels[0] + levels[3 + i], _UNKNOWN) for i, h in enumerate(heard)]
+    offsets = [ca.if_else(h, -readings[1 + i] / levels[7 + i] - state[0], 0) for i, h in enumerate(heard)]
+    spread += [ca.if_else(h, levels[0] + levels[4 + i], _UNKNOWN) for i, h in enumerate(heard)]
     covariance = ca.densify(ca.diag(ca.vertcat(*spread)))
     for i, h in enumerate(heard):  # an offset is wrong by what the angle is wrong
         covariance[0, n + 1 + i] = ca.if_else(h, -levels[0], 0)

@@ -27,7 +27,7 @@ LEARNT = 8
 """What is remembered: whether anything is, a constant torque and the scale of friction, their covariance (3,), the
 direction that the reference had last, and for how long the load has slid that way."""
 
-RUBBING = 5
+RUBBING = 6
 """Numbers of friction, see `numbers`."""
 
 _KEPT = 20.0
@@ -75,7 +75,9 @@ def numbers(std: float, wave: float, noise: float, resolution: float, jitter: fl
         resolution, jitter: its step and its noise beside that [rad].
         floor: least flank torque, seen at the load [N m]; undamped teeth swing by as much as the torque jumps.
     """
-    return np.array([wave * noise, std, wave / (2 * np.pi * _KEPT), max(resolution / 2 - 3 * jitter, 0.0), floor])
+    return np.array(
+        [wave * noise, std, wave / (2 * np.pi * _KEPT), max(resolution / 2 - 3 * jitter, 0.0), floor, 3 * noise]
+    )
 
 
 def _levels(model: ServoModel, angle: Any, velocity: Any, torque: Any) -> tuple[Any, Any]:
@@ -90,16 +92,18 @@ def rub(model: ServoModel) -> Any:
     -> torque against friction [N m]. It changes its sense over twice the speed below which a reference stands, and no
     faster than the teeth bear.
     """
-    way, torque, before = ca.SX.sym("way", 2), ca.SX.sym("torque"), ca.SX.sym("before")
+    way, velocity = ca.SX.sym("way", 2), ca.SX.sym("velocity")
+    torque, before = ca.SX.sym("torque"), ca.SX.sym("before")
     learnt, rubbing = ca.SX.sym("learnt", LEARNT), ca.SX.sym("rubbing", RUBBING)
     p = ca.SX.sym("p", len(model.names) + 1)
-    velocity = (way[1] - way[0]) / p[-1]
-    forward, backward = _levels(model.bound(p[:-1]), way[0], velocity, torque)
-    share = ca.fmax(ca.fmin(velocity / rubbing[0], 1), -1)
+    wanted = (way[1] - way[0]) / p[-1]
+    sense = ca.if_else(ca.fabs(wanted) < rubbing[0], learnt[6], ca.sign(wanted))
+    speed = ca.fmax(sense * wanted, sense * velocity)
+    forward, backward = _levels(model.bound(p[:-1]), way[0], sense * speed, torque)
     sure = ca.fmax(learnt[2] - ca.sqrt(ca.fmax(learnt[5], 0)), 0)
-    against = sure * share * ca.if_else(share > 0, forward, backward)
+    against = sure * sense * ca.if_else(sense > 0, forward, backward)
     against = ca.fmax(ca.fmin(against, before + rubbing[4]), before - rubbing[4])
-    return ca.Function("rub", [way, before, torque, learnt, p, rubbing], [against], {"cse": True})
+    return ca.Function("rub", [way, velocity, before, torque, learnt, p, rubbing], [against], {"cse": True})
 
 
 def learn(model: ServoModel, motors: bool) -> Any:
@@ -116,7 +120,7 @@ def learn(model: ServoModel, motors: bool) -> Any:
     """
     n = len(model.states)
     m, belief = n + 1 + 2 * motors, belief_of(n, motors)
-    learnt, now, tuning = ca.SX.sym("learnt", LEARNT), ca.SX.sym("now", 4), ca.SX.sym("tuning", TUNING)
+    learnt, now, tuning = ca.SX.sym("learnt", LEARNT), ca.SX.sym("now", 5), ca.SX.sym("tuning", TUNING)
     p, rubbing = ca.SX.sym("p", len(model.names) + 1), ca.SX.sym("rubbing", RUBBING)
     dt, wave, bound = p[-1], tuning[6], model.bound(p[:-1])
     d, angle, velocity, spread = belief[2], belief[3], belief[4], belief[2 + m :]
@@ -129,7 +133,8 @@ def learn(model: ServoModel, motors: bool) -> Any:
     _, b, s, P_bb, P_bs, P_ss, before, slid = kept
 
     speed = (now[3] - now[2]) / dt
-    wanted = ca.if_else(ca.fabs(speed) < rubbing[0], 0, ca.sign(speed))
+    short = before * (now[4] - angle) > rubbing[5]
+    wanted = ca.if_else(ca.fabs(speed) < rubbing[0], ca.if_else(short, before, 0), ca.sign(speed))
     sense = ca.if_else(ca.fabs(velocity) > _CLEAR * velocity_std, ca.sign(velocity), 0)
     slides = ca.logic_and(sense != 0, sense == before)
     slid = ca.if_else(slides, slid + dt, 0)

@@ -60,10 +60,10 @@ static void aim(struct controller *c)
 static void rubbed(struct controller *c)
 {
   int k;
-  real now[4], learnt[8], disturbance, more, total, before;
+  real now[5], learnt[8], disturbance, more, total, before;
   const real *ahead = c->ahead + c->late;
   total = c->past[c->late + 1] + c->rubs[c->late + 1];
-  now[0] = c->rubs[1], now[1] = total, now[2] = ahead[0], now[3] = ahead[1];
+  now[0] = c->rubs[1], now[1] = total, now[2] = ahead[0], now[3] = ahead[1], now[4] = c->ahead[0];
   learn(c->belief, c->learnt, now, c->model, c->rubbing, c->tuning, learnt, &disturbance);
   memcpy(c->learnt, learnt, sizeof learnt);
   more = c->belief[2] - disturbance;
@@ -72,7 +72,7 @@ static void rubbed(struct controller *c)
   for (k = 1; k <= c->horizon; ++k) c->plan[k] += more;
   before = c->rubs[c->late + 1];
   for (k = 0; k < c->horizon; ++k) {
-    rub(ahead + k, &before, &total, c->learnt, c->model, c->rubbing, c->rub + k);
+    rub(ahead + k, c->belief + 4, &before, &total, c->learnt, c->model, c->rubbing, c->rub + k);
     before = c->rub[k];
   }
 }

@@ -63,7 +63,7 @@ class InterpretedStep:
         rub, learn = friction
         learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
         self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
-        self._rub = Kernel(rub, {3: learnt, 4: same, 5: rubbing})
+        self._rub = Kernel(rub, {1: estimator.belief[4:5], 4: learnt, 5: same, 6: rubbing})
         shared = {0: estimator.belief, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
         self._watch = Kernel(watch, shared)
         self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
@@ -174,7 +174,7 @@ class InterpretedStep:
         """What friction there will be on the way, and what is known of it by now."""
         a, belief, ahead, newest = self._a, self._estimator.belief, self._a["ahead"][self._late :], self._late + 1
         rubs, total = a["rubs"], a["past"][newest] + a["rubs"][newest]
-        self._learn.inputs[2][:] = rubs[1], total, ahead[0], ahead[1]
+        self._learn.inputs[2][:] = rubs[1], total, ahead[0], ahead[1], a["ahead"][0]
         learnt, disturbance = self._learn()
         a["learnt"][:] = learnt
         more = belief[2] - disturbance[0]
@@ -182,9 +182,9 @@ class InterpretedStep:
         a["past"] += more
         rubs -= more
         a["plan"][1:] += more
-        before, self._rub.inputs[2][0] = rubs[newest], total
+        before, self._rub.inputs[3][0] = rubs[newest], total
         for k in range(a["rub"].size):
-            self._rub.inputs[0][:], self._rub.inputs[1][0] = ahead[k : k + 2], before
+            self._rub.inputs[0][:], self._rub.inputs[2][0] = ahead[k : k + 2], before
             before = a["rub"][k] = self._rub()[0][0]
 
     def _plan_ahead(self) -> int:

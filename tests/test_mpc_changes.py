@@ -95,7 +95,7 @@ def test_the_same_again_is_the_same_to_the_last_bit(settled: tuple[bytes, np.nda
 
 
 def test_an_attribute_is_not_set_and_a_typo_is_refused() -> None:
-    controller = Controller(RIGID, PAPER)
+    controller = Controller(RIGID, PAPER, horizon=30)
     for name in ("max_torque", "horizon", "maxtorque", "model"):
         with pytest.raises(FrozenInstanceError, match=rf"with_\({name}="):
             setattr(controller, name, 3)

@@ -37,7 +37,7 @@ def loop(
         errors.append(state.angle - float(wanted(np.array(time))))
         flanks.append(state.least_flank_torques.min())
         degraded += control.status != "optimal"
-    return float(np.max(np.abs(errors[50:]))), degraded, float(np.min(flanks))
+    return float(np.max(np.abs(errors[150:]))), degraded, float(np.min(flanks))
 
 
 @pytest.mark.parametrize("faults", [{"jitter": 0.3}, {"missed": 0.05}, {"jitter": 0.3, "missed": 0.05}], ids=str)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from four_hertz import four_hertz
 from mishaps import GEARS, MISHAPS, PATIENCE, broken_promises, life
 
 from mpc import Controller
@@ -33,7 +34,7 @@ SLOW = ServoModel().with_effect(InputDelay(time=0.008)).with_effect(ActuatorLag(
     ids=["paper", "heavy rotors", "delay", "limits", "limits, delay and lag", "without machine code"],
 )
 def test_it_is_never_lost(model: ServoModel, options: dict[str, Any], compiled: bool) -> None:
-    controller = Controller(model, GEARS, **options)
+    controller = four_hertz(model, GEARS, **options)
     if not compiled:
         controller._step = controller._interpreted
     met = set()
@@ -45,7 +46,7 @@ def test_it_is_never_lost(model: ServoModel, options: dict[str, Any], compiled: 
 
 
 def of_form(compiled: bool, **options: float) -> Controller:
-    controller = Controller(ServoModel(), GEARS, **options)  # type: ignore[arg-type]
+    controller = four_hertz(ServoModel(), GEARS, **options)  # type: ignore[arg-type]
     if not compiled:
         controller._step = controller._interpreted
     return controller
