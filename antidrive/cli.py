@@ -149,6 +149,7 @@ def predict(
 
 
 @app.command(epilog=told("simulate"))
+@with_words(DRIVES, LIMITS, TUNING)
 def simulate(
     context: typer.Context,
     scenario: Annotated[
@@ -160,7 +161,10 @@ def simulate(
             "drive-loss, disturbance, differential, preload-sizing, or TOML.",
         ),
     ],
-    model: Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Design model of the controller.")] = None,
+    said: Any,
+    model: Annotated[
+        Path | None, typer.Option(metavar="MODEL.json", help="Of the controller, and of the machine it is tried on.")
+    ] = None,
     effects: Effects = None,
     out: Out = OUT,
     seed: Seed = 0,
@@ -171,7 +175,7 @@ def simulate(
     from antidrive import commands
 
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.simulate(scenario, model=model, effects=effects, out=out, seed=seed, voice=voice)
+    commands.simulate(scenario, said, model=model, effects=effects, out=out, seed=seed, voice=voice)
 
 
 @app.command(epilog=told("effects"))

@@ -332,11 +332,13 @@ class Controller:
             brake=2 * greatest / self.model.inertia,
             greatest=greatest,
             ratios=ratios,
+            held=self.gears.drives > 1,
         )
 
     def _motor_encoders(self, resolution: float) -> MotorEncoders:
         turns = np.copysign(self.gears.motor_ratios, -self.gears.angle_map).tolist()
-        return MotorEncoders(ratios=tuple(turns), resolution=resolution, noise=self.motor_noise)
+        first, second = turns if len(turns) > 1 else turns * 2
+        return MotorEncoders(ratios=(first, second), resolution=resolution, noise=self.motor_noise)
 
     @cached_property
     def _interpreted(self) -> InterpretedStep:
@@ -383,7 +385,7 @@ class Controller:
         Args:
             angle: measured load angle [rad]. If it is not a number, the model's prediction stands in.
             reference: wanted load angle [rad]: a number, or the (N + 1,) samples from now on.
-            motor_angles: (2,) measured angles of the motor shafts [rad], for a controller with a `motor_resolution`;
+            motor_angles: (m,) measured angles of the motor shafts [rad], for a controller with a `motor_resolution`;
                 those that are not numbers are left out.
             elapsed: time since the last step [s], where it is not the sample time: of a loop that jitters or misses
                 cycles. After more than a horizon of them the estimate begins anew.
@@ -401,7 +403,7 @@ class Controller:
                 f"The reference must be a number or {self.horizon + 1} samples, not an array of shape {wanted.shape}."
             )
         if self.motor_resolution is not None:
-            arrays["readings"][1:] = NO_ANGLES if motor_angles is None else _pair(motor_angles)
+            arrays["readings"][1:] = NO_ANGLES if motor_angles is None else self._pair(motor_angles)
         elif motor_angles is not None:
             raise BadParameter("Give the controller a motor_resolution, or no motor angles.")
         if elapsed is not None and not (np.isfinite(elapsed) and elapsed > 0):
@@ -422,9 +424,10 @@ class Controller:
             residual=residual,
         )
 
-
-def _pair(angles: ArrayLike) -> Array:
-    both = np.asarray(angles, dtype=np.float64)
-    if both.shape != (2,):
-        raise BadParameter(f"motor_angles must be two angles, not an array of shape {both.shape}.")
-    return both
+    def _pair(self, angles: ArrayLike) -> Array:
+        """(2,) measured angles, that of a motor which is not there being none."""
+        given, drives = np.asarray(angles, dtype=np.float64), self.gears.drives
+        if given.shape != (drives,):
+            count = "two angles" if drives > 1 else "one angle"
+            raise BadParameter(f"motor_angles must be {count}, not an array of shape {given.shape}.")
+        return given if drives > 1 else np.append(given, np.nan)

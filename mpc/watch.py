@@ -35,7 +35,7 @@ _STUCK = 0.8  # of the greatest torque: friction beyond which a load counts as j
 _CLEAR = 10.0  # standard deviations
 _SOON = 0.8  # of them, so that the filter does not begin anew before
 
-_NUMBERS = ("turn", "tolerance", "noticed", "apart", "beside", "brake", "greatest", "ratio_1", "ratio_2")
+_NUMBERS = ("turn", "tolerance", "noticed", "near", "apart", "beside", "brake", "greatest", "ratio_1", "ratio_2")
 WATCHING = len(_NUMBERS)
 """Numbers of the watch, see `numbers`."""
 
@@ -56,6 +56,7 @@ def numbers(
     brake: float,
     greatest: float,
     ratios: tuple[float, ...],
+    held: bool,
 ) -> Array:
     """(WATCHING,) numbers of the watch.
 
@@ -66,12 +67,15 @@ def numbers(
         brake: greatest acceleration that stops a load [rad/s^2].
         greatest: torque on the load [N m].
         ratios: (2,) turns of each motor for one of the load, with the sign of the filter.
+        held: whether a preload holds load and motors together; else a motor says nothing of the load.
     """
     tolerance = resolution + _CLEAR * np.sqrt(variance)
     apart = resolution + _CLEAR * np.sqrt(2 * (variance + motor_variance))
     beside = resolution + _CLEAR * np.sqrt(2 * motor_variance)  # a load that stands
     noticed = _SOON * _CLEAR * np.sqrt(variance)
-    own = [turn, tolerance, noticed, apart, beside, brake, greatest, *ratios]
+    near = apart if held else 0.0
+    apart, beside = (apart, beside) if held else (np.inf, np.inf)
+    own = [turn, tolerance, noticed, near, apart, beside, brake, greatest, *ratios]
     return np.array(own, dtype=np.float64)
 
 
@@ -91,7 +95,7 @@ def watch(predictor: Predictor, motors: bool) -> Any:
     belief, readings = belief_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors)
     watched, acted = ca.SX.sym("watched", watched_of(n, motors)), ca.SX.sym("acted", 3)
     p, own = ca.SX.sym("parameters", predictor.parameters.size), ca.SX.sym("watching", WATCHING)
-    turn, tolerance, noticed, apart, beside, brake, greatest = ca.vertsplit(own)[:7]
+    turn, tolerance, noticed, near, apart, beside, brake, greatest = ca.vertsplit(own)[:8]
     last, same, pushed, doubted = ca.vertsplit(watched[:4])
     raw, known, z, d = readings[0], belief[0], belief[3 : 3 + n], belief[2]
 
@@ -121,17 +125,17 @@ def watch(predictor: Predictor, motors: bool) -> Any:
 
     leaves, rest, helped, history = ca.SX(0), ca.SX(0), ca.SX(0), ca.SX(0, 1)
     if motors:
-        now = ca.vertcat(angle, *(-readings[1 + i] / own[7 + i] for i in range(2)), z[motor_place(model)] - z[0])
+        now = ca.vertcat(angle, *(-readings[1 + i] / own[8 + i] for i in range(2)), z[motor_place(model)] - z[0])
         before = ca.reshape(watched[5 + n :], 4, WINDOW + 1)
         before = ca.if_else(known, before, ca.repmat(now, 1, WINDOW + 1))
         begun = ca.if_else(stands, before[:, 0], now)  # when the reading of the load was last another one
         leaves, rest = _compared(now - before[:, 1], apart)
         place = predicted[motor_place(model)]
-        near = [ca.fabs(now[1 + i] - place - belief[3 + n + i]) < apart for i in range(2)]
+        agrees = [ca.fabs(now[1 + i] - place - belief[3 + n + i]) < near for i in range(2)]
         leaves = ca.logic_or(leaves, ca.logic_and(stands, _compared(now - begun, beside)[0]))
-        unlikely = ca.logic_and(ca.fabs(foretold - angle) > noticed, ca.logic_or(*near))
+        unlikely = ca.logic_and(ca.fabs(foretold - angle) > noticed, ca.logic_or(*agrees))
         leaves = ca.logic_or(leaves, ca.logic_and(stands, unlikely))
-        helped = ca.logic_or(finite(now[1]), finite(now[2]))
+        helped = ca.logic_and(near > 0, ca.logic_or(finite(now[1]), finite(now[2])))
         history = ca.vec(ca.horzcat(begun, before[:, 2:], now))
     out = ca.logic_or(ca.logic_or(frozen, ca.logic_and(leaves, ca.logic_not(rest))), ca.logic_and(doubted, stands))
     held_back = ca.logic_and(out, stands)
