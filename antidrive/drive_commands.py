@@ -79,9 +79,7 @@ def capability(
         if known is None:
             assumed.append(f"Assumed: an inertia of {INERTIA:g} kg m^2; say --inertia or --model.")
     if train.drives == 1:
-        raise BadParameter(
-            "A single drive has no preload, so there is no price of it to map; leave --one-drive out."
-        )
+        raise BadParameter("A single drive has no preload, so there is no price of it to map; leave --one-drive out.")
     units = told.Units.of(train, "rotary" if known is None else known.model.axis)
     allocator = Allocator(train, **{**LIMITS, **controller_numbers(said)})
     with whole_folder(out) as draft:
@@ -123,9 +121,9 @@ def export(
     with whole_folder(out) as draft, voice.progress("compiling the controller") as progress:
         controller = Controller(servo, train, **numbers)
         told, content = (
-            exports.fmus(controller, servo, name, draft, progress)
+            exports.fmus(controller, servo, draft, progress, name=name)
             if fmu
-            else exports.c99(controller, name, single, draft)
+            else exports.c99(controller, single, draft, name=name)
         )
     content |= {"gears": str(train), "sample_time": seconds, "assumed": [*assumed, *more]}
     voice.result("\n".join([*told, *assumed, *more, written(out, ", ".join(content["files"]))]), content)

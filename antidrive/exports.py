@@ -11,7 +11,9 @@ from mpc import export as target_code
 from plant import ServoModel, servo_fmu
 
 
-def c99(controller: Controller, name: str, single: bool, folder: Path) -> tuple[list[str], dict[str, Any]]:
+def c99(
+    controller: Controller, single: bool, folder: Path, *, name: str = "antidrive"
+) -> tuple[list[str], dict[str, Any]]:
     """Write the C files; what they are, for readers and for scripts."""
     made = target_code(controller, single=single, name=name)
     for file, text in made.files.items():
@@ -20,7 +22,12 @@ def c99(controller: Controller, name: str, single: bool, folder: Path) -> tuple[
 
 
 def fmus(
-    controller: Controller, model: ServoModel, name: str, folder: Path, tell: Tell | None = None
+    controller: Controller,
+    model: ServoModel,
+    folder: Path,
+    tell: Tell | None = None,
+    *,
+    name: str = "antidrive",
 ) -> tuple[list[str], dict[str, Any]]:
     """Write the controller and the plant that it is for as FMUs; what they are, for readers and for scripts."""
     plant = servo_fmu(model, sample_time=controller.sample_time, gears=controller.gears, name=name)

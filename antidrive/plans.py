@@ -47,9 +47,9 @@ class Plan:
     name: str
     play: Callable[[Design, int, Tell | None], Result]
 
-    def run(self, design: Design, seed: int, tell: Tell | None = None) -> Result:
-        """Run it."""
-        return self.play(design, seed, tell)
+    def run(self, design: Design | None, seed: int, tell: Tell | None = None) -> Result:
+        """Run it; without a design, with that of the rig."""
+        return self.play(design or Design(), seed, tell)
 
 
 def read_plan(name: str) -> Plan:

@@ -49,6 +49,7 @@ class TargetCode:
         memory: of one controller's struct [bytes].
         stack: of one step, at most [bytes].
         usual, worst: operations of one step.
+        sample_time: that it has for them [s].
     """
 
     files: Mapping[str, str]
@@ -58,6 +59,7 @@ class TargetCode:
     stack: int
     usual: effort.Effort
     worst: effort.Effort
+    sample_time: float
 
     @property
     def cortex_m7(self) -> tuple[float, float]:
@@ -76,6 +78,7 @@ class TargetCode:
             "stack": self.stack,
             "operations": {"usual": vars(self.usual), "worst": vars(self.worst)},
             "cortex_m7_200_mhz": dict(zip(("usual", "worst"), self.cortex_m7, strict=True)),
+            "fits": dict(zip(("usual", "worst"), (t <= self.sample_time for t in self.cortex_m7), strict=True)),
         }
 
     def sentences(self) -> list[str]:
@@ -85,6 +88,18 @@ class TargetCode:
             f"A controller takes {self.memory} bytes and at most {self.stack} of stack, in {self.precision} precision.",
             f"A step takes {self.usual.total} operations, {self.worst.total} at most: an estimated {usual:.0f} and "
             f"{worst:.0f} us on a Cortex-M7 at 200 MHz.",
+            *self._too_slow(),
+        ]
+
+    def _too_slow(self) -> list[str]:
+        """Whether even the usual step, or the worst one, takes longer there than a sample, in a sentence."""
+        usual, worst = (time > self.sample_time for time in self.cortex_m7)
+        if not worst:
+            return []
+        what = "Even the usual step does" if usual else "The usual step fits, the worst one does"
+        return [
+            f"{what} NOT FIT into a sample of {1e6 * self.sample_time:.0f} us there; a shorter horizon, a longer "
+            "sample or --single may."
         ]
 
 
@@ -115,6 +130,7 @@ def export(controller: Controller, *, single: bool = False, name: str = "antidri
         stack=effort.stack(stages, number),
         usual=effort.of_step(stages, sizes, worst=False),
         worst=effort.of_step(stages, sizes, worst=True),
+        sample_time=controller.sample_time,
     )
     words = {
         "name": name,
@@ -224,9 +240,12 @@ def _cost(controller: Controller, made: TargetCode) -> dict[str, str]:
     """What README.txt says of a step."""
     usual, worst = (1e6 * time for time in made.cortex_m7)
     costs = effort.CORTEX_M7[made.precision]
-    ends = "fits into a sample"
-    if worst > 1e6 * controller.sample_time:
-        ends = "DOES NOT FIT into a sample; that of a shorter horizon may"
+    ends = [
+        "fits into a sample"
+        if time <= controller.sample_time
+        else "DOES NOT FIT into a sample; that of a shorter horizon may"
+        for time in made.cortex_m7
+    ]
     return {
         "servo": str(controller.model),
         "seconds": f"{controller.sample_time:g}",
@@ -238,5 +257,6 @@ def _cost(controller: Controller, made: TargetCode) -> dict[str, str]:
         **{f"cost_{kind}": str(count) for kind, count in vars(costs).items()},
         "usual_time": f"{usual:.0f}",
         "worst_time": f"{worst:.0f}",
-        "fits": ends,
+        "usual_fits": ends[0],
+        "worst_fits": ends[1],
     }

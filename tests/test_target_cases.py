@@ -131,3 +131,23 @@ def test_sample_time_and_gears_are_those_of_the_log_and_what_is_assumed_is_said(
     said = antidrive("export", by_hand, "--out", tmp_path / "by-hand")
     assert "Assumed: a sample time of 0.005 s" in said.out
     assert "Assumed: the gears 20,20:161 of the paper" in said.out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({}, "The usual step fits, the worst one does NOT FIT into a sample of 5000 us"),
+        ({"sample_time": 0.001}, "Even the usual step does NOT FIT into a sample of 1000 us"),
+    ],
+)
+def test_what_does_not_fit_into_a_sample_is_said(options: dict[str, float], words: str) -> None:
+    made = export(Controller(MODELS["rigid"], PAPER, horizon=30, bandwidth=4.0, **options))
+    assert words in made.sentences()[-1]
+    assert made.summary()["fits"] == {"usual": "usual step fits" in words, "worst": False}
+    assert made.files["README.txt"].count("DOES NOT FIT") == 2 - ("usual step fits" in words)
+
+
+def test_what_fits_is_not_warned_of() -> None:
+    made = export(Controller(MODELS["rigid"], PAPER, horizon=10, sample_time=0.02, bandwidth=1.5), single=True)
+    assert len(made.sentences()) == 2
+    assert made.summary()["fits"] == {"usual": True, "worst": True}
