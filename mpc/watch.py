@@ -129,10 +129,11 @@ def watch(predictor: Predictor, motors: bool) -> Any:
         before = ca.reshape(watched[5 + n :], 4, WINDOW + 1)
         before = ca.if_else(known, before, ca.repmat(now, 1, WINDOW + 1))
         begun = ca.if_else(stands, before[:, 0], now)  # when the reading of the load was last another one
-        leaves, rest = _compared(now - before[:, 1], apart)
+        bent = ca.fabs(now - 2 * before[:, 1 + WINDOW // 2] + before[:, 1])
+        leaves, rest = _compared(now - before[:, 1], apart, bent)
         place = predicted[motor_place(model)]
         agrees = [ca.fabs(now[1 + i] - place - belief[3 + n + i]) < near for i in range(2)]
-        leaves = ca.logic_or(leaves, ca.logic_and(stands, _compared(now - begun, beside)[0]))
+        leaves = ca.logic_or(leaves, ca.logic_and(stands, _compared(now - begun, beside, ca.fabs(now - begun) / 2)[0]))
         unlikely = ca.logic_and(ca.fabs(foretold - angle) > noticed, ca.logic_or(*agrees))
         leaves = ca.logic_or(leaves, ca.logic_and(stands, unlikely))
         helped = ca.logic_and(near > 0, ca.logic_or(finite(now[1]), finite(now[2])))
@@ -146,15 +147,15 @@ def watch(predictor: Predictor, motors: bool) -> Any:
     return ca.Function("watch", [belief, readings, watched, acted, p, own], outputs, {"cse": True})
 
 
-def _compared(moved: Any, apart: Any) -> tuple[Any, Any]:
+def _compared(moved: Any, apart: Any, soft: Any) -> tuple[Any, Any]:
     """Whether the load's encoder leaves the motors', and whether it is these that stand, from what each has moved (4,).
 
-    A drivetrain that is softer than the model says lets a motor go ahead, by a part of what it moves.
+    A drivetrain that is softer than the model says lets a motor go ahead where it sets out; it may by `soft` (4,).
     """
     load, *motors, twist = ca.vertsplit(moved)
     heard = [finite(motor) for motor in motors]
     own = [motor - twist for motor in motors]
-    gone = [ca.fabs(load - motor) > apart + ca.fabs(motor) / 2 for motor in own]
+    gone = [ca.fabs(load - motor) > apart + soft[1 + i] for i, motor in enumerate(own)]
     agree = ca.logic_not(ca.logic_and(ca.logic_and(*heard), ca.fabs(motors[0] - motors[1]) > apart))
     all_gone = ca.logic_and(*(ca.logic_or(ca.logic_not(h), g) for h, g in zip(heard, gone, strict=True)))
     leaves = ca.logic_and(ca.logic_and(ca.logic_or(*heard), finite(load)), ca.logic_and(agree, all_gone))

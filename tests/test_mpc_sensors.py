@@ -32,9 +32,18 @@ def late_step(time: Array) -> Array:
 
 
 def loop(
-    reference: Callable[[Array], Array], *, load: bool = False, motors: bool = False, fitted: bool, samples: int = 600
+    reference: Callable[[Array], Array],
+    *,
+    load: bool = False,
+    motors: bool = False,
+    drift: float = 0.0,
+    fitted: bool,
+    samples: int = 600,
 ) -> tuple[Array, list[str], Array]:
-    """Errors [rad], statuses and torques (T, 2); from sample 200 on the load's, or the motors' encoders stand still."""
+    """Errors [rad], statuses and torques (T, 2); from sample 200 on the load's, or the motors' encoders stand still.
+
+    Or that of the load goes away by `drift` a sample [rad].
+    """
     controller = Controller(RIGID, PAPER, motor_resolution=STEP if fitted else None)
     rng, dt, seen = np.random.default_rng(0), controller.sample_time, {}
     state = RIG.rest(float(reference(np.zeros(1))[0]), least_effort(controller.bounds, 0.0))
@@ -44,6 +53,7 @@ def loop(
         if k == FROZEN:
             seen = {name: value for name, value in shown.items() if (load, motors)[name == "motors"]}
         shown |= seen
+        shown["load"] += drift * max(k - FROZEN, 0)
         wanted = reference(dt * (k + np.arange(controller.horizon + 1)))
         control = controller.step(float(shown["load"]), wanted, shown["motors"] if fitted else None)
         state = RIG.advance(state, control.torques, dt)
@@ -72,6 +82,14 @@ def test_an_encoder_that_stood_still_already_is_noticed_when_the_load_is_to_move
     errors, statuses, _ = loop(late_step, load=True, fitted=True)
     assert noticed(statuses) <= 100 + 10  # the step is 100 samples after
     assert np.max(np.abs(errors[500:])) < 4e-4
+
+
+@pytest.mark.parametrize("drift", [5e-4, -2e-4])
+def test_an_encoder_that_goes_another_way_than_the_motors_is_noticed(drift: float) -> None:
+    errors, statuses, _ = loop(sine, drift=drift, fitted=True)
+    print(f"noticed after {noticed(statuses)} samples, {np.max(np.abs(errors[FROZEN:])):.1e} rad")
+    assert noticed(statuses) <= 10
+    assert np.max(np.abs(errors[FROZEN:])) < 1.5e-3
 
 
 def test_the_encoder_of_the_load_tells_that_those_of_the_motors_stand() -> None:
