@@ -17,7 +17,7 @@ from mpc.corridor import SoftLimits, corridor, enter, moved, prices
 from mpc.drive import DriveInverse
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
 from mpc.friction import Frictionless, learn, numbers, rigid_contacts, rub
-from mpc.governor import Governor, followable, governed
+from mpc.governor import Governor, early, followable, governed
 from mpc.layout import laid_out
 from mpc.prediction import Predictor
 from mpc.preview import preview
@@ -41,6 +41,10 @@ _ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
 
 _CHOSEN: Any = None
 """Of what is left out and then chosen by `mpc.tuning`."""
+
+
+_ASTRAY = 0.2
+"""Error at which a load does not follow, in units of what the greatest torque moves within 1/w."""
 
 
 @dataclass(eq=False)
@@ -121,7 +125,7 @@ class Controller:
     disturbance_rate: float = _CHOSEN
     motor_resolution: float | None = None
     motor_noise: float = 2e-5
-    friction_std: float = 0.2
+    friction_std: float = 0.1
     torque_rate: float = float("inf")
     preload_rate: float = float("inf")
     angle_limits: tuple[float, float] = (-float("inf"), float("inf"))
@@ -180,7 +184,10 @@ class Controller:
         limits = SoftLimits(angle=self.angle_limits, speed=self.speed_limit)
         noise = float(np.sqrt(self.estimator.levels[0]))
         self._soft = limits.numbers(2 * np.pi * self.bandwidth, self.sample_time, noise)
-        self.governor = Governor(sample_time=self.sample_time, soft=self._soft if limits.any else None)
+        attainable = 2.0 * self._greatest / self.model.inertia * self.sample_time**2
+        self.governor = Governor(
+            sample_time=self.sample_time, soft=self._soft if limits.any else None, attainable=attainable
+        )
         self._rows = ALL_ROWS if limits.any or self.torque_rate < np.inf else TORQUE_ALONE
         self._rate_weight = rate_weight(self.model, self.bandwidth, self.sample_time)
         self._terminal_weight = terminal_weight(self.model, self._rate_weight, self.sample_time)
@@ -194,7 +201,7 @@ class Controller:
         self._arrays = self._all_arrays(machine(self.bounds, drive, preload_step))
         n = len(behind.states)
         filters = (predictor.stage, *self.estimator.functions, *self._friction)
-        aims = (preview(), followable(), governed(limits.any), enter(), corridor(), reach())
+        aims = (preview(), early(), followable(), governed(limits.any), enter(), corridor(), reach())
         sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows), split())
         self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
@@ -233,9 +240,9 @@ class Controller:
         n = len(self.estimator.predictor.model.states)
         P = self._terminal_weight
         greatest = self._greatest
-        attainable = 2.0 * greatest / self.model.inertia * self.sample_time**2
         wave, noise = 2 * np.pi * self.bandwidth, float(np.sqrt(self.estimator.levels[0]))
-        own = [self.model.inertia, greatest, wave, attainable, self.torque_rate * self.sample_time]
+        own = [self.model.inertia, greatest, wave, self.governor.attainable, self.torque_rate * self.sample_time]
+        own += [(_ASTRAY * greatest / self.model.inertia / wave**2) ** 2, self.bandwidth * self.sample_time]
         constant = {
             "model": self.estimator.predictor.parameters,
             "levels": self.estimator.levels,

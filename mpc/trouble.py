@@ -19,6 +19,7 @@ class Trouble(IntFlag):
     UNCERTIFIED = 64
     PARTING = 128
     BEYOND = 256
+    ASTRAY = 512
 
 
 _SENTENCES = {
@@ -31,6 +32,7 @@ _SENTENCES = {
     Trouble.UNCERTIFIED: "no solution of the quadratic programme was certified, the last plan is followed",
     Trouble.PARTING: "max_torque cannot hold the teeth together at the predicted acceleration",
     Trouble.BEYOND: "a limit of angle or speed cannot be kept",
+    Trouble.ASTRAY: "the load does not follow the reference",
 }
 
 
