@@ -115,7 +115,7 @@ TASKS = {
     "steps": Task(
         reference=lambda t: STEP * (np.floor(t / DWELL) % 2),
         duration=4 * DWELL,
-        counts=lambda t: (t > DWELL) & (t % DWELL > 0.15),
+        counts=lambda t: (t > DWELL) & (t % DWELL > 0.3),
     ),
     "hold": Task(
         reference=lambda t: np.full_like(t, 0.3),

@@ -17,7 +17,7 @@ from mpc.corridor import SoftLimits, corridor, enter, moved, prices
 from mpc.drive import DriveInverse
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
 from mpc.friction import Frictionless, learn, numbers, rigid_contacts, rub
-from mpc.governor import Governor, followable, governed
+from mpc.governor import Governor, early, followable, governed
 from mpc.handover import Running, hand_over
 from mpc.layout import laid_out
 from mpc.prediction import Predictor
@@ -45,6 +45,10 @@ _ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
 
 _CHOSEN: Any = None
 """Of what is left out and then chosen by `mpc.tuning`."""
+
+
+_ASTRAY = 0.2
+"""Error at which a load does not follow, in units of what the greatest torque moves within 1/w."""
 
 
 @dataclass(eq=False)
@@ -129,7 +133,7 @@ class Controller:
     disturbance_rate: float = _CHOSEN
     motor_resolution: float | None = None
     motor_noise: float = 2e-5
-    friction_std: float = 0.2
+    friction_std: float = 0.1
     torque_rate: float = float("inf")
     preload_rate: float = float("inf")
     angle_limits: tuple[float, float] = (-float("inf"), float("inf"))
@@ -198,7 +202,10 @@ class Controller:
         limits = SoftLimits(angle=self.angle_limits, speed=self.speed_limit)
         noise = float(np.sqrt(self.estimator.levels[0]))
         self._soft = limits.numbers(2 * np.pi * self.bandwidth, self.sample_time, noise)
-        self.governor = Governor(sample_time=self.sample_time, soft=self._soft if limits.any else None)
+        attainable = 2.0 * self._greatest / self.model.inertia * self.sample_time**2
+        self.governor = Governor(
+            sample_time=self.sample_time, soft=self._soft if limits.any else None, attainable=attainable
+        )
         self._rows = ALL_ROWS if limits.any or self.torque_rate < np.inf else TORQUE_ALONE
         self._rate_weight = rate_weight(self.model, self.bandwidth, self.sample_time)
         self._terminal_weight = terminal_weight(self.model, self._rate_weight, self.sample_time)
@@ -213,7 +220,7 @@ class Controller:
         n = len(behind.states)
         self._watch = watch(predictor, self.estimator.motors is not None)
         filters = (predictor.stage, self._watch, *self.estimator.functions, *self._friction)
-        aims = (preview(), followable(), governed(limits.any), enter(), corridor(), reach())
+        aims = (preview(), early(), followable(), governed(limits.any), enter(), corridor(), reach())
         sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows), split())
         self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
@@ -298,10 +305,10 @@ class Controller:
         n = len(self.estimator.predictor.model.states)
         P = self._terminal_weight
         greatest = self._greatest
-        attainable = 2.0 * greatest / self.model.inertia * self.sample_time**2
         wave, noise = 2 * np.pi * self.bandwidth, float(np.sqrt(self.estimator.levels[0]))
         floor = self._floor if self.gears.drives > 1 else np.inf  # a single drive has no flank that a jump could part
-        own = [self.model.inertia, greatest, wave, attainable, self.torque_rate * self.sample_time]
+        own = [self.model.inertia, greatest, wave, self.governor.attainable, self.torque_rate * self.sample_time]
+        own += [(_ASTRAY * greatest / self.model.inertia / wave**2) ** 2, self.bandwidth * self.sample_time]
         constant = {
             "model": self.estimator.predictor.parameters,
             "acting": self.estimator.acting,

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.filter import belief_of, finite
+from mpc.tuning import OBSERVER
 from mpc.weights import TUNING
 from plant.effects import Moment, State
 from plant.effects.effect import parameters_of
@@ -23,18 +24,19 @@ from plant.servo import ServoModel
 
 Array = NDArray[np.float64]
 
-LEARNT = 8
+LEARNT = 10
 """What is remembered: whether anything is, a constant torque and the scale of friction, their covariance (3,), the
-direction that the reference had last, and for how long the load has slid that way."""
+direction in which friction is compensated, for how long the load has slid that way, its angle as a first-order lag of
+1/w follows it, and its velocity."""
 
 RUBBING = 6
 """Numbers of friction, see `numbers`."""
 
-_KEPT = 20.0
+_KEPT = 200.0
 """Periods of the loop over which what was learnt is forgotten."""
 
 _CLEAR = 3.0
-"""Standard deviations of the velocity from which on a load is known to slide."""
+"""Standard deviations of the sensor that a load must move within 1/w to be known to slide."""
 
 
 class Frictionless(ServoModel):
@@ -73,10 +75,18 @@ def numbers(std: float, wave: float, noise: float, resolution: float, jitter: fl
         wave: w, 2 pi times the bandwidth of the loop.
         noise: standard deviation of the sensor with its steps [rad].
         resolution, jitter: its step and its noise beside that [rad].
-        floor: least flank torque, seen at the load [N m]; undamped teeth swing by as much as the torque jumps.
+        floor: least flank torque, seen at the load [N m]; undamped teeth swing by as much as the torque jumps. Zero
+            keeps no teeth together and bounds nothing.
     """
     return np.array(
-        [wave * noise, std, wave / (2 * np.pi * _KEPT), max(resolution / 2 - 3 * jitter, 0.0), floor, 3 * noise]
+        [
+            wave * noise,
+            std,
+            wave / (2 * np.pi * _KEPT),
+            max(resolution / 2 - 3 * jitter, 0.0),
+            floor or np.inf,
+            3 * noise,
+        ]
     )
 
 
@@ -92,25 +102,24 @@ def rub(model: ServoModel) -> Any:
     -> torque against friction [N m]. It changes its sense over twice the speed below which a reference stands, and no
     faster than the teeth bear.
     """
-    way, velocity = ca.SX.sym("way", 2), ca.SX.sym("velocity")
-    torque, before = ca.SX.sym("torque"), ca.SX.sym("before")
+    way, torque, before = ca.SX.sym("way", 2), ca.SX.sym("torque"), ca.SX.sym("before")
     learnt, rubbing = ca.SX.sym("learnt", LEARNT), ca.SX.sym("rubbing", RUBBING)
     p = ca.SX.sym("p", len(model.names) + 1)
     wanted = (way[1] - way[0]) / p[-1]
     sense = ca.if_else(ca.fabs(wanted) < rubbing[0], learnt[6], ca.sign(wanted))
-    speed = ca.fmax(sense * wanted, sense * velocity)
+    speed = ca.fmax(sense * wanted, sense * learnt[9])
     forward, backward = _levels(model.bound(p[:-1]), way[0], sense * speed, torque)
     sure = ca.fmax(learnt[2] - ca.sqrt(ca.fmax(learnt[5], 0)), 0)
     against = sure * sense * ca.if_else(sense > 0, forward, backward)
     against = ca.fmax(ca.fmin(against, before + rubbing[4]), before - rubbing[4])
-    return ca.Function("rub", [way, velocity, before, torque, learnt, p, rubbing], [against], {"cse": True})
+    return ca.Function("rub", [way, before, torque, learnt, p, rubbing], [against], {"cse": True})
 
 
 def learn(model: ServoModel, motors: bool) -> Any:
     """One sample of learning, as a `casadi.Function`.
 
-    (belief of the estimator, what was learnt, [torque against friction that acted, torque on the load, angle now and
-    next], parameters, numbers, tuning) -> what is learnt, disturbance.
+    (belief of the estimator, what was learnt, [torque against friction that acted, torque on the load, governed angle
+    now, next and at the horizon's end], parameters, numbers, tuning) -> what is learnt, disturbance.
 
     While the load slides the disturbance d is what acts besides the model, b, less the friction s F that was not
     compensated, f: d = b - s F + f, a measurement of b and s. It is believed after the time that the loop takes, in
@@ -123,29 +132,30 @@ def learn(model: ServoModel, motors: bool) -> Any:
     learnt, now, tuning = ca.SX.sym("learnt", LEARNT), ca.SX.sym("now", 5), ca.SX.sym("tuning", TUNING)
     p, rubbing = ca.SX.sym("p", len(model.names) + 1), ca.SX.sym("rubbing", RUBBING)
     dt, wave, bound = p[-1], tuning[6], model.bound(p[:-1])
-    d, angle, velocity, spread = belief[2], belief[3], belief[4], belief[2 + m :]
-    velocity_std, d_variance = ca.sqrt(ca.fmax(spread[2], 0)), spread[n * (n + 1) // 2 + n]
+    d, angle, d_variance = belief[2], belief[3], belief[2 + m + n * (n + 1) // 2 + n]
     doubt, most = rubbing[1] ** 2, tuning[5] ** 2
 
     known = ca.logic_and(learnt[0], finite(learnt))
-    first: tuple[Any, ...] = (0, 0, 1, most, 0, doubt, 0, 0)
+    first: tuple[Any, ...] = (0, 0, 1, most, 0, doubt, 0, 0, angle, 0)
     kept = [ca.if_else(known, learnt[i], value) for i, value in enumerate(first)]
-    _, b, s, P_bb, P_bs, P_ss, before, slid = kept
+    _, b, s, P_bb, P_bs, P_ss, before, slid, followed, _ = kept
+    shown = wave * (angle - followed)  # the estimate's velocity believes in the torque, also where friction holds
+    followed += dt * shown
 
     speed = (now[3] - now[2]) / dt
     short = before * (now[4] - angle) > rubbing[5]
-    wanted = ca.if_else(ca.fabs(speed) < rubbing[0], ca.if_else(short, before, 0), ca.sign(speed))
-    sense = ca.if_else(ca.fabs(velocity) > _CLEAR * velocity_std, ca.sign(velocity), 0)
+    wanted = ca.if_else(short, before, ca.if_else(ca.fabs(speed) < rubbing[0], 0, ca.sign(speed)))
+    sense = ca.if_else(ca.fabs(shown) > _CLEAR * rubbing[0], ca.sign(shown), 0)
     slides = ca.logic_and(sense != 0, sense == before)
     slid = ca.if_else(slides, slid + dt, 0)
-    forward, backward = _levels(bound, angle, velocity, now[1])
+    forward, backward = _levels(bound, angle, shown, now[1])
     friction = ca.if_else(sense > 0, forward, -backward)
 
     # Learn.
     fades = rubbing[2] * dt
     Q_bb, Q_ss = ca.fmin(P_bb + fades * friction**2, most), ca.fmin(P_ss + fades * doubt, doubt)
     towards_b, towards_s = Q_bb - friction * P_bs, P_bs - friction * Q_ss
-    expected = towards_b - friction * towards_s + d_variance / (wave * dt)
+    expected = towards_b - friction * towards_s + d_variance * ca.fmax(1 / (OBSERVER * wave * dt), 1)
     miss = d - now[0] - (b - s * friction)
     believed = ca.logic_and(slid > 1 / wave, expected > 0)
     gain_b, gain_s = (ca.if_else(believed, towards / expected, 0) for towards in (towards_b, towards_s))
@@ -161,6 +171,6 @@ def learn(model: ServoModel, motors: bool) -> Any:
     turns = ca.logic_and(wanted != 0, wanted != before)
     fitting = ca.fmax(ca.fmin(b, d - now[0] + greatest), d - now[0] + least)
     b = ca.if_else(turns, fitting, b)
-    memory = ca.vertcat(1, b, s, P_bb, P_bs, P_ss, wanted, slid)
+    memory = ca.vertcat(1, b, s, P_bb, P_bs, P_ss, wanted, slid, followed, belief[4])
     inputs = [belief, learnt, now, p, rubbing, tuning]
     return ca.Function("learn", inputs, [memory, ca.if_else(turns, fitting, d)], {"cse": True})

@@ -4,7 +4,7 @@
    the Python form uses (mpc/step.py); here stand the loops around them. No memory is taken, every loop is bounded. */
 
 enum { LOST = 1, BRIDGED = 2, JUMPED = 4, STAYED = 8, DIVERGED = 16, AIMLESS = 32, UNCERTIFIED = 64, PARTING = 128,
-       BEYOND = 256, CONTRADICTED = 1024 };
+       BEYOND = 256, ASTRAY = 512, CONTRADICTED = 1024 };
 
 #define CONVERGED 1e-9 /* change of the torques at which a full solution ends, in the same unit */
 
@@ -27,12 +27,34 @@ static int look(struct controller *c, int previewed)
   return trouble;
 }
 
+/* The wanted angle at a sample, also beyond the horizon: it goes on at its last speed. */
+static real wanted_at(const struct controller *c, int k)
+{
+  int last = c->horizon;
+  return k <= last ? c->wanted[k] : c->wanted[last] + (k - last) * (c->wanted[last] - c->wanted[last - 1]);
+}
+
+/* To which sample that is known ahead it sets out now, and by how much the wanted angle changes from there on. */
+static int lead(const struct controller *c, const real *path, const real *limits, real *change)
+{
+  int k, i;
+  real jumps = 0, due = 0, three[3], count;
+  for (k = 1; k <= c->horizon && !jumps; ++k) {
+    for (i = 0; i < 3; ++i) three[i] = wanted_at(c, k - 1 + i);
+    count = k;
+    early(path, three, &count, limits, c->tuning + 7, c->model + PARAMETERS - 1, &jumps, &due, change);
+  }
+  if (jumps && due) return k - 1;
+  *change = 0;
+  return 0;
+}
+
 /* What of it can be followed, over the horizon and as far beyond as a delay reaches: it goes on at its last
    acceleration. */
-static void aim(struct controller *c)
+static void aim(struct controller *c, int previewed)
 {
-  int k, last = c->horizon;
-  real limits[2], near, speed, bend, now[2], next[2], three[3], *ahead = c->ahead, *wanted = c->wanted;
+  int k, i, last = c->horizon, first = 0;
+  real limits[2], near, speed, bend, now[2], next[2], three[3], change = 0, *ahead = c->ahead;
   followable(c->belief + 3, c->load, c->machine, c->tuning, limits, &near);
   if (!(c->path[0] && fabs(c->belief[3] - c->path[1]) <= near)) {
     c->path[0] = 1;
@@ -40,11 +62,9 @@ static void aim(struct controller *c)
     c->path[2] = c->belief[4];
   }
   memcpy(now, c->path + 1, sizeof now);
-  speed = wanted[last] - wanted[last - 1];
+  if (previewed) first = lead(c, now, limits, &change);
   for (k = 0; k <= last; ++k) {
-    three[0] = wanted[k];
-    three[1] = k < last ? wanted[k + 1] : wanted[last] + speed;
-    three[2] = k < last - 1 ? wanted[k + 2] : wanted[last] + (k < last ? 1 : 2) * speed;
+    for (i = 0; i < 3; ++i) three[i] = wanted_at(c, first + k + i) - first * change;
     ahead[k] = now[0];
     govern(now, three, limits, c->soft, c->model + PARAMETERS - 1, next);
     memcpy(now, next, sizeof now);
@@ -55,15 +75,25 @@ static void aim(struct controller *c)
   for (k = 1; k <= c->late + 1; ++k) ahead[last + k] = ahead[last] + speed * k + bend * k * (k + 1) / 2;
 }
 
+/* Whether the load has been beside the governed reference for long: the mean of the squared error over a period of the
+   loop, each counted as no more than twice what is too much, so that it is not said at once and over soon. */
+static int astray(struct controller *c)
+{
+  real miss = c->ahead[0] - c->belief[3], *mean = c->astray;
+  if (!(*mean >= 0 && *mean <= 2 * c->tuning[9])) *mean = 0;
+  *mean += c->tuning[10] * (smaller(miss * miss, 2 * c->tuning[9]) - *mean);
+  return *mean > c->tuning[9] ? ASTRAY : 0;
+}
+
 /* What friction there will be on the way, and what is known of it by now. A disturbance that had a part of a friction
    that is over loses it; as much goes from what the torques did against friction to what they did besides. */
 static void rubbed(struct controller *c)
 {
-  int k;
-  real now[5], learnt[8], disturbance, more, total, before;
+  int k, lead;
+  real now[5], learnt[LEARNT], disturbance, more, total, before;
   const real *ahead = c->ahead + c->late;
   total = c->past[c->late + 1] + c->rubs[c->late + 1];
-  now[0] = c->rubs[1], now[1] = total, now[2] = ahead[0], now[3] = ahead[1], now[4] = c->ahead[0];
+  now[0] = c->rubs[1], now[1] = total, now[2] = ahead[0], now[3] = ahead[1], now[4] = c->ahead[c->horizon];
   learn(c->belief, c->learnt, now, c->model, c->rubbing, c->tuning, learnt, &disturbance);
   memcpy(c->learnt, learnt, sizeof learnt);
   more = c->belief[2] - disturbance;
@@ -71,8 +101,9 @@ static void rubbed(struct controller *c)
   for (k = 0; k < c->late + 3; ++k) c->past[k] += more, c->rubs[k] -= more;
   for (k = 1; k <= c->horizon; ++k) c->plan[k] += more;
   before = c->rubs[c->late + 1];
+  lead = (int)smaller(fabs(before) / c->rubbing[4], c->horizon); /* samples until friction is back at zero */
   for (k = 0; k < c->horizon; ++k) {
-    rub(ahead + k, c->belief + 4, &before, &total, c->learnt, c->model, c->rubbing, c->rub + k);
+    rub(ahead + (k + lead < c->horizon ? k + lead : c->horizon - 1), &before, &total, c->learnt, c->model, c->rubbing, c->rub + k);
     before = c->rub[k];
   }
 }
@@ -298,7 +329,8 @@ int control_step(struct controller *c, double angle, int previewed)
     hold(c);
   } else {
     trouble |= look(c, previewed);
-    aim(c);
+    aim(c, previewed && !(trouble & AIMLESS));
+    trouble |= astray(c);
     rubbed(c);
     trouble |= plan_ahead(c);
   }

@@ -63,7 +63,7 @@ class InterpretedStep:
         rub, learn = friction
         learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
         self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
-        self._rub = Kernel(rub, {1: estimator.belief[4:5], 4: learnt, 5: same, 6: rubbing})
+        self._rub = Kernel(rub, {3: learnt, 4: same, 5: rubbing})
         shared = {0: estimator.belief, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
         self._watch = Kernel(watch, shared)
         self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
@@ -88,7 +88,8 @@ class InterpretedStep:
             trouble = trouble & ~Trouble.BRIDGED | Trouble.CONTRADICTED
         if self._estimator.belief[0]:
             trouble |= self._look(previewed)
-            self._aim()
+            self._aim(previewed and not trouble & Trouble.AIMLESS)
+            trouble |= self._astray()
             self._rubbed()
             trouble |= self._plan_ahead()
         else:
@@ -161,20 +162,29 @@ class InterpretedStep:
         wanted[1:] = wanted[0] + speed * np.arange(1, wanted.size)
         return trouble
 
-    def _aim(self) -> None:
+    def _aim(self, previewed: bool) -> None:
         """What of it can be followed, over the horizon and as far beyond as a delay reaches."""
         angle, velocity = self._followable.inputs[0][:] = self._estimator.belief[3:5]
         limits, near = self._followable()
         if not self._governor.distance(float(angle)) <= near[0]:
             self._governor.restart(float(angle), float(velocity))
-        governed = self._governor.govern(self._a["wanted"], (limits[0], limits[1]))
+        governed = self._governor.govern(self._a["wanted"], (limits[0], limits[1]), previewed)
         self._a["ahead"][:] = prolonged(governed, self._late + 1)
+
+    def _astray(self) -> int:
+        """Whether the load has been beside the governed reference for long."""
+        miss, mean, tuning = self._a["ahead"][0] - self._estimator.belief[3], self._a["astray"], self._a["tuning"]
+        if not 0 <= mean[0] <= 2 * tuning[9]:
+            mean[0] = 0.0
+        square = miss * miss
+        mean[0] += tuning[10] * ((square if square < 2 * tuning[9] else 2 * tuning[9]) - mean[0])
+        return Trouble.ASTRAY if mean[0] > tuning[9] else Trouble.NONE
 
     def _rubbed(self) -> None:
         """What friction there will be on the way, and what is known of it by now."""
         a, belief, ahead, newest = self._a, self._estimator.belief, self._a["ahead"][self._late :], self._late + 1
         rubs, total = a["rubs"], a["past"][newest] + a["rubs"][newest]
-        self._learn.inputs[2][:] = rubs[1], total, ahead[0], ahead[1], a["ahead"][0]
+        self._learn.inputs[2][:] = rubs[1], total, ahead[0], ahead[1], a["ahead"][a["rub"].size]
         learnt, disturbance = self._learn()
         a["learnt"][:] = learnt
         more = belief[2] - disturbance[0]
@@ -182,9 +192,12 @@ class InterpretedStep:
         a["past"] += more
         rubs -= more
         a["plan"][1:] += more
-        before, self._rub.inputs[3][0] = rubs[newest], total
-        for k in range(a["rub"].size):
-            self._rub.inputs[0][:], self._rub.inputs[2][0] = ahead[k : k + 2], before
+        before, self._rub.inputs[2][0] = rubs[newest], total
+        last = a["rub"].size - 1
+        lead = int(min(abs(before) / a["rubbing"][4], last + 1)) if np.isfinite(before) else 0
+        for k in range(last + 1):
+            place = min(k + lead, last)
+            self._rub.inputs[0][:], self._rub.inputs[1][0] = ahead[place : place + 2], before
             before = a["rub"][k] = self._rub()[0][0]
 
     def _plan_ahead(self) -> int:

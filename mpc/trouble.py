@@ -19,6 +19,7 @@ class Trouble(IntFlag):
     UNCERTIFIED = 64
     PARTING = 128
     BEYOND = 256
+    ASTRAY = 512
     CONTRADICTED = 1024
 
 
@@ -33,6 +34,7 @@ _SENTENCES = {
     Trouble.PARTING: "max_torque cannot hold the teeth together at the predicted acceleration",
     Trouble.CONTRADICTED: "an encoder is contradicted (it stands still or leaves the others), the rest stands in",
     Trouble.BEYOND: "a limit of angle or speed cannot be kept",
+    Trouble.ASTRAY: "the load does not follow the reference",
 }
 
 

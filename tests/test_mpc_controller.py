@@ -80,7 +80,7 @@ def test_the_torques_solve_the_programme_as_written(start: float, horizon: int, 
     controller = interpreted(four_hertz(model, PAPER, horizon=horizon))
     controller.governor.restart(start, 0.0)
     controller.governor.distance = lambda angle: 0.0  # type: ignore[method-assign]
-    controller.governor.govern = lambda wanted, limits: wanted  # type: ignore[method-assign]
+    controller.governor.govern = lambda wanted, limits, previewed: wanted  # type: ignore[method-assign]
     control = controller.step(start, np.full(horizon + 1, start + target))
 
     block = expm(np.array([[0, 1, 0], [0, -K / J, 1 / J], [0, 0, 0]]) * dt)
@@ -145,7 +145,7 @@ def test_a_full_solution_is_that_of_the_nonlinear_programme() -> None:
         controller = interpreted(four_hertz(WAVY, PAPER, horizon=12, sqp_iterations=iterations))
         controller.governor.restart(0.1, 0.0)
         controller.governor.distance = lambda angle: 0.0  # type: ignore[method-assign]
-        controller.governor.govern = lambda wanted, limits: wanted  # type: ignore[method-assign]
+        controller.governor.govern = lambda wanted, limits, previewed: wanted  # type: ignore[method-assign]
         wanted = np.full(13, 0.104)
         control = controller.step(0.1, wanted)
         assert control.status == "optimal"
