@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import KW_ONLY, FrozenInstanceError, dataclass, field, fields
-from functools import cached_property, partial
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,9 @@ from mpc.drive import DriveInverse
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
 from mpc.friction import Frictionless, learn, numbers, rigid_contacts, rub
 from mpc.governor import Governor, early, followable, governed
-from mpc.handover import Running, hand_over
+from mpc.handover import Running
 from mpc.layout import laid_out
+from mpc.memory import Remembering
 from mpc.prediction import Predictor
 from mpc.preview import preview
 from mpc.riccati import ALL_ROWS, TORQUE_ALONE, backward, forward, slope
@@ -52,7 +53,7 @@ _ASTRAY = 0.2
 
 
 @dataclass(eq=False)
-class Controller:
+class Controller(Remembering):
     """Model predictive control of a preloaded pair of drives.
 
         minimise    sum_k (x[k] - r[k])^2 + s sum_k ((tau[k] - tau[k-1])/Ts)^2 + (z[N] - r[N])' P (z[N] - r[N])
@@ -225,14 +226,6 @@ class Controller:
         self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        """A controller is fixed once it is made: everything follows from its attributes, none may change alone."""
-        if "_step" in self.__dict__ and not name.startswith("_"):
-            raise FrozenInstanceError(
-                f"a Controller is fixed when it is made, so {name} cannot be set; controller.with_({name}=...) gives "
-                "one that goes on from here."
-            )
-        super().__setattr__(name, value)
     def _tune(self) -> None:
         """Choose what was left out, and check that all goes together."""
         chosen = Tuning.of(
@@ -253,36 +246,6 @@ class Controller:
                 f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."
             )
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """How it was made, and what it remembers; the machine code is found again."""
-        made = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
-        return partial(type(self), **made), (), {name: array.copy() for name, array in self._arrays.items()}
-
-    def __setstate__(self, remembered: dict[str, Array]) -> None:
-        """Go on from there."""
-        for name, array in remembered.items():
-            self._arrays[name][:] = array
-
-    def with_(self, **changes: Any) -> Controller:
-        """A controller with some attributes changed that goes on from here: same estimate, same plan, no bump.
-
-        What was left out is chosen anew.
-        Where the model changes, the torque that nobody knows is chosen so that the load accelerates as before. This one
-        is left as it is; let only one of both go on.
-
-        Args:
-            changes: attributes by name, such as `max_torque=0.2` or `model=better`.
-
-        Raises:
-            BadParameter: there is no such attribute, or a value that it cannot have.
-        """
-        made = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
-        if unknown := sorted(set(changes) - set(made)):
-            raise BadParameter(f"A Controller has no {unknown[0]!r}; it has {', '.join(made)}.")
-        new = type(self)(**{**made, **dict.fromkeys(self._left_out, _CHOSEN), **changes})
-        hand_over(self._running, new._running)
-        return new
-
     @property
     def _running(self) -> Running:
         return Running(
@@ -294,11 +257,6 @@ class Controller:
             arrays=self._arrays,
             remembered=self._remembered,
         )
-
-    def reset(self) -> None:
-        """Forget everything: the next reading begins anew, at rest."""
-        for name in self._remembered:
-            self._arrays[name][:] = 0.0
 
     def _all_arrays(self, machine: Array) -> dict[str, Array]:
         """Everything that a step reads and writes, by name."""
@@ -318,7 +276,13 @@ class Controller:
             "prices": prices(self._rate_weight, greatest, self.model.inertia, self.sample_time),
             "moved": moved(self.model.inertia, self.sample_time),
             "soft": self._soft,
-            "watching": self._watching(greatest),
+            "watching": watching(
+                self.estimator,
+                self.encoder_range,
+                greatest,
+                2 * greatest / self.model.inertia,
+                held=self.gears.drives > 1,
+            ),
             "rubbing": numbers(self.friction_std, wave, noise, self.encoder_resolution, self.encoder_noise, floor),
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
@@ -326,21 +290,6 @@ class Controller:
         remembered |= laid_out(n, self.horizon, self._whole_delay, self._rows, watched)
         self._remembered = tuple(remembered)
         return constant | remembered
-
-    def _watching(self, greatest: float) -> Array:
-        """Numbers of the watch over the encoders."""
-        motors = self.estimator.motors
-        variances, ratios = (motors.levels[:2], motors.ratios) if motors else ([0.0], (1.0, 1.0))
-        return watching(
-            turn=self.encoder_range,
-            variance=float(self.estimator.levels[0]),
-            resolution=self.encoder_resolution,
-            motor_variance=max(variances),
-            brake=2 * greatest / self.model.inertia,
-            greatest=greatest,
-            ratios=ratios,
-            held=self.gears.drives > 1,
-        )
 
     def _motor_encoders(self, resolution: float) -> MotorEncoders:
         turns = np.copysign(self.gears.motor_ratios, -self.gears.angle_map).tolist()

@@ -21,6 +21,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mpc.estimator import Estimator
 from mpc.filter import belief_of, finite, motor_place
 from mpc.prediction import Predictor
 
@@ -47,28 +48,18 @@ def watched_of(n: int, motors: bool) -> int:
     return len(_OWN) + n + 1 + 4 * (WINDOW + 1) * motors
 
 
-def numbers(
-    *,
-    turn: float,
-    variance: float,
-    resolution: float,
-    motor_variance: float,
-    brake: float,
-    greatest: float,
-    ratios: tuple[float, ...],
-    held: bool,
-) -> Array:
+def numbers(estimator: Estimator, turn: float, greatest: float, brake: float, *, held: bool) -> Array:
     """(WATCHING,) numbers of the watch.
 
     Args:
+        estimator: of the encoders that are watched.
         turn: angle after which the load's encoder begins again [rad], zero if it never does.
-        variance, resolution: of the load's encoder [rad^2], [rad].
-        motor_variance: of the motors' encoders, at the load [rad^2].
-        brake: greatest acceleration that stops a load [rad/s^2].
         greatest: torque on the load [N m].
-        ratios: (2,) turns of each motor for one of the load, with the sign of the filter.
+        brake: greatest acceleration that stops a load [rad/s^2].
         held: whether a preload holds load and motors together; else a motor says nothing of the load.
     """
+    variance, resolution, motors = float(estimator.levels[0]), estimator.resolution, estimator.motors
+    motor_variance, ratios = (max(motors.levels[:2]), motors.ratios) if motors else (0.0, (1.0, 1.0))
     tolerance = resolution + _CLEAR * np.sqrt(variance)
     apart = resolution + _CLEAR * np.sqrt(2 * (variance + motor_variance))
     beside = resolution + _CLEAR * np.sqrt(2 * motor_variance)  # a load that stands
