@@ -83,11 +83,11 @@ class Controller(Remembering):
     and a tooth gap, for the preload never lets it open.
 
     Attributes:
-        model: the servo, on a rotary axis, torques on the follower.
-        gears: the gear train.
+        model: the servo, torques on the load; on a linear axis forces, and lengths [m] in place of angles.
+        gears: the drive train: a `GearTrain`, or `Ratios` of two drives, or of one, which has no preload to keep.
         sample_time: Ts [s].
         horizon: N, samples looked ahead; by default a quarter of a period of the bandwidth.
-        min_torque, max_torque: bounds on each pinion torque [N m].
+        min_torque, max_torque: bounds on each pinion torque [N m]; a number, or one for each drive, as the next two.
         rotor_inertia: of each motor at its shaft [kg m^2]; zero leaves rotors out.
         motor_friction: dry friction of each motor at its shaft [N m], counted against the flank in either sense.
         bandwidth: w/(2 pi) [Hz]; by default what machine, sample time and encoder allow (`mpc.tuning`).
@@ -113,7 +113,7 @@ class Controller(Remembering):
             until the torques change no more.
 
     Raises:
-        BadParameter: a number out of range, or a linear axis.
+        BadParameter: a number out of range, or a gear train on a linear axis.
         InfeasibleTorque: min_torque above max_torque.
     """
 
@@ -339,7 +339,8 @@ class Controller(Remembering):
         """One sample: the measured angle in, the pinion torques out.
 
         Args:
-            angle: measured load angle [rad]. If it is not a number, the model's prediction stands in.
+            angle: measured load angle [rad], going on over turns unless there is an `encoder_range`. If it is not a
+                number, the model's prediction stands in.
             reference: wanted load angle [rad]: a number, or the (N + 1,) samples from now on.
             motor_angles: (m,) measured angles of the motor shafts [rad], for a controller with a `motor_resolution`;
                 those that are not numbers are left out.

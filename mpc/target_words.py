@@ -36,7 +36,7 @@ def words_of(controller: Controller) -> dict[str, str]:
         "machine": what(controller),
         "torque_count": "two torques" if pair else "a torque",
         "of_torques": f"{each} of each sample of the horizon [N m]",
-        "turns": ", continuous over turns" if angle == "angle" else "",
+        "turns": ", put on the nearest turn" if controller.encoder_range else ", that goes on over turns",
         "title": title,
         "line": "=" * len(title),
         "gears": _drives(gears, newton),
