@@ -153,6 +153,8 @@ class Controller:
         for name in ("torque_rate", "preload_rate"):
             if not getattr(self, name) > 0:
                 raise BadParameter(f"{name} must be above zero, not {getattr(self, name)!r}.")
+        if not (np.isfinite(self.friction_std) and self.friction_std >= 0):
+            raise BadParameter(f"friction_std must be finite and not negative, not {self.friction_std!r}.")
         if (whole(self.sqp_iterations) or 0) < 1:
             raise BadParameter(f"sqp_iterations must be a whole number above zero, not {self.sqp_iterations!r}.")
         self.model = self.model.without_clock().without_effect("backlash")
@@ -252,7 +254,13 @@ class Controller:
             "moved": moved(self.model.inertia, self.sample_time),
             "soft": self._soft,
             "rubbing": numbers(
-                self.friction_std, wave, noise, self.encoder_resolution, self.encoder_noise, self._floor
+                std=self.friction_std,
+                wave=wave,
+                noise=noise,
+                resolution=self.encoder_resolution,
+                jitter=self.encoder_noise,
+                floor=self._floor,
+                greatest=greatest,
             ),
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}

@@ -168,7 +168,7 @@ def broken_promises(controller: Controller, sample: Sample) -> list[str]:
             wrong.append("called optimal, but not certified")
     thrown = sample.thrown or abs(control.disturbance) > PUSHED  # or takes itself for it
     late = thrown and control.status == "degraded: a limit of angle or speed cannot be kept"
-    astray = sample.calm <= 2 * CALM or abs(sample.error) > BACK  # and the loop says so
+    astray = sample.calm <= 3 * CALM or abs(sample.error) > BACK / 3  # and the loop says so
     late = late or (astray and control.status.endswith("the load does not follow the reference"))
     if sample.calm > 20 and control.status != "optimal" and not late:
         wrong.append(f"not recovered: {control.status}")
