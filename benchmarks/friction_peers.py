@@ -22,9 +22,7 @@ from plant import ServoModel
 from plant.effects import Moment
 
 Array = NDArray[np.float64]
-BOUNDS = Bounds(
-    gears=GEARS, min_torque=MIN_TORQUE, max_torque=MAX_TORQUE, rotor_inertia=4e-6, motor_friction=5e-4
-)
+BOUNDS = Bounds(gears=GEARS, min_torque=MIN_TORQUE, max_torque=MAX_TORQUE, rotor_inertia=4e-6, motor_friction=5e-4)
 FLOOR = MIN_TORQUE * 161 / 20  # least flank torque: no faster does what is given against friction change [N m]
 PEAK, CHATTER = 2.0, 0.125 * FLOOR
 """Limits of the search, those of `mpc.tuning`: peak sensitivity, and change of the torque for noise of the encoder."""
@@ -128,7 +126,7 @@ def admitted(axis: Axis, J: float, feedback: Any) -> bool:
 
 
 def candidates(axis: Axis, J: float, kind: str) -> Iterator[Any]:
-    """Feedbacks of two shapes each: the fastest that is admitted, and two slower ones."""
+    """Feedbacks of two shapes: the fastest that is admitted, and a slower one."""
     make, shapes = (cascade, (0.1, 0.25)) if kind == "cascade" else (observed, (2.0, 4.0))
     for shape in shapes:
         low, high = 1e-3 * np.pi / axis.sample_time, np.pi / axis.sample_time
@@ -136,5 +134,5 @@ def candidates(axis: Axis, J: float, kind: str) -> Iterator[Any]:
             middle = float(np.sqrt(low * high))
             good = admitted(axis, J, make(J, middle, axis.sample_time, shape))
             low, high = (middle, high) if good else (low, middle)
-        for share in (1.0, 0.7, 0.45):
+        for share in (1.0, 0.6):
             yield make(J, share * low, axis.sample_time, shape)

@@ -166,6 +166,8 @@ class Controller(Remembering):
         for name in ("torque_rate", "preload_rate"):
             if not getattr(self, name) > 0:
                 raise BadParameter(f"{name} must be above zero, not {getattr(self, name)!r}.")
+        if not (np.isfinite(self.friction_std) and self.friction_std >= 0):
+            raise BadParameter(f"friction_std must be finite and not negative, not {self.friction_std!r}.")
         if (whole(self.sqp_iterations) or 0) < 1:
             raise BadParameter(f"sqp_iterations must be a whole number above zero, not {self.sqp_iterations!r}.")
         self.model = self.model.without_clock().without_effect("backlash")
@@ -264,7 +266,6 @@ class Controller(Remembering):
         P = self._terminal_weight
         greatest = self._greatest
         wave, noise = 2 * np.pi * self.bandwidth, float(np.sqrt(self.estimator.levels[0]))
-        floor = self._floor if self.gears.drives > 1 else np.inf  # a single drive has no flank that a jump could part
         own = [self.model.inertia, greatest, wave, self.governor.attainable, self.torque_rate * self.sample_time]
         own += [(_ASTRAY * greatest / self.model.inertia / wave**2) ** 2, self.bandwidth * self.sample_time]
         constant = {
@@ -283,7 +284,15 @@ class Controller(Remembering):
                 2 * greatest / self.model.inertia,
                 held=self.gears.drives > 1,
             ),
-            "rubbing": numbers(self.friction_std, wave, noise, self.encoder_resolution, self.encoder_noise, floor),
+            "rubbing": numbers(
+                std=self.friction_std,
+                wave=wave,
+                noise=noise,
+                resolution=self.encoder_resolution,
+                jitter=self.encoder_noise,
+                floor=self._floor,
+                greatest=greatest,
+            ),
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
         watched = watched_of(n, self.estimator.motors is not None)

@@ -24,12 +24,12 @@ from plant.servo import ServoModel
 
 Array = NDArray[np.float64]
 
-LEARNT = 10
+LEARNT = 11
 """What is remembered: whether anything is, a constant torque and the scale of friction, their covariance (3,), the
 direction in which friction is compensated, for how long the load has slid that way, its angle as a first-order lag of
-1/w follows it, and its velocity."""
+1/w follows it, its velocity, and whether it is still short of the reference in that direction."""
 
-RUBBING = 6
+RUBBING = 7
 """Numbers of friction, see `numbers`."""
 
 _KEPT = 200.0
@@ -64,11 +64,15 @@ def rigid_contacts(model: ServoModel) -> ServoModel:
     return model
 
 
-def numbers(std: float, wave: float, noise: float, resolution: float, jitter: float, floor: float) -> Array:
-    """(5,) speed below which a reference stands, relative error of friction, memory [1/s], deaf band, largest change.
+def numbers(
+    *, std: float, wave: float, noise: float, resolution: float, jitter: float, floor: float, greatest: float
+) -> Array:
+    """(7,) numbers of friction.
 
-    A reference stands that passes less than the sensor's noise within the time of the loop. While it does, an
-    innovation within half a count is none, less three standard deviations of the noise that would show what is inside.
+    Speed below which a reference stands, relative error of friction, memory [1/s], deaf band [rad], largest change in a
+    sample [N m], distance at which a load has arrived [rad], largest torque [N m]. A reference stands that passes less
+    than the sensor's noise within the time of the loop. While it does, an innovation within half a count is none, less
+    three standard deviations of the noise that would show what is inside.
 
     Args:
         std: standard error of the friction in the model, as a share of it.
@@ -77,17 +81,11 @@ def numbers(std: float, wave: float, noise: float, resolution: float, jitter: fl
         resolution, jitter: its step and its noise beside that [rad].
         floor: least flank torque, seen at the load [N m]; undamped teeth swing by as much as the torque jumps. Zero
             keeps no teeth together and bounds nothing.
+        greatest: torque of the drives [N m].
     """
-    return np.array(
-        [
-            wave * noise,
-            std,
-            wave / (2 * np.pi * _KEPT),
-            max(resolution / 2 - 3 * jitter, 0.0),
-            floor or np.inf,
-            3 * noise,
-        ]
-    )
+    deaf = max(resolution / 2 - 3 * jitter, 0.0)
+    memory = wave / (2 * np.pi * _KEPT)
+    return np.array([wave * noise, std, memory, deaf, floor or np.inf, _CLEAR * noise, greatest])
 
 
 def _levels(model: ServoModel, angle: Any, velocity: Any, torque: Any) -> tuple[Any, Any]:
@@ -106,12 +104,14 @@ def rub(model: ServoModel) -> Any:
     learnt, rubbing = ca.SX.sym("learnt", LEARNT), ca.SX.sym("rubbing", RUBBING)
     p = ca.SX.sym("p", len(model.names) + 1)
     wanted = (way[1] - way[0]) / p[-1]
-    sense = ca.if_else(ca.fabs(wanted) < rubbing[0], learnt[6], ca.sign(wanted))
+    goes_on = ca.logic_or(learnt[10], ca.fabs(wanted) < rubbing[0])
+    sense = ca.if_else(goes_on, learnt[6], ca.sign(wanted))
     speed = ca.fmax(sense * wanted, sense * learnt[9])
     forward, backward = _levels(model.bound(p[:-1]), way[0], sense * speed, torque)
     sure = ca.fmax(learnt[2] - ca.sqrt(ca.fmax(learnt[5], 0)), 0)
     against = sure * sense * ca.if_else(sense > 0, forward, backward)
-    against = ca.fmax(ca.fmin(against, before + rubbing[4]), before - rubbing[4])
+    last = ca.fmax(ca.fmin(before, rubbing[6]), -rubbing[6])
+    against = ca.fmax(ca.fmin(against, last + rubbing[4]), last - rubbing[4])
     return ca.Function("rub", [way, before, torque, learnt, p, rubbing], [against], {"cse": True})
 
 
@@ -136,9 +136,9 @@ def learn(model: ServoModel, motors: bool) -> Any:
     doubt, most = rubbing[1] ** 2, tuning[5] ** 2
 
     known = ca.logic_and(learnt[0], finite(learnt))
-    first: tuple[Any, ...] = (0, 0, 1, most, 0, doubt, 0, 0, angle, 0)
+    first: tuple[Any, ...] = (0, 0, 1, most, 0, doubt, 0, 0, angle, 0, 0)
     kept = [ca.if_else(known, learnt[i], value) for i, value in enumerate(first)]
-    _, b, s, P_bb, P_bs, P_ss, before, slid, followed, _ = kept
+    _, b, s, P_bb, P_bs, P_ss, before, slid, followed, *_ = kept
     shown = wave * (angle - followed)  # the estimate's velocity believes in the torque, also where friction holds
     followed += dt * shown
 
@@ -171,6 +171,6 @@ def learn(model: ServoModel, motors: bool) -> Any:
     turns = ca.logic_and(wanted != 0, wanted != before)
     fitting = ca.fmax(ca.fmin(b, d - now[0] + greatest), d - now[0] + least)
     b = ca.if_else(turns, fitting, b)
-    memory = ca.vertcat(1, b, s, P_bb, P_bs, P_ss, wanted, slid, followed, belief[4])
+    memory = ca.vertcat(1, b, s, P_bb, P_bs, P_ss, wanted, slid, followed, belief[4], short)
     inputs = [belief, learnt, now, p, rubbing, tuning]
     return ca.Function("learn", inputs, [memory, ca.if_else(turns, fitting, d)], {"cse": True})

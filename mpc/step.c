@@ -101,7 +101,8 @@ static void rubbed(struct controller *c)
   for (k = 0; k < c->late + 3; ++k) c->past[k] += more, c->rubs[k] -= more;
   for (k = 1; k <= c->horizon; ++k) c->plan[k] += more;
   before = c->rubs[c->late + 1];
-  lead = (int)smaller(fabs(before) / c->rubbing[4], c->horizon); /* samples until friction is back at zero */
+  lead = c->horizon; /* samples until friction is back at zero */
+  if (fabs(before) / c->rubbing[4] < lead) lead = (int)(fabs(before) / c->rubbing[4]);
   for (k = 0; k < c->horizon; ++k) {
     rub(ahead + (k + lead < c->horizon ? k + lead : c->horizon - 1), &before, &total, c->learnt, c->model, c->rubbing, c->rub + k);
     before = c->rub[k];

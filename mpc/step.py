@@ -194,7 +194,8 @@ class InterpretedStep:
         a["plan"][1:] += more
         before, self._rub.inputs[2][0] = rubs[newest], total
         last = a["rub"].size - 1
-        lead = int(min(abs(before) / a["rubbing"][4], last + 1)) if np.isfinite(before) else 0
+        samples = abs(before) / a["rubbing"][4]  # until friction is back at zero
+        lead = int(samples) if samples < last + 1 else last + 1
         for k in range(last + 1):
             place = min(k + lead, last)
             self._rub.inputs[0][:], self._rub.inputs[1][0] = ahead[place : place + 2], before

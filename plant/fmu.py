@@ -109,7 +109,7 @@ class Fmu:
             variableNamingConvention="structured",
         )
         can = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUstate", "canSerializeFMUstate")
-        slave = xml.SubElement(root, "CoSimulation", modelIdentifier=self.name, **dict.fromkeys(can, "true"))
+        slave = xml.SubElement(root, "CoSimulation", {"modelIdentifier": self.name} | dict.fromkeys(can, "true"))
         xml.SubElement(xml.SubElement(slave, "SourceFiles"), "File", name=f"{self.name}.c")
         units = xml.SubElement(root, "UnitDefinitions")
         for unit in dict.fromkeys(variable.unit for variable in self.variables if variable.unit):

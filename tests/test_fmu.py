@@ -182,14 +182,14 @@ def test_a_tool_goes_back_to_where_it_was(kind: str, tmp_path: Path) -> None:
         return found
 
     played(commands(20))
-    samples, state = slave.samples, slave.slave.getFMUState()
-    kept = slave.slave.serializeFMUState(state)
+    samples, state = slave.samples, slave.slave.getFMUstate()
+    kept = slave.slave.serializeFMUstate(state)
     first = played(commands(30))
-    for back in (state, slave.slave.deSerializeFMUState(kept)):
-        slave.slave.setFMUState(back)
+    for back in (state, slave.slave.deSerializeFMUstate(kept)):
+        slave.slave.setFMUstate(back)
         slave.samples = samples
         assert played(commands(30)) == first
-        slave.slave.freeFMUState(back)
+        slave.slave.freeFMUstate(back)
     slave.close()
 
 
