@@ -33,7 +33,8 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "capability": ("antidrive capability --inertia 2 --rotor-inertia 0.002",),
     "export": (
         "antidrive export model.json --out target --single",
-        "antidrive export model.json --fmu --pinion-teeth 18 18 --follower-teeth 144",
+        "antidrive export model.json --name elbow --ratio 50,-50 --max-torque 2 --bandwidth 3",
+        "antidrive export model.json --fmu --gears 18,18:144",
         "antidrive export model.json --feedforward --single",
         "antidrive export model.json --mujoco --out mujoco",
     ),

@@ -11,11 +11,13 @@ from mpc import export as target_code
 from plant import Fmu, ServoModel, servo_fmu
 
 
-def c99(controller: Controller, single: bool, folder: Path) -> tuple[list[str], dict[str, Any]]:
+def c99(
+    controller: Controller, single: bool, folder: Path, *, name: str = "antidrive"
+) -> tuple[list[str], dict[str, Any]]:
     """Write the C files; what they are, for readers and for scripts."""
-    made = target_code(controller, single=single)
-    for name, text in made.files.items():
-        (folder / name).write_text(text, encoding="utf-8")
+    made = target_code(controller, single=single, name=name)
+    for file, text in made.files.items():
+        (folder / file).write_text(text, encoding="utf-8")
     return made.sentences(), made.summary()
 
 
@@ -30,11 +32,16 @@ def fmu_entry(fmu: Fmu) -> tuple[str, dict[str, Any]]:
 
 
 def fmus(
-    controller: Controller, model: ServoModel, folder: Path, tell: Tell | None = None
+    controller: Controller,
+    model: ServoModel,
+    folder: Path,
+    tell: Tell | None = None,
+    *,
+    name: str = "antidrive",
 ) -> tuple[list[str], dict[str, Any]]:
     """Write the controller and the plant that it is for as FMUs; what they are, for readers and for scripts."""
-    plant = servo_fmu(model, sample_time=controller.sample_time, gears=controller.gears)
-    told, entries, made = [], [], (controller_fmu(controller), plant)
+    plant = servo_fmu(model, sample_time=controller.sample_time, gears=controller.gears, name=name)
+    told, entries, made = [], [], (controller_fmu(controller, name=name), plant)
     done = Parts(sum(len(fmu.compilers()) for fmu in made), tell, doing="compiling the FMUs").done
     for fmu in made:
         fmu.write(folder / f"{fmu.name}.fmu", after=done)

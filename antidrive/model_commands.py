@@ -31,10 +31,10 @@ def chosen(given: Mapping[str, bool], *, fmu: bool) -> str:
 def export_model(
     model: Path,
     form: str,
+    said: Mapping[str, Any],
     *,
-    name: str = "antidrive",
+    name: str,
     single: bool,
-    sample_time: float,
     effects: Path | None,
     out: Path,
     voice: Voice,
@@ -44,16 +44,16 @@ def export_model(
     Args:
         model: file of the model.
         form: "feedforward", "mujoco", "urdf", "modelica" or "plant".
+        said: words of the command line; of these the sample time counts, for an FMU.
         name: with which files and what is in them begin.
         single: whether a feed-forward calculates in single precision.
-        sample_time: of an FMU [s].
         effects: file with effects of one's own.
         out: folder for the files.
         voice: how the command speaks.
     """
     read = read_identified(model, effects)
     with whole_folder(out) as draft, voice.progress(f"writing {form}") as progress:
-        made = _plant(read, draft, sample_time, progress) if form == "plant" else _TEXTS[form](read, name, single)
+        made = _plant(read, draft, said, name, progress) if form == "plant" else _TEXTS[form](read, name, single)
         files, told, content = made
         for name, text in files.items():
             (draft / name).write_bytes(text if isinstance(text, bytes) else text.encode())
@@ -84,16 +84,19 @@ def _urdf(read: ModelFile, name: str, single: bool) -> Made:
     return {f"{name}.urdf": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
 
 
-def _plant(read: ModelFile, draft: Path, sample_time: float, progress: Any) -> Made:
+def _plant(read: ModelFile, draft: Path, said: Mapping[str, Any], name: str, progress: Any) -> Made:
+    from antidrive.drives import sample_time
     from antidrive.exports import fmu_entry
     from antidrive.time_left import Parts
     from plant.servo_fmu import servo_fmu
 
-    fmu = servo_fmu(read.model, sample_time=sample_time)
+    seconds, assumed = sample_time(said, read)
+    fmu = servo_fmu(read.model, sample_time=seconds, name=name)
     done = Parts(len(fmu.compilers()), progress, doing="compiling the FMU").done
     fmu.write(draft / f"{fmu.name}.fmu", after=done)
     told, entry = fmu_entry(fmu)
-    return {}, [told, f"FMI 2.0 for co-simulation, with a sample of {sample_time:g} s."], {"fmus": [entry]}
+    rhythm = f"FMI 2.0 for co-simulation, with a sample of {seconds:g} s."
+    return {}, [told, rhythm, *assumed], {"fmus": [entry], "sample_time": seconds, "assumed": assumed}
 
 
 def _modelica(read: ModelFile, name: str, single: bool) -> Made:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from plant.discrete import sample_step
 from plant.drive_table import DriveTable, drive_table
+from plant.drive_train import DriveTrain
 from plant.effects import Effect, catalogue
 from plant.errors import AntidriveError, BadModelFile, BadParameter
 from plant.feedforward import Feedforward, feedforward_code
@@ -27,6 +28,7 @@ __all__ = [
     "BadParameter",
     "DriveLimits",
     "DriveTable",
+    "DriveTrain",
     "Effect",
     "Feedforward",
     "Fleet",
