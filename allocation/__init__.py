@@ -10,7 +10,7 @@ from allocation.capability import CapabilityMap, capability_map
 from allocation.enumeration import enumerate_admissible
 from allocation.errors import InfeasibleTorque
 from allocation.least_effort import least_effort
-from allocation.limits import Limits
+from allocation.limits import Limits, PerDrive
 from allocation.preload import Preload
 from allocation.structure import Structure
 
@@ -22,6 +22,7 @@ __all__ = [
     "CapabilityMap",
     "InfeasibleTorque",
     "Limits",
+    "PerDrive",
     "Preload",
     "Structure",
     "admissible",

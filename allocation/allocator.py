@@ -16,15 +16,15 @@ from allocation.qp import check_solver
 from allocation.rows import Rows
 from allocation.sharing import CERTIFIED, share, share_in_closed_form
 from allocation.structure import Structure
+from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
-from plant.gears import GearTrain
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Allocator:
-    """Share a torque among unidirectional drives at least effort.
+    """Share a torque among unidirectional drives at least effort; a single drive takes all of it, in both senses.
 
         minimise    sum w_i xi_i^2
         subject to  A xi = tau                        (equation 2: -(Nf/N1) xi1 - (Nf/N2) xi2 = tau)
@@ -37,7 +37,7 @@ class Allocator:
     any other structure is a quadratic programme whose answer is made exact and proven (see `allocation.sharing`).
 
     Attributes:
-        gears: a gear train, a `Structure`, or its matrix A (n, m) with the senses absorbed in the columns.
+        gears: a drive train, a `Structure`, or its matrix A (n, m) with the senses absorbed in the columns.
         min_torque: least torque of each drive and flank, seen from the drive (pinion) [N m]. It has to cover what
             vibration of the teeth takes.
         max_torque: greatest torque of each drive in its sense [N m].
@@ -59,7 +59,7 @@ class Allocator:
         InfeasibleTorque: min_torque above max_torque.
     """
 
-    gears: GearTrain | Structure | ArrayLike
+    gears: DriveTrain | Structure | ArrayLike
     _: KW_ONLY
     min_torque: PerDrive
     max_torque: PerDrive
@@ -74,7 +74,7 @@ class Allocator:
 
     def __post_init__(self) -> None:
         """Check every field."""
-        if not isinstance(self.gears, GearTrain):
+        if not isinstance(self.gears, DriveTrain):
             object.__setattr__(self, "gears", Structure.of(self.gears))
         structure = self.bounds.structure
         if np.any(self._weights == 0):
@@ -87,7 +87,7 @@ class Allocator:
         numbers = set(range(1, structure.drives + 1))
         if not set(self.lost) < numbers or len(set(self.lost)) != len(self.lost):
             raise BadParameter(f"lost must name some of the drives 1 to {len(numbers)}, not all: {self.lost!r}.")
-        if not isinstance(self.gears, GearTrain) and not structure.admissibility.admissible:
+        if not isinstance(self.gears, DriveTrain) and not structure.admissibility.admissible:
             raise BadParameter(
                 "These drives cannot hold every joint free of backlash: A must have full rank and a strictly positive "
                 "null vector; `admissible_senses` tells the senses that would do."
@@ -101,7 +101,7 @@ class Allocator:
         """What each drive may do."""
         machine = self.gears
         return Limits(
-            gears=machine if isinstance(machine, GearTrain) else Structure.of(machine),
+            gears=machine if isinstance(machine, DriveTrain) else Structure.of(machine),
             min_torque=self.min_torque,
             max_torque=self.max_torque,
             rotor_inertia=self.rotor_inertia,
@@ -112,7 +112,7 @@ class Allocator:
     def preloaded(self) -> NDArray[np.bool_]:
         """(m,) which drives can hold a preload; where one that lives cannot, its backlash control is lost."""
         drives = self.bounds.structure.drives
-        return still_preloaded(self.bounds.structure, self.lost) if self.lost else np.ones(drives, dtype=bool)
+        return still_preloaded(self.bounds.structure, self.lost) if self.lost else np.full(drives, drives > 1)
 
     def without(self, drive: int) -> Allocator:
         """The allocator that goes on when one more drive, of this number from 1, gives no torque."""
@@ -233,7 +233,7 @@ class Allocator:
         missing = demand - structure.matrix @ torques
         return Allocation(
             torques=torques,
-            preload=float(torques @ v / (v @ v)),
+            preload=float(torques @ v / max(float(v @ v), np.finfo(float).tiny)),
             status=f"degraded: {'; '.join(troubles)}" if troubles else "optimal",
             binding=binding,
             margin=float(self.bounds.margin(torques, acceleration)),

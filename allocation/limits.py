@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from allocation.errors import InfeasibleTorque
 from allocation.structure import Structure
+from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
-from plant.gears import GearTrain
 
 Array = NDArray[np.float64]
 PerDrive = float | tuple[float, ...]
@@ -33,10 +33,11 @@ class Limits:
 
         F_i = sigma_i (xi_i - r^2 Jm (A' a)_i) - r f >= min_torque      (Newton's law for the rotor, with equation 1)
 
-    Motor and flank are both held, so the lower bound of each drive is the larger of the two.
+    Motor and flank are both held, so the lower bound of each drive is the larger of the two. A single drive has nothing
+    to hold its teeth against: it turns both ways, and only its greatest torque counts.
 
     Attributes:
-        gears: the gear train, or the structure of another machine.
+        gears: the drives and their load: a gear train, ratios, or the structure of another machine.
         min_torque: least torque of each drive and of each flank, seen from the drive [N m].
         max_torque: greatest torque of each drive [N m].
         rotor_inertia: of each motor, at its shaft [kg m^2].
@@ -47,7 +48,7 @@ class Limits:
         InfeasibleTorque: min_torque above max_torque: nothing is admitted.
     """
 
-    gears: GearTrain | Structure
+    gears: DriveTrain | Structure
     min_torque: PerDrive
     max_torque: PerDrive
     rotor_inertia: PerDrive = 0.0
@@ -73,8 +74,8 @@ class Limits:
 
     @cached_property
     def least(self) -> Array:
-        """(m,) min_torque of each drive [N m]."""
-        return per_drive("min_torque", self.min_torque, self.structure.drives)
+        """(m,) min_torque of each drive [N m]; zero of a single one."""
+        return self._held(per_drive("min_torque", self.min_torque, self.structure.drives))
 
     @cached_property
     def greatest(self) -> Array:
@@ -82,10 +83,24 @@ class Limits:
         return per_drive("max_torque", self.max_torque, self.structure.drives)
 
     @cached_property
+    def rotor_inertias(self) -> Array:
+        """(m,) of each motor, at its shaft [kg m^2]."""
+        return per_drive("rotor_inertia", self.rotor_inertia, self.structure.drives)
+
+    @cached_property
     def friction(self) -> Array:
         """(m,) dry friction of each motor, seen from the drive [N m]."""
         at_shaft = per_drive("motor_friction", self.motor_friction, self.structure.drives)
-        return at_shaft * self.structure.reduction
+        return self._held(at_shaft * self.structure.reductions)
+
+    def _held(self, torques: Array) -> Array:
+        """What the teeth ask for; nothing of a single drive, which has none to hold them against."""
+        return torques if self.structure.drives > 1 else np.zeros_like(torques)
+
+    @cached_property
+    def lowest(self) -> Array:
+        """(m,) least torque of each motor in its sense [N m]; a single drive turns both ways."""
+        return self.least if self.structure.drives > 1 else -self.greatest
 
     @cached_property
     def floor(self) -> Array:
@@ -95,8 +110,7 @@ class Limits:
     @cached_property
     def _rotor(self) -> Array:
         """(n, m) torque that each rotor takes in its sense, for one rad/s^2 of each joint [N m]."""
-        at_shaft = per_drive("rotor_inertia", self.rotor_inertia, self.structure.drives)
-        return self.structure.pushing * at_shaft * self.structure.reduction**2
+        return self.structure.pushing * self.rotor_inertias * self.structure.reductions**2
 
     def rotor_torque(self, acceleration: ArrayLike) -> Array:
         """(..., m) torque that each rotor takes in its sense [N m]; positive: the flank gets less than the motor gives.
@@ -114,6 +128,8 @@ class Limits:
             acceleration: as for `rotor_torque`.
             floor: (m,) least torque and friction to hold [N m], lower than `floor` while the preload is built up.
         """
+        if self.structure.drives == 1:
+            return np.broadcast_to(self.lowest, self.rotor_torque(acceleration).shape)
         held = self.floor if floor is None else floor
         return np.maximum(np.minimum(held, self.least), held + self.rotor_torque(acceleration))
 
@@ -132,7 +148,12 @@ class Limits:
         return np.stack((np.minimum(low, high).sum(axis=-1), np.maximum(low, high).sum(axis=-1)), axis=-1)
 
     def margin(self, torques: Array, acceleration: ArrayLike = 0.0) -> Array:
-        """(...,) least motor or flank torque above `min_torque` [N m] of torques (..., m), seen from the drive."""
+        """(...,) least motor or flank torque above `min_torque` [N m] of torques (..., m), seen from the drive.
+
+        Zero of a single drive, which holds no flank.
+        """
+        if self.structure.drives == 1:
+            return np.zeros(np.shape(torques)[:-1])
         motor = self.structure.signs * torques
         flank = motor - self.rotor_torque(acceleration) - self.friction
         return np.asarray(np.min(np.minimum(flank, motor) - self.least, axis=-1))
@@ -140,7 +161,7 @@ class Limits:
     def clip(self, torques: Array) -> Array:
         """Torques (..., m) moved into the box, to the last bit."""
         signs = self.structure.signs
-        return np.asarray(signs * np.clip(signs * torques, self.least, self.greatest))
+        return np.asarray(signs * np.clip(signs * torques, self.lowest, self.greatest))
 
 
 def per_drive(name: str, value: PerDrive, drives: int) -> Array:

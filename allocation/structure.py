@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from allocation.admissible import Admissibility, admissible, null_space, structure_matrix
+from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
-from plant.gears import GearTrain
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ class Structure:
         A: (n, m) torque on each joint for one newton metre of each drive.
         sense: (m,) +1 or -1, the sign of the torque that each drive is to keep; all +1 where the columns of A have
             absorbed the senses, as Chang and Tsai (1993) write it.
-        reduction: turns of a motor for one turn of its drive.
+        reduction: turns of a motor for one turn of its drive; a number, or one for each.
 
     Raises:
         BadParameter: A is not a finite matrix, a sense is not a sign, or the reduction is not positive.
@@ -38,7 +38,7 @@ class Structure:
     A: ArrayLike
     _: KW_ONLY
     sense: tuple[int, ...] | None = None
-    reduction: float = 1.0
+    reduction: float | tuple[float, ...] = 1.0
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -46,20 +46,27 @@ class Structure:
         sense = (1,) * matrix.shape[1] if self.sense is None else tuple(self.sense)
         if len(sense) != matrix.shape[1] or not set(sense) <= {1, -1}:
             raise BadParameter(f"sense must be +1 or -1 for each of the {matrix.shape[1]} drives, not {self.sense!r}.")
-        if not (np.isfinite(self.reduction) and self.reduction > 0):
+        turns = np.asarray(self.reduction, dtype=np.float64)
+        if turns.shape not in ((), (len(sense),)) or not np.all(np.isfinite(turns) & (turns > 0)):
             raise BadParameter(f"reduction must be finite and above zero, not {self.reduction!r}.")
         matrix.setflags(write=False)
         object.__setattr__(self, "A", matrix)
         object.__setattr__(self, "sense", sense)
 
     @classmethod
-    def of(cls, machine: GearTrain | Structure | ArrayLike) -> Structure:
-        """The structure of a gear train (equation 2, sense [+ -]), or of a matrix whose columns hold the senses."""
+    def of(cls, machine: DriveTrain | Structure | ArrayLike) -> Structure:
+        """The structure of a drive train (equation 2), or of a matrix whose columns hold the senses."""
         if isinstance(machine, Structure):
             return machine
-        if isinstance(machine, GearTrain):
-            return cls(machine.torque_map[None, :], sense=(1, -1), reduction=machine.pre_reduction)
+        if isinstance(machine, DriveTrain):
+            reduction = tuple(machine.pre_reductions.tolist())
+            return cls(machine.torque_map[None, :], sense=machine.senses, reduction=reduction)
         return cls(machine)
+
+    @cached_property
+    def reductions(self) -> Array:
+        """(m,) turns of each motor for one turn of its drive."""
+        return np.broadcast_to(np.asarray(self.reduction, dtype=np.float64), (self.drives,)).copy()
 
     @property
     def matrix(self) -> Array:

@@ -23,10 +23,11 @@ from antidrive.neighbours import refuse_strangers
 
 if TYPE_CHECKING:
     from allocation import Allocator
+    from antidrive.changes import compare
     from antidrive.prediction import predict
     from antidrive.version import VERSION as __version__
     from diagnosis import Diagnosis, diagnose
-    from identification import Fit, Log
+    from identification import Fit, Log, friction_test
     from identification import fit as identify
     from mpc import Controller, closed_loop
     from plant import GearTrain, Rig, ServoModel, catalogue, read_model, simulate
@@ -43,7 +44,9 @@ __all__ = [
     "__version__",
     "catalogue",
     "closed_loop",
+    "compare",
     "diagnose",
+    "friction_test",
     "identify",
     "predict",
     "read_model",
@@ -61,7 +64,9 @@ HOMES = {
     "ServoModel": "plant",
     "catalogue": "plant",
     "closed_loop": "mpc",
+    "compare": "antidrive.changes",
     "diagnose": "diagnosis",
+    "friction_test": "identification",
     "identify": "identification",
     "predict": "antidrive.prediction",
     "read_model": "plant",
@@ -83,4 +88,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return list(__all__)

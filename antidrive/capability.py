@@ -2,15 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from allocation import Allocator, CapabilityMap, capability_map
+from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
+from plant.gears import GearTrain
 
 _POINTS = 81  # along each axis; odd, so that zero is one of them
+
+
+@dataclass(frozen=True, kw_only=True)
+class Units:
+    """What a map of some machine is measured in; as it stands, of a gear train on a rotary axis."""
+
+    torque: str = "N m"
+    acceleration: str = "rad/s²"
+    preload: str = "N m per tooth"
+
+    @classmethod
+    def of(cls, train: DriveTrain, axis: str) -> Units:
+        """Of a drive train on a rotary or linear axis; without teeth the preload is the torque of a drive."""
+        force = {"torque": "N", "acceleration": "m/s²"} if axis == "linear" else {}
+        return cls(**force, **({} if isinstance(train, GearTrain) else {"preload": "N m"}))
+
+
+ROTARY = Units()
 
 
 def whole_map(allocator: Allocator, inertia: float) -> CapabilityMap:
@@ -36,7 +57,7 @@ def table(found: CapabilityMap) -> pd.DataFrame:
     return pd.DataFrame({name: values.ravel() for name, values in columns.items()})
 
 
-def summary(found: CapabilityMap) -> dict[str, Any]:
+def summary(found: CapabilityMap, units: Units = ROTARY) -> dict[str, Any]:
     """The map in a few numbers: what is held at rest, what is reached without load, and what standing still costs."""
     still, idle = np.argmin(np.abs(found.acceleration)), np.argmin(np.abs(found.load_torque))
     held = found.load_torque[found.reachable[still]]
@@ -45,17 +66,23 @@ def summary(found: CapabilityMap) -> dict[str, Any]:
         "acceleration_without_load": found.edge[idle],
         "least_preload_at_rest": found.least_preload[still, idle],
         "heat_at_rest": found.heat[still, idle],
-        "units": {"torque": "N m", "acceleration": "rad/s^2", "preload": "N m per tooth", "heat": "N^2 m^2"},
+        "units": {
+            "torque": units.torque,
+            "acceleration": units.acceleration.replace("²", "^2"),
+            "preload": units.preload,
+            "heat": "N^2 m^2",
+        },
     }
 
 
-def sentences(found: CapabilityMap) -> list[str]:
+def sentences(found: CapabilityMap, units: Units = ROTARY) -> list[str]:
     """The same for readers."""
     told = summary(found)
     (least, most), (slowest, fastest) = told["load_torque_at_rest"], told["acceleration_without_load"]
     return [
-        f"With teeth that stay together, the drives hold load torques from {least:.4g} to {most:.4g} N m at rest.",
-        f"Without load they reach accelerations from {slowest:.4g} to {fastest:.4g} rad/s².",
-        f"Standing still without load takes a preload of {told['least_preload_at_rest']:.4g} N m per tooth, and the "
+        f"With teeth that stay together, the drives hold load torques from {least:.4g} to {most:.4g} {units.torque} "
+        "at rest.",
+        f"Without load they reach accelerations from {slowest:.4g} to {fastest:.4g} {units.acceleration}.",
+        f"Standing still without load takes a preload of {told['least_preload_at_rest']:.4g} {units.preload}, and the "
         f"squares of the torques then sum up to {told['heat_at_rest']:.4g} N² m².",
     ]

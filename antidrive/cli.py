@@ -13,25 +13,24 @@ from typing import Annotated, Any
 import typer
 
 from antidrive import __version__, completion
+from antidrive.common_words import OUT, Force, Json, Out, Quiet, Seed
+from antidrive.compare_command import compare
+from antidrive.drive_words import DRIVES, LIMITS, TUNING, with_words
 from antidrive.examples import told
 from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, PerRun, Prior, fit_options
+from antidrive.friction_command import friction
 from antidrive.log_words import with_log
+from antidrive.plan_command import plan
 from antidrive.program import run
+from antidrive.table_command import table
 
 app = typer.Typer()
 
-Out = Annotated[Path, typer.Option(help="Folder for the results.")]
 Holdout = Annotated[
     list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Log to validate on; may be repeated.")
 ]
 Base = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model to start from, instead of eqs. (4)+(6).")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else.")]
-Force = Annotated[bool, typer.Option("--force", help="Go on with a log that contradicts every machine.")]
-MinTorque = Annotated[float, typer.Option(help="Least torque of each pinion [N m].")]
-MaxTorque = Annotated[float, typer.Option(help="Greatest torque of each pinion [N m].")]
-OUT = Path("antidrive-out")
+DesignModel = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model of the machine.")]
 
 
 def _say_version(wanted: bool) -> None:
@@ -130,10 +129,13 @@ def inspect_log(
 @app.command(epilog=told("predict"))
 @with_log
 def predict(
+    context: typer.Context,
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model to simulate.")],
     log: Any,
     effects: Effects = None,
     window: Annotated[float | None, typer.Option(metavar="S", help="Restart every S seconds.")] = None,
+    measured: Annotated[bool, typer.Option("--measured", help="Add what was measured as a last column.")] = False,
+    report: Annotated[Path | None, typer.Option(metavar="PAGE.html", help="Page with both drawn.")] = None,
     out: Annotated[Path, typer.Option(metavar="FILE.csv", help="File for run, time, angle or position.")] = Path(
         "antidrive-out/prediction.csv"
     ),
@@ -144,11 +146,12 @@ def predict(
     """Simulate a log from its command alone (free-run), with a model."""
     from antidrive import commands
 
-    voice = commands.Voice(quiet=quiet, json=json)
-    commands.predict(model, log, effects=effects, window=window, out=out, voice=voice)
+    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
+    commands.predict(model, log, effects=effects, window=window, measured=measured, page=report, out=out, voice=voice)
 
 
 @app.command(epilog=told("simulate"))
+@with_words(DRIVES, LIMITS, TUNING)
 def simulate(
     context: typer.Context,
     scenario: Annotated[
@@ -160,7 +163,10 @@ def simulate(
             "drive-loss, disturbance, differential, preload-sizing, or TOML.",
         ),
     ],
-    model: Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Design model of the controller.")] = None,
+    said: Any,
+    model: Annotated[
+        Path | None, typer.Option(metavar="MODEL.json", help="Of the controller, and of the machine it is tried on.")
+    ] = None,
     effects: Effects = None,
     out: Out = OUT,
     seed: Seed = 0,
@@ -171,7 +177,7 @@ def simulate(
     from antidrive import commands
 
     voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.simulate(scenario, model=model, effects=effects, out=out, seed=seed, voice=voice)
+    commands.simulate(scenario, said, model=model, effects=effects, out=out, seed=seed, voice=voice)
 
 
 @app.command(epilog=told("effects"))
@@ -195,82 +201,78 @@ def effects(
 
 
 @app.command(context_settings={"ignore_unknown_options": True}, epilog=told("allocate"))
+@with_words(DRIVES, LIMITS)
 def allocate(
-    torques: Annotated[list[float], typer.Argument(metavar="TORQUE...", help="Follower torques [N m].")],
-    min_torque: MinTorque = 0.02,
-    max_torque: MaxTorque = 0.3,
+    torques: Annotated[list[float], typer.Argument(metavar="TORQUE...", help="Torques on the load [N m].")],
+    said: Any,
+    model: DesignModel = None,
+    effects: Effects = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Share follower torques between the two drives, with margin and heat."""
+    """Share torques on the load between its drives, with margin and heat."""
     from antidrive import commands, drive_commands
 
     voice = commands.Voice(quiet=quiet, json=json)
-    drive_commands.allocate(torques, min_torque=min_torque, max_torque=max_torque, voice=voice)
+    drive_commands.allocate(torques, said, model=model, effects=effects, voice=voice)
 
 
 @app.command(epilog=told("capability"))
+@with_words(DRIVES, LIMITS)
 def capability(
     context: typer.Context,
-    inertia: Annotated[float, typer.Option(help="Of load and rotors, seen from the load [kg m^2].")] = 2.0,
-    min_torque: MinTorque = 0.02,
-    max_torque: MaxTorque = 0.3,
-    rotor_inertia: Annotated[float, typer.Option(help="Of each motor, at its shaft [kg m^2].")] = 0.0,
-    motor_friction: Annotated[float, typer.Option(help="Dry friction of each motor, at its shaft [N m].")] = 0.0,
+    said: Any,
+    inertia: Annotated[
+        float | None, typer.Option(help="Of load and rotors, seen from the load [kg m^2]; that of the model, else 2.")
+    ] = None,
+    model: DesignModel = None,
+    effects: Effects = None,
     out: Out = OUT,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """What the paper's two drives can do with teeth that stay together: capability.csv, report.html."""
+    """What two drives can do with teeth that stay together: capability.csv, report.html."""
     from antidrive import commands, drive_commands
 
-    drive_commands.capability(
-        inertia=inertia,
-        min_torque=min_torque,
-        max_torque=max_torque,
-        rotor_inertia=rotor_inertia,
-        motor_friction=motor_friction,
-        out=out,
-        voice=commands.Voice(quiet=quiet, json=json, words=context.obj),
-    )
+    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
+    drive_commands.capability(said, inertia=inertia, model=model, effects=effects, out=out, voice=voice)
 
 
 @app.command(epilog=told("export"))
+@with_words(DRIVES, LIMITS, TUNING)
 def export(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model that the controller works with.")],
-    pinion_teeth: Annotated[tuple[int, int], typer.Option(help="Teeth of the two pinions; by default the paper's.")] = (
-        20,
-        20,
-    ),
-    follower_teeth: Annotated[int, typer.Option(help="Teeth of the follower, which turns the load.")] = 161,
-    sample_time: Annotated[float, typer.Option(help="Seconds between two steps of the controller.")] = 0.005,
-    horizon: Annotated[int, typer.Option(help="Samples looked ahead.")] = 30,
-    min_torque: MinTorque = 0.02,
-    max_torque: MaxTorque = 0.3,
+    said: Any,
+    name: Annotated[
+        str, typer.Option(metavar="NAME", help="Before every symbol and file, so that several fit in one program.")
+    ] = "antidrive",
     single: Annotated[bool, typer.Option("--single", help="Calculate in single precision.")] = False,
     fmu: Annotated[bool, typer.Option("--fmu", help="Write controller and plant as FMUs instead.")] = False,
+    feedforward: Annotated[
+        bool, typer.Option("--feedforward", help="Write the inverse model instead, as C99 and Structured Text.")
+    ] = False,
+    mujoco: Annotated[bool, typer.Option("--mujoco", help="Write the model for MuJoCo instead.")] = False,
+    urdf: Annotated[bool, typer.Option("--urdf", help="Write the model as a joint in URDF instead.")] = False,
+    modelica: Annotated[bool, typer.Option("--modelica", help="Write the model as a Modelica class instead.")] = False,
+    plant: Annotated[bool, typer.Option("--plant", help="Write the model as an FMU with one torque instead.")] = False,
     effects: Effects = None,
     out: Out = OUT,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
     """Write the controller as C99 for a target, with driver, CMakeLists.txt, README.txt; or as FMU with its plant."""
-    from antidrive import commands, drive_commands
-    from plant.gears import GearTrain
+    from antidrive import commands, drive_commands, model_commands
 
-    drive_commands.export(
-        model,
-        GearTrain(pinion_teeth=pinion_teeth, follower_teeth=follower_teeth),
-        sample_time=sample_time,
-        horizon=horizon,
-        min_torque=min_torque,
-        max_torque=max_torque,
-        single=single,
-        fmu=fmu,
-        effects=effects,
-        out=out,
-        voice=commands.Voice(quiet=quiet, json=json),
-    )
+    voice = commands.Voice(quiet=quiet, json=json)
+    given = {"feedforward": feedforward, "mujoco": mujoco, "urdf": urdf, "modelica": modelica, "plant": plant}
+    if form := model_commands.chosen(given, fmu=fmu):
+        model_commands.export_model(model, form, said, name=name, single=single, effects=effects, out=out, voice=voice)
+        return
+    drive_commands.export(model, said, name=name, single=single, fmu=fmu, effects=effects, out=out, voice=voice)
+
+
+for _command in (compare, table, friction, plan):
+    app.command(epilog=told(_command.__name__))(_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,10 +21,11 @@ from diagnosis.explanation.summary import headline, sentences
 from identification.errors import Unidentifiable
 from identification.log import Log
 from plant.errors import BadParameter
-from plant.model_file import read_model
+from plant.model_file import ModelFile, read_model
 from plant.servo import ServoModel
 
 if TYPE_CHECKING:
+    from antidrive.plans import Design
     from diagnosis.diagnosis import Diagnosis
     from diagnosis.experiment import Experiment
     from plant.effects import Effect
@@ -74,7 +75,7 @@ def identify(
         content, unseen = fit_to_dict(found), blind_spots(found)
         content["data"]["warnings"] += unseen
         provenance = Provenance.now(voice.words, measured.log.sources)
-        model_file(found).write(draft / "model.json")
+        model_file(found, options.reading().gears).write(draft / "model.json")
         write_json(draft / "fit.json", content)
         page = report.fit_page(found, simulated, provenance, notes=measured.notes, warnings=unseen)
         (draft / "report.html").write_text(page, encoding="utf-8")
@@ -112,7 +113,7 @@ def diagnose(
             )
         held_out = measured.holdout.sources if measured.holdout is not None else ()
         provenance = Provenance.now(voice.words, (*measured.log.sources, *held_out))
-        model_file(found.extended).write(draft / "model.json")
+        model_file(found.extended, options.reading().gears).write(draft / "model.json")
         content, files, experiment, said = found.to_dict(), "diagnosis.json, model.json", None, []
         if found.verdict == "ambiguous":
             with voice.progress("designing an experiment that tells the rivals apart") as progress:
@@ -147,26 +148,40 @@ def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Exp
 
 
 def predict(
-    model: Path, options: LogOptions, *, effects: Path | None, window: float | None, out: Path, voice: Voice
+    model: Path,
+    options: LogOptions,
+    *,
+    effects: Path | None,
+    window: float | None,
+    measured: bool,
+    page: Path | None,
+    out: Path,
+    voice: Voice,
 ) -> None:
-    """Simulate a log freely and write run, time, angle (or position) as CSV."""
+    """Simulate a log freely and write run, time, angle (or position) as CSV, with what was measured if asked for."""
     from antidrive.prediction import write_prediction
+    from antidrive.prediction_page import prediction_page, rms_error
 
     servo = read_own_model(model, effects or options.fit.effects).model
     if window is not None and not (np.isfinite(window) and window > 0.0):
         raise BadParameter(f"--window must be a positive number of seconds, not {window:g}.")
     with whole_file(out) as draft:
-        measured = _read(options, voice)
-        log = measured.log if measured.holdout is None else Log.merge([measured.log, measured.holdout])
+        read = _read(options, voice)
+        log = read.log if read.holdout is None else Log.merge([read.log, read.holdout])
         with voice.progress("predicting") as progress:
-            simulated = write_prediction(draft, log, servo, window=window, tell=progress)
+            simulated = write_prediction(draft, log, servo, window=window, measured=measured, tell=progress)
+        if page is not None:
+            with whole_file(page) as drawn:
+                text = prediction_page(log, simulated, Provenance.now(voice.words, log.sources))
+                drawn.write_text(text, encoding="utf-8")
     unit = log.measured_unit
     errors = [
-        {"run": run.run, "label": run.label, "rms": float(np.sqrt(np.mean((y - run.measured)[run.valid] ** 2)))}
-        for run, y in zip(log.runs, simulated, strict=True)
+        {"run": run.run, "label": run.label, "rms": rms_error(run, output)}
+        for run, output in zip(log.runs, simulated, strict=True)
     ]
     lines = [f"{entry['label']}: rms error {entry['rms']:.4g} {unit}" for entry in errors]
-    voice.result("\n".join([*lines, f"Written: {out}"]), {"file": str(out), "unit": unit, "runs": errors})
+    files = f"{out}" if page is None else f"{out}, {page}"
+    voice.result("\n".join([*lines, f"Written: {files}"]), {"file": str(out), "unit": unit, "runs": errors})
 
 
 def inspect(options: LogOptions, *, out: Path, voice: Voice) -> None:
@@ -182,12 +197,21 @@ def inspect(options: LogOptions, *, out: Path, voice: Voice) -> None:
     voice.result("\n".join([*found.sentences(), written(out, "log.toml, report.html")]), found.summary())
 
 
-def simulate(scenario: str, *, model: Path | None, effects: Path | None, out: Path, seed: int, voice: Voice) -> None:
+def simulate(
+    scenario: str,
+    said: Mapping[str, Any],
+    *,
+    model: Path | None,
+    effects: Path | None,
+    out: Path,
+    seed: int,
+    voice: Voice,
+) -> None:
     """Run a scenario on the rig and write trajectory.csv, summary.json and report.html."""
     from antidrive.experiments.outcome import Outcome
     from antidrive.plans import read_plan
 
-    plan, design = read_plan(scenario), None if model is None else read_own_model(model, effects).model
+    plan, design = read_plan(scenario), _design(said, None if model is None else read_own_model(model, effects))
     with whole_folder(out) as draft:
         with voice.progress(f"simulating {plan.name}") as progress:
             result = plan.run(design, seed, progress)
@@ -201,6 +225,17 @@ def simulate(scenario: str, *, model: Path | None, effects: Path | None, out: Pa
         (draft / "report.html").write_text(page, encoding="utf-8")
     lines = [*result.sentences(), written(out, "trajectory.csv, summary.json, report.html")]
     voice.result("\n".join(lines), result.summary())
+
+
+def _design(said: Mapping[str, Any], known: ModelFile | None) -> Design:
+    """What a loop is to be tried with; the drives of the paper are left unsaid, as the rig has them."""
+    from antidrive.drive_words import DRIVES, controller_numbers
+    from antidrive.drives import drives
+    from antidrive.plans import Design
+
+    of_model = known is not None and (known.gears is not None or known.model.axis == "linear")
+    train = drives(said, known)[0] if of_model or any(name in said for name in DRIVES) else None
+    return Design(model=None if known is None else known.model, train=train, options=controller_numbers(said))
 
 
 def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:

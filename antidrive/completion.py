@@ -5,6 +5,12 @@ from __future__ import annotations
 from importlib.resources import files
 
 DATASETS = ("emps", "kscale", "bam", "ur10e", "hsm150")
+TABLES = ("friction", "cogging", "gravity", "position-error", "dead-zone", "backlash", "dead-time")
+
+
+def tables(begun: str) -> list[str]:
+    """Kinds of tables for drives."""
+    return [name for name in TABLES if name.startswith(begun)]
 
 
 def datasets(begun: str) -> list[str]:

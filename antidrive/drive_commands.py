@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from antidrive import report
+from antidrive.drive_words import controller_numbers
+from antidrive.drives import drives, sample_time
 from antidrive.output import whole_folder, written
-from antidrive.own_effects import read_own_model
+from antidrive.own_effects import read_identified, read_own_model
 from antidrive.provenance import Provenance
 from antidrive.voice import Voice
-from identification.errors import Unidentifiable
 from plant.errors import BadParameter
 
-if TYPE_CHECKING:
-    from plant.gears import GearTrain
+LIMITS = {"min_torque": 0.02, "max_torque": 0.3}  # of the paper's drives [N m]
+INERTIA = 2.0  # of its load [kg m^2]
 
 
-def allocate(torques: list[float], *, min_torque: float, max_torque: float, voice: Voice) -> None:
-    """Print how follower torques are shared between the drives of the paper's gear train."""
+def allocate(
+    torques: list[float], said: Mapping[str, Any], *, model: Path | None, effects: Path | None, voice: Voice
+) -> None:
+    """Print how torques on the load are shared between its drives."""
     from allocation import Allocator
-    from plant.gears import GearTrain
 
-    allocator = Allocator(GearTrain.paper(), min_torque=min_torque, max_torque=max_torque)
+    known = None if model is None else read_own_model(model, effects)
+    unit = "N" if known is not None and known.model.axis == "linear" else "N m"
+    train, assumed = drives(said, known)
+    allocator = Allocator(train, **{**LIMITS, **controller_numbers(said)})
     splits = [(torque, allocator.allocate(torque)) for torque in torques]
     content = [
         {
@@ -38,77 +44,80 @@ def allocate(torques: list[float], *, min_torque: float, max_torque: float, voic
         }
         for torque, split in splits
     ]
-    columns = ("torque", "pinion 1", "pinion 2", "margin", "heat", "status")
+    pinions = [f"drive {number}" for number in range(1, train.drives + 1)]
+    columns = ("torque", *pinions, "margin", "heat", "status")
     rows = [
         (f"{torque:.4g}", *(f"{t:+.5f}" for t in s.torques), f"{s.margin:.5f}", f"{s.heat:.6f}", s.status.split(":")[0])
         for torque, s in splits
     ]
-    units = ("N m", "N m", "N m", "N m", "N² m²", "")
+    units = (unit, *("N m" for _ in pinions), "N m", "N² m²", "")
     widths = [max(len(row[place]) for row in (columns, units, *rows)) for place in range(len(columns))]
     lines = ["  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in (columns, units, *rows)]
-    why = [f"{torque:.4g} N m is {s.status}." for torque, s in splits if ":" in s.status]
+    why = [f"{torque:.4g} {unit} is {s.status}." for torque, s in splits if ":" in s.status]
     lines += [textwrap.fill(line, 80, subsequent_indent="  ") for line in why]
-    voice.result("\n".join(lines), {"unit": "N m", "splits": content})
+    voice.result("\n".join([*lines, *assumed]), {"unit": unit, "splits": content, "gears": str(train)})
 
 
 def capability(
+    said: Mapping[str, Any],
     *,
-    inertia: float,
-    min_torque: float,
-    max_torque: float,
-    rotor_inertia: float,
-    motor_friction: float,
+    inertia: float | None,
+    model: Path | None,
+    effects: Path | None,
     out: Path,
     voice: Voice,
 ) -> None:
-    """Map what the drives of the paper's gear train can do, and write capability.csv and report.html."""
+    """Map what two drives can do with teeth that stay together, and write capability.csv and report.html."""
     from allocation import Allocator
     from antidrive import capability as told
-    from plant.gears import GearTrain
 
-    allocator = Allocator(
-        GearTrain.paper(),
-        min_torque=min_torque,
-        max_torque=max_torque,
-        rotor_inertia=rotor_inertia,
-        motor_friction=motor_friction,
-    )
+    known = None if model is None else read_own_model(model, effects)
+    train, assumed = drives(said, known)
+    if inertia is None:
+        inertia = INERTIA if known is None else float(known.model.inertia)
+        if known is None:
+            assumed.append(f"Assumed: an inertia of {INERTIA:g} kg m^2; say --inertia or --model.")
+    if train.drives == 1:
+        raise BadParameter("A single drive has no preload, so there is no price of it to map; leave --one-drive out.")
+    units = told.Units.of(train, "rotary" if known is None else known.model.axis)
+    allocator = Allocator(train, **{**LIMITS, **controller_numbers(said)})
     with whole_folder(out) as draft:
         found = told.whole_map(allocator, inertia)
         told.table(found).to_csv(draft / "capability.csv", index=False, float_format="%.10g")
-        page = report.capability_page(found, told.sentences(found), Provenance.now(voice.words))
+        page = report.capability_page(found, told.sentences(found, units), Provenance.now(voice.words), units)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [*told.sentences(found), written(out, "capability.csv, report.html")]
-    voice.result("\n".join(lines), told.summary(found))
+    lines = [*told.sentences(found, units), *assumed, written(out, "capability.csv, report.html")]
+    voice.result("\n".join(lines), told.summary(found, units))
 
 
 def export(
     model: Path,
-    gears: GearTrain,
+    said: Mapping[str, Any],
     *,
+    name: str,
     single: bool,
     fmu: bool,
     effects: Path | None,
     out: Path,
     voice: Voice,
-    **numbers: Any,
 ) -> None:
-    """Write the controller of a model, with these numbers of `mpc.Controller`, as C99 for a target, or as FMUs."""
+    """Write the controller of a model, told what was said, as C99 for a target, or as FMUs."""
     from antidrive import exports
     from mpc import Controller
+    from mpc.export import check_name
 
+    check_name(name)
     if fmu and single:
         raise BadParameter("An FMU calculates in double precision; leave --single or --fmu out.")
-    read = read_own_model(model, effects)
-    if not read.identified:
-        raise Unidentifiable(
-            f"{model}: no parameter of this model was identified, its values are those that the fit began with; "
-            "identify it from a log that shows them, or write a model by hand."
-        )
-    servo = read.model
+    read = read_identified(model, effects)
+    servo, (train, assumed), (seconds, more) = read.model, drives(said, read), sample_time(said, read)
+    numbers = {**controller_numbers(said), "sample_time": seconds}
     with whole_folder(out) as draft, voice.progress("compiling the controller") as progress:
-        controller = Controller(servo, gears, **numbers)
+        controller = Controller(servo, train, **numbers)
         told, content = (
-            exports.fmus(controller, servo, draft, progress) if fmu else exports.c99(controller, single, draft)
+            exports.fmus(controller, servo, draft, progress, name=name)
+            if fmu
+            else exports.c99(controller, single, draft, name=name)
         )
-    voice.result("\n".join([*told, written(out, ", ".join(content["files"]))]), content)
+    content |= {"gears": str(train), "sample_time": seconds, "assumed": [*assumed, *more]}
+    voice.result("\n".join([*told, *assumed, *more, written(out, ", ".join(content["files"]))]), content)

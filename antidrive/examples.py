@@ -22,7 +22,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "predict": (
         "antidrive predict model.json log.csv --out prediction.csv",
-        "antidrive predict model.json log.csv --window 2",
+        "antidrive predict model.json log.csv --window 2 --measured --report prediction.html",
     ),
     "simulate": (
         "antidrive simulate tracking --model model.json",
@@ -33,7 +33,27 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "capability": ("antidrive capability --inertia 2 --rotor-inertia 0.002",),
     "export": (
         "antidrive export model.json --out target --single",
-        "antidrive export model.json --fmu --pinion-teeth 18 18 --follower-teeth 144",
+        "antidrive export model.json --name elbow --ratio 50,-50 --max-torque 2 --bandwidth 3",
+        "antidrive export model.json --fmu --gears 18,18:144",
+        "antidrive export model.json --feedforward --single",
+        "antidrive export model.json --mujoco --out mujoco",
+    ),
+    "plan": (
+        "antidrive plan --limits travel=-1:1,speed=5,acceleration=50 --out experiment.csv",
+        "antidrive plan --limits torque=2 --rate 1000",
+    ),
+    "friction": (
+        "antidrive friction staircase.csv",
+        "antidrive friction sweep.csv --torque-constant 0.035 && antidrive table friction antidrive-out/model.json",
+    ),
+    "compare": (
+        "antidrive compare monday/model.json friday.csv",
+        "antidrive compare model.json friday.csv --candidates cogging,backlash --fixed inertia",
+    ),
+    "table": (
+        "antidrive table friction model.json --points 64",
+        "antidrive table cogging model.json --range 0:6.2832 --single",
+        "antidrive table backlash model.json",
     ),
 }
 

@@ -8,32 +8,46 @@ from typing import Any
 from antidrive.time_left import Parts, Tell
 from mpc import Controller, controller_fmu
 from mpc import export as target_code
-from plant import ServoModel, servo_fmu
+from plant import Fmu, ServoModel, servo_fmu
 
 
-def c99(controller: Controller, single: bool, folder: Path) -> tuple[list[str], dict[str, Any]]:
+def c99(
+    controller: Controller, single: bool, folder: Path, *, name: str = "antidrive"
+) -> tuple[list[str], dict[str, Any]]:
     """Write the C files; what they are, for readers and for scripts."""
-    made = target_code(controller, single=single)
-    for name, text in made.files.items():
-        (folder / name).write_text(text, encoding="utf-8")
+    made = target_code(controller, single=single, name=name)
+    for file, text in made.files.items():
+        (folder / file).write_text(text, encoding="utf-8")
     return made.sentences(), made.summary()
 
 
+def fmu_entry(fmu: Fmu) -> tuple[str, dict[str, Any]]:
+    """What goes into an FMU and what comes out, for readers and for scripts."""
+    inputs, outputs, parameters = (
+        [variable.name for variable in fmu.variables if variable.causality == kind]
+        for kind in ("input", "output", "parameter")
+    )
+    told = f"{fmu.name}: {', '.join(inputs)} in, {', '.join(outputs)} out."
+    return told, {"name": fmu.name, "inputs": inputs, "outputs": outputs, "parameters": parameters}
+
+
 def fmus(
-    controller: Controller, model: ServoModel, folder: Path, tell: Tell | None = None
+    controller: Controller,
+    model: ServoModel,
+    folder: Path,
+    tell: Tell | None = None,
+    *,
+    name: str = "antidrive",
 ) -> tuple[list[str], dict[str, Any]]:
     """Write the controller and the plant that it is for as FMUs; what they are, for readers and for scripts."""
-    plant = servo_fmu(model, sample_time=controller.sample_time, gears=controller.gears)
-    told, entries, made = [], [], (controller_fmu(controller), plant)
+    plant = servo_fmu(model, sample_time=controller.sample_time, gears=controller.gears, name=name)
+    told, entries, made = [], [], (controller_fmu(controller, name=name), plant)
     done = Parts(sum(len(fmu.compilers()) for fmu in made), tell, doing="compiling the FMUs").done
     for fmu in made:
         fmu.write(folder / f"{fmu.name}.fmu", after=done)
-        inputs, outputs, parameters = (
-            [variable.name for variable in fmu.variables if variable.causality == kind]
-            for kind in ("input", "output", "parameter")
-        )
-        told.append(f"{fmu.name}: {', '.join(inputs)} in, {', '.join(outputs)} out.")
-        entries.append({"name": fmu.name, "inputs": inputs, "outputs": outputs, "parameters": parameters})
+        said, entry = fmu_entry(fmu)
+        told.append(said)
+        entries.append(entry)
     told.append(f"FMI 2.0 for co-simulation, with a sample of {controller.sample_time:g} s.")
     files = [f"{entry['name']}.fmu" for entry in entries]
     return told, {"schema": 1, "files": files, "sample_time": controller.sample_time, "fmus": entries}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from allocation import CapabilityMap
+from antidrive.capability import ROTARY, Units
 from antidrive.page import printed
 from antidrive.thinning import thin
 from diagnosis.explanation.contest import Contest
@@ -231,10 +232,10 @@ def traces_figure(
     return finish(figure, 110 + 190 * len(rows))
 
 
-def capability_figure(found: CapabilityMap) -> go.Figure:
+def capability_figure(found: CapabilityMap, units: Units = ROTARY) -> go.Figure:
     """Least preload, margin and heat over acceleration and load torque, where the teeth stay together."""
     parts = (
-        ("least preload [N m per tooth]", found.least_preload),
+        (f"least preload [{units.preload}]", found.least_preload),
         ("margin [N m]", np.where(found.reachable, found.margin, np.nan)),
         ("heat [N² m²]", found.heat),
     )
@@ -243,8 +244,8 @@ def capability_figure(found: CapabilityMap) -> go.Figure:
         bar = {"title": {"text": title, "side": "right"}, "len": 0.3, "y": 1.0 - (row - 0.5) / len(parts)}
         shown = {"x": _short(found.acceleration), "y": _short(found.load_torque), "z": _short(values.T)}
         figure.add_trace(go.Heatmap(**shown, colorscale="Viridis", colorbar=bar), row, 1)
-        figure.update_yaxes(title_text="load torque [N m]", row=row, col=1)
-    figure.update_xaxes(title_text="acceleration [rad/s²]", row=len(parts), col=1)
+        figure.update_yaxes(title_text=f"load torque [{units.torque}]", row=row, col=1)
+    figure.update_xaxes(title_text=f"acceleration [{units.acceleration}]", row=len(parts), col=1)
     return finish(figure, 960, legend=False)
 
 

@@ -6,6 +6,7 @@ import importlib.util
 import sys
 from pathlib import Path
 
+from identification.errors import Unidentifiable
 from plant.effects import Effect, catalogue
 from plant.effects.effect import Stage
 from plant.errors import BadParameter
@@ -65,3 +66,18 @@ def _place(path: Path, error: Exception) -> str:
 def read_own_model(path: Path, effects: Path | None) -> ModelFile:
     """A model file, which may have the effects of one's own that another file defines."""
     return read_model(path, () if effects is None else read_effects(effects))
+
+
+def read_identified(path: Path, effects: Path | None) -> ModelFile:
+    """The same, of a model that somebody will use.
+
+    Raises:
+        Unidentifiable: it was fitted to a log that told none of its parameters.
+    """
+    read = read_own_model(path, effects)
+    if not read.identified:
+        raise Unidentifiable(
+            f"{path}: no parameter of this model was identified, its values are those that the fit began with; "
+            "identify it from a log that shows them, or write a model by hand."
+        )
+    return read

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from antidrive.scenario import parse_scenario, scenario_text
 from antidrive.time_left import Parts, Tell
+from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
@@ -20,20 +21,35 @@ Result: TypeAlias = "Trial | Outcome"
 
 
 @dataclass(frozen=True, kw_only=True)
+class Design:
+    """What a loop is to be tried with.
+
+    Attributes:
+        model: of the controller, and of the test bench; None for that of the rig.
+        train: drives; None for those of the paper.
+        options: attributes of the controller.
+    """
+
+    model: ServoModel | None = None
+    train: DriveTrain | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Plan:
     """A scenario that has been read and can be run.
 
     Attributes:
         name: of the scenario.
-        play: takes the controller's design model, or None for the default, the seed, and whom to tell how far it is.
+        play: takes the design, the seed, and whom to tell how far it is.
     """
 
     name: str
-    play: Callable[[ServoModel | None, int, Tell | None], Result]
+    play: Callable[[Design, int, Tell | None], Result]
 
-    def run(self, model: ServoModel | None, seed: int, tell: Tell | None = None) -> Result:
-        """Run it."""
-        return self.play(model, seed, tell)
+    def run(self, design: Design | None, seed: int, tell: Tell | None = None) -> Result:
+        """Run it; without a design, with that of the rig."""
+        return self.play(design or Design(), seed, tell)
 
 
 def read_plan(name: str) -> Plan:
@@ -53,8 +69,16 @@ def read_plan(name: str) -> Plan:
 
     scenario = parse_scenario(name, text)
 
-    def play(model: ServoModel | None, seed: int, tell: Tell | None) -> Result:
-        return run_scenario(scenario, model=model, seed=seed, repetitions=REPETITIONS, tell=tell)
+    def play(design: Design, seed: int, tell: Tell | None) -> Result:
+        return run_scenario(
+            scenario,
+            model=design.model,
+            train=design.train,
+            options=design.options,
+            seed=seed,
+            repetitions=REPETITIONS,
+            tell=tell,
+        )
 
     return Plan(name=scenario.name, play=play)
 
@@ -69,9 +93,9 @@ def _experiment(name: str, content: Mapping[str, Any]) -> Plan:
         raise BadParameter(f"{name}: kind is {content['kind']!r}; it must be one of {', '.join(KINDS)}.")
     settings = read_settings(kind.settings, name, content)
 
-    def play(model: ServoModel | None, seed: int, tell: Tell | None) -> Result:
-        if model is not None:
-            raise BadParameter(f"{name}: an experiment takes no --model.")
+    def play(design: Design, seed: int, tell: Tell | None) -> Result:
+        if design != Design():
+            raise BadParameter(f"{name}: an experiment takes no --model, and no other drives or controller.")
         if kind.long:
             return kind.run(settings, seed, tell)
         done, runs = Parts(1 + kind.again, tell).done, []

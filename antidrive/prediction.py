@@ -26,7 +26,9 @@ _WRITING = 4  # times that writing a row takes as long as simulating a sample of
 _SETTLING = 4  # times that a sample in a window, whose first state is looked for, takes as long as writing its row
 
 
-def predict(model: ServoModel | str | Path, log: LogLike, *, window: float | None = None) -> pd.DataFrame:
+def predict(
+    model: ServoModel | str | Path, log: LogLike, *, window: float | None = None, measured: bool = False
+) -> pd.DataFrame:
     """What a model says will follow from a log's command: a free simulation.
 
     Args:
@@ -34,9 +36,10 @@ def predict(model: ServoModel | str | Path, log: LogLike, *, window: float | Non
         log: whose command is played, also as a path, a DataFrame or arrays by name. Of its measured output only the
             first 0.2 s of each run, or window, are looked at, for its initial state.
         window: restart every so many seconds; None simulates each run in one piece.
+        measured: add what was measured, to lay beside it.
 
     Returns:
-        Columns run, time [s], and angle [rad] (or position [m]), a row a sample.
+        Columns run, time [s], and angle [rad] (or position [m]), a row a sample; last `measured`, if asked for.
 
     Raises:
         BadParameter: the model runs away to infinity, or does not fit the log.
@@ -47,18 +50,25 @@ def predict(model: ServoModel | str | Path, log: LogLike, *, window: float | Non
     servo = model if isinstance(model, ServoModel) else read_model(model).model
     read = log_of(log)
     simulated = _simulated(read, servo, window, None)
-    tables = [_table(read, run, output, slice(None)) for run, output in zip(read.runs, simulated, strict=True)]
+    pairs = zip(read.runs, simulated, strict=True)
+    tables = [_table(read, run, output, slice(None), measured) for run, output in pairs]
     return pd.concat(tables, ignore_index=True)
 
 
 def write_prediction(
-    path: Path, log: Log, model: ServoModel, *, window: float | None = None, tell: Tell | None = None
+    path: Path,
+    log: Log,
+    model: ServoModel,
+    *,
+    window: float | None = None,
+    measured: bool = False,
+    tell: Tell | None = None,
 ) -> list[Array]:
     """Simulate a log freely and write the table as CSV.
 
     Args:
         path: file to write.
-        log, model, window: as in `predict`.
+        log, model, window, measured: as in `predict`.
         tell: called with a line of text at each hundredth.
 
     Returns:
@@ -71,12 +81,12 @@ def write_prediction(
     done = Parts((simulating + writing) * sum(map(len, log.runs)), tell, doing="predicting").done
     simulated = _simulated(log, model, window, lambda samples: done(simulating * samples))
     with path.open("w", encoding="utf-8", newline="") as file:
-        file.write(f"run,time,{_column(log)}\n")
+        file.write(f"run,time,{_column(log)}{',measured' if measured else ''}\n")
         for run, output in zip(log.runs, simulated, strict=True):
             for first in range(0, len(run), _ROWS):
-                table = _table(log, run, output, slice(first, first + _ROWS))
-                # a clock may need more digits than a prediction is worth
-                table[_column(log)] = table[_column(log)].map("{:.10g}".format)
+                table = _table(log, run, output, slice(first, first + _ROWS), measured)
+                for column in table.columns[2:]:  # a clock may need more digits than a prediction is worth
+                    table[column] = table[column].map("{:.10g}".format)
                 table.to_csv(file, header=False, index=False, float_format="%.15g")
                 done(writing * len(table))
     return simulated
@@ -93,7 +103,8 @@ def _column(log: Log) -> str:
     return "angle" if log.axis == "rotary" else "position"
 
 
-def _table(log: Log, run: Run, output: Array, rows: slice) -> pd.DataFrame:
+def _table(log: Log, run: Run, output: Array, rows: slice, measured: bool) -> pd.DataFrame:
     import pandas as pd
 
-    return pd.DataFrame({"run": run.run, "time": run.zero + run.time[rows], _column(log): output[rows]})
+    beside = {"measured": run.measured[rows]} if measured else {}
+    return pd.DataFrame({"run": run.run, "time": run.zero + run.time[rows], _column(log): output[rows], **beside})

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from antidrive import figures
+from antidrive.capability import ROTARY, Units
 from antidrive.curves import picture_figure
 from antidrive.equations import model_equations
 from antidrive.experiments.outcome import Outcome
@@ -105,9 +106,9 @@ def trial_page(trial: Trial, provenance: Provenance) -> str:
     return page("trial", provenance, trial.title, trials=[_trial(trial)])
 
 
-def capability_page(found: CapabilityMap, told: Sequence[str], provenance: Provenance) -> str:
+def capability_page(found: CapabilityMap, told: Sequence[str], provenance: Provenance, units: Units = ROTARY) -> str:
     """The page of a capability map."""
-    drawn = figure_json(figures.capability_figure(found))
+    drawn = figure_json(figures.capability_figure(found, units))
     return page("capability", provenance, "What the drives can do without backlash", sentences=told, figures=[drawn])
 
 

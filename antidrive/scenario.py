@@ -15,6 +15,7 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
+from antidrive.drive_words import LIMITS, TUNING
 from plant.errors import BadParameter
 from plant.rig import Rig
 
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 
 NAMES = ("tracking", "figure7", "drive-loss", "disturbance")
 """The closed loops of the package; its other scenarios are experiments, see `antidrive.plans`."""
-_CONTROLLER = ("horizon", "min_torque", "max_torque", "rotor_inertia", "bandwidth", "encoder_noise")
+_CONTROLLER = tuple(name for name in (*LIMITS, *TUNING) if name != "sample_time")
 _REFERENCES = {
     "constant": ("level",),
     "sine": ("amplitude", "frequency"),
@@ -138,9 +139,9 @@ def parse_scenario(name: str, text: str) -> Scenario:
     reference = _reference(name, table(content, "reference", None))
     rig = table(content, "rig", [field.name for field in fields(Rig) if field.name not in ("gears", "drives")])
     controller = table(content, "controller", list(_CONTROLLER))
-    for section, numbers in (("rig", rig), ("controller", controller)):
-        for key in numbers:
-            _number(name, f"{section}.{key}", numbers)
+    for key in rig:
+        _number(name, f"rig.{key}", rig)
+    controller = {key: _one_or_more(name, f"controller.{key}", controller) for key in controller}
     single = content.get("compare_single_drive", False)
     if not isinstance(single, bool):
         raise BadParameter(f"{name}: compare_single_drive must be true or false, not {single!r}.")
@@ -222,6 +223,15 @@ def _number(name: str, path: str, table: Mapping[str, Any], *, above: float = -m
         positive = "" if math.isinf(above) else " above zero"
         raise BadParameter(f"{name}: {path} must be a finite number{positive}, not {value!r}.")
     return float(value)
+
+
+def _one_or_more(name: str, path: str, table: Mapping[str, Any]) -> float | tuple[float, ...]:
+    """A number, or one for each drive or each end."""
+    given = table[path.rpartition(".")[2]]
+    if isinstance(given, list) and given and all(_is_number(value) for value in given):
+        return tuple(given)
+    _number(name, path, table)
+    return given  # type: ignore[no-any-return]
 
 
 def _is_number(value: Any) -> TypeGuard[float]:

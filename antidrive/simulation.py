@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from antidrive.drive_loss import loop_with_drive_loss
 from antidrive.scenario import Scenario
+from antidrive.test_bench import is_built, test_bench
 from antidrive.time_left import Parts, Tell
 from antidrive.trial import Trial
 from mpc import Controller, closed_loop
+from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
+from plant.gears import GearTrain
 from plant.rig import Rig
 from plant.servo import ServoModel
+
+MAX_TORQUE = 0.3  # that of a controller which nobody tells another [N m]
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 REPETITIONS = 5
 """How often a loop that is reported is run again, to say how much its numbers scatter."""
@@ -24,6 +32,8 @@ def run_scenario(
     scenario: Scenario,
     *,
     model: ServoModel | None = None,
+    train: DriveTrain | None = None,
+    options: Mapping[str, Any] = NOTHING,
     seed: int = 0,
     repetitions: int = 0,
     tell: Tell | None = None,
@@ -32,7 +42,10 @@ def run_scenario(
 
     Args:
         scenario: what to do.
-        model: design model of the controller; by default eq. (4) with the rig's inertia, gravity and viscous friction.
+        model: design model of the controller, and of the test bench unless the scenario says the inertia of its own
+            machine; by default eq. (4) with the rig's inertia, gravity and viscous friction.
+        train: drives of the machine; by default those of the paper.
+        options: attributes of the controller that come before those of the scenario.
         seed: of the encoder's noise.
         repetitions: how often it is run again with other noise, to say how much the numbers scatter.
         tell: called with a line of text at each hundredth.
@@ -40,13 +53,30 @@ def run_scenario(
     Raises:
         BadParameter: a number of the scenario that the rig or the controller cannot use.
     """
-    rig = scenario.machine()
+    numbers = {"sample_time": scenario.sample_time, **scenario.controller, **options}
+    scenario = replace(scenario, sample_time=numbers.pop("sample_time"), controller=numbers)
+    rig, notes = _machine(scenario, model, train)
+    if rig.gears.drives == 1 and (scenario.drive_loss is not None or scenario.compare_single_drive):
+        raise BadParameter(f"{scenario.name}: is about two drives; leave --one-drive out.")
     design = rigid_model(rig) if model is None else model
     samples = scenario.pushes().size * (1 + (scenario.drive_loss is not None) + scenario.compare_single_drive)
     done = Parts((1 + repetitions) * samples, tell).done
     trial = _played(scenario, rig, design, seed, done)
     again = (_played(scenario, rig, design, seed + 1 + number, done) for number in range(repetitions))
-    return replace(trial, again=tuple(other.summary() for other in again))
+    return replace(trial, again=tuple(other.summary() for other in again), notes=tuple(notes))
+
+
+def _machine(scenario: Scenario, model: ServoModel | None, train: DriveTrain | None) -> tuple[Rig, list[str]]:
+    """The rig, and what is to be said of it."""
+    if model is not None and is_built(scenario.rig):
+        limits = np.max(np.asarray(scenario.controller.get("max_torque", MAX_TORQUE)))
+        return test_bench(
+            model, train or GearTrain.paper(), scenario.rig, max_torque=float(limits), told=scenario.controller
+        )
+    rig = scenario.machine()
+    if train is not None:
+        rig = replace(rig, gears=train, drives=tuple(range(1, train.drives + 1)))
+    return rig, [] if model is None else [f"The test bench is that of the scenario, {rig.total_inertia:.4g} kg m^2."]
 
 
 def _played(scenario: Scenario, rig: Rig, design: ServoModel, seed: int, done: Callable[[], None]) -> Trial:
@@ -83,8 +113,9 @@ def _played(scenario: Scenario, rig: Rig, design: ServoModel, seed: int, done: C
         title=scenario.title,
         scenario=scenario,
         result=result,
-        min_torque=first.min_torque,
-        max_torque=first.max_torque,
+        min_torque=float(np.min(first.bounds.least)),
+        max_torque=float(np.max(first.bounds.greatest)),
+        words=first.words,
         single=single,
         intact=intact,
     )

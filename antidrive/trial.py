@@ -28,6 +28,8 @@ class Trial:
         max_torque: greatest [N m].
         single: the same motion with one drive alone, when it was compared.
         intact: the same motion with both drives throughout, when one was lost.
+        words: what moves and what pushes it, each with its unit.
+        notes: what is to be known of the machine, in sentences.
         again: summaries of the same with other noise of the encoders.
     """
 
@@ -39,22 +41,22 @@ class Trial:
     single: ClosedLoopResult | None = None
     intact: ClosedLoopResult | None = None
     again: tuple[dict[str, Any], ...] = ()
+    notes: tuple[str, ...] = ()
+    words: tuple[str, str, str, str] = ("angle", "rad", "torque", "N m")
 
     def table(self) -> pd.DataFrame:
         """The trajectory, one row a sample, SI units."""
         import pandas as pd
 
-        r = self.result
+        r, angle = self.result, self.words[0]
         columns: dict[str, Any] = {
             "time": r.time,
             "reference": r.reference,
-            "angle": r.angle,
-            "measured_angle": r.measured_angle,
+            angle: r.angle,
+            f"measured_{angle}": r.measured_angle,
             "velocity": r.velocity,
-            "torque_1": r.torques[:, 0],
-            "torque_2": r.torques[:, 1],
-            "flank_torque_1": r.flank_torques[:, 0],
-            "flank_torque_2": r.flank_torques[:, 1],
+            **{f"torque_{i + 1}": torque for i, torque in enumerate(r.torques.T)},
+            **{f"flank_torque_{i + 1}": torque for i, torque in enumerate(r.flank_torques.T)},
             "disturbance_estimate": r.disturbance,
             "status": r.status,
         }
@@ -133,8 +135,9 @@ class Trial:
         """What happened, in words."""
         s, told = flat(self._one_summary()), dict(self.numbers())
         lines = [
+            *self.notes,
             f"Tracking error {told['tracking_rms']} rms, {told['largest_error']} at most, on the rig (synthetic) over "
-            f"{self.scenario.duration:g} s."
+            f"{self.scenario.duration:g} s.",
         ]
         margin = s["least_preload_margin"]
         if margin is not None:
@@ -174,7 +177,9 @@ class Trial:
 
     def numbers(self) -> list[tuple[str, str]]:
         """The summary for a table: name, and value with its unit and its standard deviation over all runs."""
-        units = {"heat": "N² m²", "tracking": "rad", "largest": "rad", "final": "rad", "least": "N m", "hardest": "N m"}
+        _, rad, _, newton = self.words
+        units = {"heat": "N² m²", **dict.fromkeys(("tracking", "largest", "final"), rad)}
+        units |= dict.fromkeys(("least", "hardest"), newton)
         scatter, rows = self.scatter(), []
         for name, value in flat(self._one_summary()).items():
             if name in ("schema", "synthetic"):
@@ -193,23 +198,25 @@ class Trial:
         """Reference and angle, error, pinion torques, flank torques."""
         from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, THIRD, traces_figure
 
-        r = self.result
-        angles = [("reference", MEASURED, r.reference), ("angle", AFTER, r.angle)]
-        errors = [("angle", AFTER, r.angle - r.reference)]
+        r, (angle, rad, torque, newton) = self.result, self.words
+        angles = [("reference", MEASURED, r.reference), (angle, AFTER, r.angle)]
+        errors = [(angle, AFTER, r.angle - r.reference)]
         if self.intact is not None:
             errors.append(("angle, nothing lost", MEASURED, self.intact.angle - self.intact.reference))
         if self.single is not None:
             angles.append(("angle, one drive", BEFORE, self.single.angle))
             errors.append(("angle, one drive", BEFORE, self.single.angle - self.single.reference))
-        torques = [("drive 1", SECOND, r.torques[:, 0]), ("drive 2", THIRD, r.torques[:, 1])]
-        flanks = [("drive 1", SECOND, r.flank_torques[:, 0]), ("drive 2", THIRD, r.flank_torques[:, 1])]
+        torques, flanks = (
+            [(f"drive {i + 1}", (SECOND, THIRD)[i], column) for i, column in enumerate(both.T)]
+            for both in (r.torques, r.flank_torques)
+        )
         return traces_figure(
             r.time,
             [
-                ("angle [rad]", angles),
-                ("error [rad]", errors),
+                (f"{angle} [{rad}]", angles),
+                (f"error [{rad}]", errors),
                 ("pinion torque [N m]", torques),
-                ("flank torque [N m]", flanks),
+                (f"flank {torque} [{newton}]", flanks),
             ],
             bounds={3: (-self.max_torque, -self.min_torque, self.min_torque, self.max_torque), 4: (0.0,)},
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from identification.errors import MalformedLog, MissingColumns, Unidentifiable, UnusableLog
 from identification.fit import base_model, fit
 from identification.fit_result import Fit, FittedParameter, fit_report, fit_to_dict
+from identification.friction_test import FrictionTest, friction_test
 from identification.inverse import torque_error
 from identification.log import Log
 from identification.log_like import log_of
@@ -15,6 +16,7 @@ from identification.simulation import free_simulation
 __all__ = [
     "Fit",
     "FittedParameter",
+    "FrictionTest",
     "Log",
     "LostMotion",
     "MalformedLog",
@@ -27,6 +29,7 @@ __all__ = [
     "fit_report",
     "fit_to_dict",
     "free_simulation",
+    "friction_test",
     "log_of",
     "lost_motion",
     "torque_error",

@@ -13,6 +13,7 @@ from identification.log import Log
 from identification.noise import colour
 from plant.effects.effect import Array
 from plant.errors import BadParameter
+from plant.presented import Presented
 from plant.servo import ServoModel
 
 _ECHO = 1000  # samples for which an innovation may live on in coloured noise
@@ -35,7 +36,7 @@ class FittedParameter:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit:
+class Fit(Presented):
     """A fitted model with its uncertainty.
 
     Attributes:

@@ -15,13 +15,15 @@ from identification.errors import MalformedLog, UnusableLog
 from identification.reading.columns import read_recordings
 from identification.reading.files import read_table
 from identification.reading.formats.frames import columns_of
-from identification.reading.reading_options import ALIASES, COLUMNS, Gears, How, Reading
+from identification.reading.reading_options import ALIASES, COLUMNS, How, Reading
 from identification.reading.recognition import joined_if_needed
 from identification.reading.table import Table, table_of
 from identification.recording import Recording, Response, counted
 from identification.run import Run
+from plant.drive_train import DriveTrain
 from plant.effects import Effect
 from plant.errors import BadParameter
+from plant.presented import Presented
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -40,7 +42,7 @@ class Source:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Log:
+class Log(Presented):
     """Experiments on one machine.
 
     runs: at least one.
@@ -180,7 +182,7 @@ class Log:
         label: str = "arrays",
         units: Mapping[str, str] | None = None,
         scales: Mapping[str, float] | None = None,
-        gears: Gears | None = None,
+        gears: DriveTrain | None = None,
         torque_constant: float | None = None,
         rate: float | None = None,
         **channels: ArrayLike,

@@ -26,10 +26,10 @@ class ClosedLoopResult:
         angle: (T,) true load angle [rad].
         measured_angle: (T,) as the encoder showed it [rad].
         velocity: (T,) true load velocity [rad/s].
-        torques: (T, 2) pinion torques [N m].
+        torques: (T, m) pinion torques [N m].
         disturbance: (T,) torque that the controller thinks the model misses [N m].
         margin: (T,) margin that the controller predicted [N m], seen from the pinion.
-        flank_torques: (T, 2) least torque of each required flank during each sample on the rig [N m], follower side;
+        flank_torques: (T, m) least torque of each required flank during each sample on the rig [N m], follower side;
             positive: the teeth never parted.
         status: one for each sample.
         tracking_rms: root mean square of angle less reference [rad].
@@ -82,7 +82,7 @@ def closed_loop(
     """Run a controller on the rig, from rest at the reference's first angle, the teeth pressed by the least preload.
 
     Args:
-        controller: a fresh one: it remembers what it did before.
+        controller: it forgets first what it did before.
         rig: the machine.
         reference: wanted load angle [rad]: a function of time (M,) [s], or the samples, the last of them held.
         duration: [s].
@@ -93,6 +93,7 @@ def closed_loop(
     Raises:
         BadParameter: a duration below one sample, or a reference that is not finite.
     """
+    controller.reset()
     dt, N = controller.sample_time, controller.horizon
     if not np.isfinite(duration) or duration < dt:
         raise BadParameter(f"The duration must be at least one sample of {dt:g} s, not {duration!r} s.")
@@ -107,9 +108,10 @@ def closed_loop(
         raise BadParameter("The reference of a closed loop must be finite throughout.")
     pushes = np.broadcast_to(np.asarray(disturbance, dtype=np.float64), (count,))
     rng = np.random.default_rng(seed)
-    state = rig.rest(float(wanted[0]), least_effort(controller.bounds, 0.0))
+    preloaded = least_effort(controller.bounds, 0.0) if controller.bounds.structure.drives > 1 else 0.0
+    state = rig.rest(float(wanted[0]), preloaded)
     angle, velocity, measured, unknown, margin = (np.empty(count) for _ in range(5))
-    torques, flanks = np.empty((count, 2)), np.empty((count, 2))
+    torques, flanks = (np.empty((count, len(rig.drives))) for _ in range(2))
     status = []
     for k in range(count):
         angle[k], velocity[k], measured[k] = state.angle, state.velocity, rig.measure(state, rng)

@@ -71,7 +71,7 @@ def source(functions: tuple[Any, ...], sizes: tuple[str, ...], arrays: tuple[str
     stages = _plain(str(generator.dump()), functions)
     by_name = {function.name(): function for function in functions}
     sizes_of = {"STATES": ("stage", 0), "PARAMETERS": ("stage", 2), "BELIEF": ("estimate", 0)}
-    sizes_of["BARRIER"] = ("backward", 6)
+    sizes_of |= {"BARRIER": ("backward", 6), "LEARNT": ("learn", 1), "WATCHED": ("watch", 2)}
     constants = ", ".join(f"{name} = {by_name[stage].size1_in(i)}" for name, (stage, i) in sizes_of.items())
     constants = f"enum {{ {constants} }};\n\n"
     members = "".join(f"  int {name};\n" for name in sizes) + "".join(f"  real *{name};\n" for name in arrays)

@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass, field, fields
-from functools import cached_property, partial
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from allocation import Bounds
+from allocation import Bounds, PerDrive
 from mpc.compiled import CompiledStep
 from mpc.control import Control
 from mpc.corridor import SoftLimits, corridor, enter, moved, prices
 from mpc.drive import DriveInverse
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
-from mpc.governor import Governor, followable, governed
+from mpc.friction import Frictionless, learn, numbers, rigid_contacts, rub
+from mpc.governor import Governor, early, followable, governed
+from mpc.handover import Running
 from mpc.layout import laid_out
+from mpc.memory import Remembering
 from mpc.prediction import Predictor
 from mpc.preview import preview
 from mpc.riccati import ALL_ROWS, TORQUE_ALONE, backward, forward, slope
 from mpc.split import machine, reach, split
 from mpc.step import InterpretedStep
 from mpc.trouble import sentence
+from mpc.tuning import OBSERVER, Tuning
+from mpc.watch import numbers as watching
+from mpc.watch import watch, watched_of
 from mpc.weights import rate_weight, terminal_weight
+from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
 from plant.gears import GearTrain
 from plant.number import whole
@@ -33,15 +40,20 @@ from plant.simulation import whole_samples
 
 Array = NDArray[np.float64]
 
-FRICTION_WIDTH = 0.005
-"""Velocity over which the prediction smooths dry friction [rad/s], so that it has a derivative at rest."""
-
 _ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
 """Bound on the sweeps of each method of the quadratic programme; two are usual, 20 where other intervals are active."""
 
 
+_CHOSEN: Any = None
+"""Of what is left out and then chosen by `mpc.tuning`."""
+
+
+_ASTRAY = 0.2
+"""Error at which a load does not follow, in units of what the greatest torque moves within 1/w."""
+
+
 @dataclass(eq=False)
-class Controller:
+class Controller(Remembering):
     """Model predictive control of a preloaded pair of drives.
 
         minimise    sum_k (x[k] - r[k])^2 + s sum_k ((tau[k] - tau[k-1])/Ts)^2 + (z[N] - r[N])' P (z[N] - r[N])
@@ -71,20 +83,25 @@ class Controller:
     and a tooth gap, for the preload never lets it open.
 
     Attributes:
-        model: the servo, on a rotary axis, torques on the follower.
-        gears: the gear train.
+        model: the servo, torques on the load; on a linear axis forces, and lengths [m] in place of angles.
+        gears: the drive train: a `GearTrain`, or `Ratios` of two drives, or of one, which has no preload to keep.
         sample_time: Ts [s].
-        horizon: N, samples looked ahead.
-        min_torque, max_torque: bounds on each pinion torque [N m].
+        horizon: N, samples looked ahead; by default a quarter of a period of the bandwidth.
+        min_torque, max_torque: bounds on each pinion torque [N m]; a number, or one for each drive, as the next two.
         rotor_inertia: of each motor at its shaft [kg m^2]; zero leaves rotors out.
         motor_friction: dry friction of each motor at its shaft [N m], counted against the flank in either sense.
-        bandwidth: w/(2 pi) [Hz].
+        bandwidth: w/(2 pi) [Hz]; by default what machine, sample time and encoder allow (`mpc.tuning`).
         encoder_resolution: step of the load's encoder [rad].
         encoder_noise: standard deviation of its noise [rad].
+        encoder_range: angle after which the load's encoder begins again [rad], 2 pi of one that knows a single turn;
+            each reading is put on the turn that is nearest to the prediction. Zero if its readings go on. References
+            go on: 3.3 rad is not -2.98 rad.
         torque_noise: what the model misses from sample to sample, standard deviation [N m].
-        disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)].
+        disturbance_rate: how fast the unknown torque may wander [N m/sqrt(s)]; by default as the bandwidth wants it.
         motor_resolution: step of the encoders at the motor shafts [rad]; None if there are none.
         motor_noise: standard deviation of what else they err by, teeth included, at the load [rad].
+        friction_std: standard error of the model's dry friction, as a share of it: so much of it is not compensated
+            until the load has shown it.
         torque_rate: greatest change of the follower torque behind the drive [N m/s]. Where it takes longer than the
             horizon from end to end, a big step overshoots.
         preload_rate: greatest change of the preload, as torque on pinion 1 [N m/s]. Both rates yield to the bounds: the
@@ -96,26 +113,28 @@ class Controller:
             until the torques change no more.
 
     Raises:
-        BadParameter: a number out of range, or a linear axis.
+        BadParameter: a number out of range, or a gear train on a linear axis.
         InfeasibleTorque: min_torque above max_torque.
     """
 
     model: ServoModel
-    gears: GearTrain
+    gears: DriveTrain
     _: KW_ONLY
     sample_time: float = 0.005
-    horizon: int = 30
-    min_torque: float = 0.02
-    max_torque: float = 0.3
-    rotor_inertia: float = 0.0
-    motor_friction: float = 0.0
-    bandwidth: float = 4.0
+    horizon: int = _CHOSEN
+    min_torque: PerDrive = 0.02
+    max_torque: PerDrive = 0.3
+    rotor_inertia: PerDrive = 0.0
+    motor_friction: PerDrive = 0.0
+    bandwidth: float = _CHOSEN
     encoder_resolution: float = 2 * np.pi / 2**17
     encoder_noise: float = 2e-5
-    torque_noise: float = 0.05
-    disturbance_rate: float = 1.0
+    encoder_range: float = 0.0
+    torque_noise: float = 0.0
+    disturbance_rate: float = _CHOSEN
     motor_resolution: float | None = None
     motor_noise: float = 2e-5
+    friction_std: float = 0.1
     torque_rate: float = float("inf")
     preload_rate: float = float("inf")
     angle_limits: tuple[float, float] = (-float("inf"), float("inf"))
@@ -127,8 +146,10 @@ class Controller:
 
     def __post_init__(self) -> None:
         """Check every number, lay out what is remembered, and compile the step if there is a compiler."""
-        if self.model.axis != "rotary":
-            raise BadParameter("The controller drives a load through gears; give it a model of a rotary axis.")
+        if self.model.axis == "linear" and isinstance(self.gears, GearTrain):
+            raise BadParameter(
+                "A linear axis has no gear train; give Ratios of its drives in N/(N m), such as Ratios(ratios=(62.8,))."
+            )
         if self.model.torque_unit is not None:
             raise BadParameter(
                 f"The controller gives torques in N m, the model is in {self.model.torque_unit}: identify it from a "
@@ -136,20 +157,19 @@ class Controller:
             )
         for name in ("sample_time", "bandwidth"):
             value = getattr(self, name)
-            if not np.isfinite(value) or value <= 0:
+            if value is not _CHOSEN and not (np.isfinite(value) and value > 0):
                 raise BadParameter(f"{name} must be finite and above zero, not {value!r}.")
-        if (whole(self.horizon) or 0) < 2:
+        if self.horizon is not _CHOSEN and (whole(self.horizon) or 0) < 2:
             raise BadParameter(f"horizon must be a whole number of at least 2 samples, not {self.horizon!r}.")
+        if not (np.isfinite(self.encoder_range) and self.encoder_range >= 0):
+            raise BadParameter(f"encoder_range must be finite and not negative, not {self.encoder_range!r}.")
         for name in ("torque_rate", "preload_rate"):
             if not getattr(self, name) > 0:
                 raise BadParameter(f"{name} must be above zero, not {getattr(self, name)!r}.")
+        if not (np.isfinite(self.friction_std) and self.friction_std >= 0):
+            raise BadParameter(f"friction_std must be finite and not negative, not {self.friction_std!r}.")
         if (whole(self.sqp_iterations) or 0) < 1:
             raise BadParameter(f"sqp_iterations must be a whole number above zero, not {self.sqp_iterations!r}.")
-        self.horizon, self.sqp_iterations = int(self.horizon), int(self.sqp_iterations)
-        if self.bandwidth * self.sample_time > 0.1:
-            raise BadParameter(
-                f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."
-            )
         self.model = self.model.without_clock().without_effect("backlash")
         self.bounds = Bounds(
             gears=self.gears,
@@ -158,9 +178,21 @@ class Controller:
             rotor_inertia=self.rotor_inertia,
             motor_friction=self.motor_friction,
         )
+        if not np.ptp(self.bounds.reachable()) > 0:
+            raise BadParameter(
+                "min_torque must be below max_torque, less what the motors' friction takes: else no torque is left to "
+                "move the load."
+            )
+        least = float(np.min(self.bounds.greatest))
+        self._greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * least)
+        self._floor = float(np.min(self.bounds.least * self.gears.mesh_ratios))
+        self._tune()
         self._whole_delay, switch = whole_samples(float(self.model.delay()), self.sample_time)
         drive, behind = DriveInverse.of(self.model)
-        predictor = Predictor(model=behind, sample_time=self.sample_time, switch=max(switch, 0.0), width=FRICTION_WIDTH)
+        behind = rigid_contacts(behind)
+        smooth = Frictionless.of(behind)
+        predictor = Predictor(model=smooth, sample_time=self.sample_time, switch=max(switch, 0.0))
+        self._friction = rub(behind), learn(behind, self.motor_resolution is not None)
         self.estimator = Estimator(
             predictor=predictor,
             resolution=self.encoder_resolution,
@@ -168,11 +200,15 @@ class Controller:
             torque_noise=self.torque_noise,
             disturbance_rate=self.disturbance_rate,
             motors=None if self.motor_resolution is None else self._motor_encoders(self.motor_resolution),
+            surprise=self._greatest / self.model.inertia / (OBSERVER * 2 * np.pi * self.bandwidth) ** 2,
         )
         limits = SoftLimits(angle=self.angle_limits, speed=self.speed_limit)
         noise = float(np.sqrt(self.estimator.levels[0]))
         self._soft = limits.numbers(2 * np.pi * self.bandwidth, self.sample_time, noise)
-        self.governor = Governor(sample_time=self.sample_time, soft=self._soft if limits.any else None)
+        attainable = 2.0 * self._greatest / self.model.inertia * self.sample_time**2
+        self.governor = Governor(
+            sample_time=self.sample_time, soft=self._soft if limits.any else None, attainable=attainable
+        )
         self._rows = ALL_ROWS if limits.any or self.torque_rate < np.inf else TORQUE_ALONE
         self._rate_weight = rate_weight(self.model, self.bandwidth, self.sample_time)
         self._terminal_weight = terminal_weight(self.model, self._rate_weight, self.sample_time)
@@ -182,53 +218,97 @@ class Controller:
             "passes": self.sqp_iterations,
             "rounds": _ROUNDS[self._rows],
         }
-        preload_step = self.preload_rate * self.sample_time / self.gears.pinion_teeth[0]
+        preload_step = self.preload_rate * self.sample_time / (abs(float(self.gears.null_vector[0])) or 1.0)
         self._arrays = self._all_arrays(machine(self.bounds, drive, preload_step))
         n = len(behind.states)
-        filters = (predictor.stage, *self.estimator.functions)
-        aims = (preview(), followable(), governed(limits.any), enter(), corridor(), reach())
+        self._watch = watch(predictor, self.estimator.motors is not None)
+        filters = (predictor.stage, self._watch, *self.estimator.functions, *self._friction)
+        aims = (preview(), early(), followable(), governed(limits.any), enter(), corridor(), reach())
         sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows), split())
         self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """How it was made, and what it remembers; the machine code is found again."""
-        made = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
-        return partial(type(self), **made), (), {name: array.copy() for name, array in self._arrays.items()}
+    def _tune(self) -> None:
+        """Choose what was left out, and check that all goes together."""
+        chosen = Tuning.of(
+            self.model,
+            sample_time=self.sample_time,
+            noise=max(float(np.hypot(self.encoder_resolution / np.sqrt(12.0), self.encoder_noise)), 1e-12),
+            least=self._floor,
+            greatest=self._greatest,
+            bandwidth=self.bandwidth,
+        )
+        names = ("bandwidth", "horizon", "disturbance_rate")
+        self._left_out = tuple(name for name in names if getattr(self, name) is _CHOSEN)
+        for name in self._left_out:
+            setattr(self, name, getattr(chosen, name))
+        self.horizon, self.sqp_iterations = int(self.horizon), int(self.sqp_iterations)
+        if self.bandwidth * self.sample_time > 0.1:
+            raise BadParameter(
+                f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."
+            )
 
-    def __setstate__(self, remembered: dict[str, Array]) -> None:
-        """Go on from there."""
-        for name, array in remembered.items():
-            self._arrays[name][:] = array
+    @property
+    def _running(self) -> Running:
+        return Running(
+            model=self.model,
+            sample_time=self.sample_time,
+            late=self._whole_delay,
+            greatest=float(np.max(np.abs(self.bounds.reachable()))),
+            estimator=self.estimator,
+            arrays=self._arrays,
+            remembered=self._remembered,
+        )
 
     def _all_arrays(self, machine: Array) -> dict[str, Array]:
         """Everything that a step reads and writes, by name."""
         n = len(self.estimator.predictor.model.states)
         P = self._terminal_weight
-        greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * self.max_torque)
-        attainable = 2.0 * greatest / self.model.inertia * self.sample_time**2
-        wave = 2 * np.pi * self.bandwidth
-        own = [self.model.inertia, greatest, wave, attainable, self.torque_rate * self.sample_time]
+        greatest = self._greatest
+        wave, noise = 2 * np.pi * self.bandwidth, float(np.sqrt(self.estimator.levels[0]))
+        own = [self.model.inertia, greatest, wave, self.governor.attainable, self.torque_rate * self.sample_time]
+        own += [(_ASTRAY * greatest / self.model.inertia / wave**2) ** 2, self.bandwidth * self.sample_time]
         constant = {
             "model": self.estimator.predictor.parameters,
+            "acting": self.estimator.acting,
             "levels": self.estimator.levels,
             "machine": machine,
             "tuning": np.array([self._rate_weight, P[0, 0], P[0, 1], P[1, 1], *own]),
             "prices": prices(self._rate_weight, greatest, self.model.inertia, self.sample_time),
             "moved": moved(self.model.inertia, self.sample_time),
             "soft": self._soft,
+            "watching": watching(
+                self.estimator,
+                self.encoder_range,
+                greatest,
+                2 * greatest / self.model.inertia,
+                held=self.gears.drives > 1,
+            ),
+            "rubbing": numbers(
+                std=self.friction_std,
+                wave=wave,
+                noise=noise,
+                resolution=self.encoder_resolution,
+                jitter=self.encoder_noise,
+                floor=self._floor,
+                greatest=greatest,
+            ),
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
-        return constant | remembered | laid_out(n, self.horizon, self._whole_delay, self._rows)
+        watched = watched_of(n, self.estimator.motors is not None)
+        remembered |= laid_out(n, self.horizon, self._whole_delay, self._rows, watched)
+        self._remembered = tuple(remembered)
+        return constant | remembered
 
     def _motor_encoders(self, resolution: float) -> MotorEncoders:
-        first, second = self.gears.motor_ratios.tolist()
+        turns = np.copysign(self.gears.motor_ratios, -self.gears.angle_map).tolist()
+        first, second = turns if len(turns) > 1 else turns * 2
         return MotorEncoders(ratios=(first, second), resolution=resolution, noise=self.motor_noise)
 
     @cached_property
     def _interpreted(self) -> InterpretedStep:
         """The step without machine code."""
-        return InterpretedStep(self._sizes, self._arrays, self.estimator, self.governor)
+        return InterpretedStep(self._sizes, self._arrays, self.estimator, self.governor, self._friction, self._watch)
 
     @property
     def compiled(self) -> bool:
@@ -241,6 +321,12 @@ class Controller:
         return self._machine_code.compile_time
 
     @property
+    def words(self) -> tuple[str, str, str, str]:
+        """What moves and what pushes it, each with its unit: an angle and a torque, or a position and a force."""
+        linear = self.model.axis == "linear"
+        return ("position", "m", "force", "N") if linear else ("angle", "rad", "torque", "N m")
+
+    @property
     def c_code(self) -> str:
         """The step as C99 that depends on nothing, takes no memory and bounds every loop."""
         return self._machine_code.source
@@ -251,17 +337,27 @@ class Controller:
         plan = self._arrays["plan"]
         return plan[1:].copy() if plan[0] else None
 
-    def step(self, angle: float, reference: ArrayLike, motor_angles: ArrayLike | None = None) -> Control:
+    def step(
+        self,
+        angle: float,
+        reference: ArrayLike,
+        motor_angles: ArrayLike | None = None,
+        *,
+        elapsed: float | None = None,
+    ) -> Control:
         """One sample: the measured angle in, the pinion torques out.
 
         Args:
-            angle: measured load angle [rad]. If it is not a number, the model's prediction stands in.
+            angle: measured load angle [rad], going on over turns unless there is an `encoder_range`. If it is not a
+                number, the model's prediction stands in.
             reference: wanted load angle [rad]: a number, or the (N + 1,) samples from now on.
-            motor_angles: (2,) measured angles of the motor shafts [rad], for a controller with a `motor_resolution`;
+            motor_angles: (m,) measured angles of the motor shafts [rad], for a controller with a `motor_resolution`;
                 those that are not numbers are left out.
+            elapsed: time since the last step [s], where it is not the sample time: of a loop that jitters or misses
+                cycles. After more than a horizon of them the estimate begins anew.
 
         Raises:
-            BadParameter: the reference or the motor angles have another shape.
+            BadParameter: the reference or the motor angles have another shape, or the time is not above zero.
         """
         wanted, arrays = np.asarray(reference, dtype=np.float64), self._arrays
         if wanted.shape == (self.horizon + 1,):
@@ -273,11 +369,16 @@ class Controller:
                 f"The reference must be a number or {self.horizon + 1} samples, not an array of shape {wanted.shape}."
             )
         if self.motor_resolution is not None:
-            arrays["readings"][1:] = NO_ANGLES if motor_angles is None else _pair(motor_angles)
+            arrays["readings"][1:] = NO_ANGLES if motor_angles is None else self._pair(motor_angles)
         elif motor_angles is not None:
             raise BadParameter("Give the controller a motor_resolution, or no motor angles.")
+        if elapsed is not None and not (np.isfinite(elapsed) and elapsed > 0):
+            raise BadParameter(f"elapsed must be a time above zero since the last step, not {elapsed!r}.")
+        arrays["elapsed"][0] = elapsed or 0.0
         reasons = sentence(self._step(float(angle), wanted.ndim == 1))
         torques = arrays["torques"].reshape(self.horizon, 2).copy()
+        if self.gears.drives == 1:  # the pair of its own senses
+            torques = torques.sum(axis=1, keepdims=True)
         margin, disturbance, residual = arrays["outcome"].tolist()
         return Control(
             torques=torques[0],
@@ -289,9 +390,10 @@ class Controller:
             residual=residual,
         )
 
-
-def _pair(angles: ArrayLike) -> Array:
-    both = np.asarray(angles, dtype=np.float64)
-    if both.shape != (2,):
-        raise BadParameter(f"motor_angles must be two angles, not an array of shape {both.shape}.")
-    return both
+    def _pair(self, angles: ArrayLike) -> Array:
+        """(2,) measured angles, that of a motor which is not there being none."""
+        given, drives = np.asarray(angles, dtype=np.float64), self.gears.drives
+        if given.shape != (drives,):
+            count = "two angles" if drives > 1 else "one angle"
+            raise BadParameter(f"motor_angles must be {count}, not an array of shape {given.shape}.")
+        return given if drives > 1 else np.append(given, np.nan)

@@ -62,7 +62,7 @@ _LINEARISE, _RESIDUAL, _CENTRAL, _AHEAD = Effort(40, 1), Effort(8, 1), Effort(9)
 _FENCE, _FORCES, _END = Effort(8), Effort(54, 9), Effort(54, 15)  # of other intervals, and of each end of an interval
 
 
-_FRAMES = 4096  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
+_FRAMES = 5120  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
 
 
 def of(function: Any) -> Effort:
@@ -77,7 +77,8 @@ def calls(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bool
     """How often each stage runs in one step: at most, or usually, when two sweeps find the bounds that are active."""
     N, passes = sizes["horizon"], sizes["passes"]
     sweeps, certificates = _sweeps(functions, sizes, worst), 2 if worst else 1
-    once = {"estimate": 1, "begin": int(worst), "preview": 1, "followable": 1, "govern": N + 1, "split": N}
+    once = {"watch": 1, "estimate": 1 + N * worst, "begin": int(worst)}  # at most for a horizon of missed samples
+    once |= {"preview": 1, "early": N, "followable": 1, "govern": N + 1, "learn": 1, "rub": N, "split": N}
     courses = sweeps + 2 * worst  # the interior point method follows its first and its last torques
     each = {"stage": sizes["late"] + N, "reach": N, "backward": N * sweeps, "forward": N * courses}
     if rows(functions) > 1:
@@ -115,6 +116,8 @@ def _sweeps(functions: Mapping[str, Any], sizes: Mapping[str, int], worst: bool)
 
 
 def stack(functions: Mapping[str, Any], number: int) -> int:
-    """Bytes of stack of a step, at most: the temporaries of all stages at once, for numbers of so many bytes."""
+    """Bytes of stack of a step at most, for numbers of so many bytes: temporaries of all stages, and what they find."""
     temporaries: int = sum(function.sz_w() for function in functions.values())
-    return number * temporaries + _FRAMES
+    belief, watched = functions["estimate"].size1_in(0), functions["watch"].size1_in(2)
+    memories: int = 3 * belief + watched  # each is found beside the one that it replaces
+    return number * (temporaries + memories) + _FRAMES

@@ -72,9 +72,11 @@ class Estimator:
         torque_noise: standard deviation of what the model misses from sample to sample [N m].
         disturbance_rate: how fast the disturbance may wander [N m/sqrt(s)].
         motors: encoders at the motors, None if there are none.
+        acting: parameters of the predictor with the time since the last sample, which need not be that of all samples.
+        surprise: by how much an unknown torque may move the load before the filter knows it [rad].
         belief: all that is remembered: whether there is an estimate, wild readings in a row, d, state (n,), offsets of
             the motors, and the upper triangle of the covariance of state, d and offsets, column by column.
-        levels: variance of the sensor, torque_noise, disturbance_rate, and those of the motors.
+        levels: variance of the sensor, torque_noise, disturbance_rate, surprise, and those of the motors.
     """
 
     predictor: Predictor
@@ -83,6 +85,8 @@ class Estimator:
     torque_noise: float
     disturbance_rate: float
     motors: MotorEncoders | None = None
+    surprise: float = 0.0
+    acting: Array = field(init=False, repr=False)
     belief: Array = field(init=False, repr=False)
     levels: Array = field(init=False, repr=False)
 
@@ -96,7 +100,8 @@ class Estimator:
         if variance == 0.0:
             raise BadParameter("The sensor needs a resolution or a noise above zero: no filter can trust it fully.")
         more = self.motors.levels if self.motors else []
-        self.levels = np.array([variance, self.torque_noise, self.disturbance_rate, *more])
+        self.levels = np.array([variance, self.torque_noise, self.disturbance_rate, self.surprise, *more])
+        self.acting = self.predictor.parameters.copy()
         self.belief = np.zeros(belief_of(len(self.predictor.model.states), self.motors is not None).shape[0])
 
     @property
@@ -139,12 +144,17 @@ class Estimator:
         return sentence(self.update(reading, torque, previous_torque, motor_angles))
 
     def update(
-        self, reading: float, torque: float, previous_torque: float, motor_angles: tuple[float, float] = NO_ANGLES
+        self,
+        reading: float,
+        torque: float,
+        previous_torque: float,
+        motor_angles: tuple[float, float] = NO_ANGLES,
+        deaf: float = 0.0,
     ) -> int:
-        """As `advance`, but what went wrong as a number, see `Trouble`."""
+        """As `advance`, but what went wrong as a number, see `Trouble`; an innovation within `deaf` [rad] is none."""
         estimate = self._estimate
         estimate.inputs[1][:] = (reading, *motor_angles) if self.motors else (reading,)
-        estimate.inputs[2][:] = torque, previous_torque
+        estimate.inputs[2][:] = torque, previous_torque, deaf
         belief, trouble, anew = estimate()
         self.belief[:] = belief
         if anew[0]:
@@ -163,4 +173,4 @@ class Estimator:
 
     @cached_property
     def _estimate(self) -> Kernel:
-        return Kernel(self.functions[0], {0: self.belief, 3: self.predictor.parameters, 4: self.levels})
+        return Kernel(self.functions[0], {0: self.belief, 3: self.acting, 4: self.levels})

@@ -18,12 +18,16 @@ from numpy.typing import NDArray
 
 from mpc import effort
 from mpc.controller import Controller
+from mpc.target_words import ranges, words_of
 from mpc.trouble import Trouble, sentence
+from plant.errors import BadParameter
 
 Array = NDArray[np.float64]
 
-FILES = ("antidrive_controller.h", "antidrive_controller.c", "driver.c", "CMakeLists.txt", "README.txt")
-_CONSTANT = ("model", "levels", "machine", "tuning", "prices", "moved", "soft")
+FILES = ("controller.h", "controller.c", "driver.c", "CMakeLists.txt", "README.txt")
+"""Templates; the first two are written with the controller's name before theirs."""
+
+_CONSTANT = ("model", "levels", "machine", "tuning", "prices", "moved", "soft", "rubbing", "watching")
 _SHOWN = ("outcome", "torques", "angles")
 _CLOCK = 200e6  # of the Cortex-M7 that the estimate is for [Hz]
 
@@ -40,18 +44,22 @@ class TargetCode:
 
     Attributes:
         files: name and content of each.
+        name: before every symbol.
         precision: "double" or "single".
         memory: of one controller's struct [bytes].
         stack: of one step, at most [bytes].
         usual, worst: operations of one step.
+        sample_time: that it has for them [s].
     """
 
     files: Mapping[str, str]
+    name: str
     precision: str
     memory: int
     stack: int
     usual: effort.Effort
     worst: effort.Effort
+    sample_time: float
 
     @property
     def cortex_m7(self) -> tuple[float, float]:
@@ -64,11 +72,13 @@ class TargetCode:
         return {
             "schema": 1,
             "files": list(self.files),
+            "name": self.name,
             "precision": self.precision,
             "memory": self.memory,
             "stack": self.stack,
             "operations": {"usual": vars(self.usual), "worst": vars(self.worst)},
             "cortex_m7_200_mhz": dict(zip(("usual", "worst"), self.cortex_m7, strict=True)),
+            "fits": dict(zip(("usual", "worst"), (t <= self.sample_time for t in self.cortex_m7), strict=True)),
         }
 
     def sentences(self) -> list[str]:
@@ -78,10 +88,22 @@ class TargetCode:
             f"A controller takes {self.memory} bytes and at most {self.stack} of stack, in {self.precision} precision.",
             f"A step takes {self.usual.total} operations, {self.worst.total} at most: an estimated {usual:.0f} and "
             f"{worst:.0f} us on a Cortex-M7 at 200 MHz.",
+            *self._too_slow(),
+        ]
+
+    def _too_slow(self) -> list[str]:
+        """Whether even the usual step, or the worst one, takes longer there than a sample, in a sentence."""
+        usual, worst = (time > self.sample_time for time in self.cortex_m7)
+        if not worst:
+            return []
+        what = "Even the usual step does" if usual else "The usual step fits, the worst one does"
+        return [
+            f"{what} NOT FIT into a sample of {1e6 * self.sample_time:.0f} us there; a shorter horizon, a longer "
+            "sample or --single may."
         ]
 
 
-def export(controller: Controller, *, single: bool = False) -> TargetCode:
+def export(controller: Controller, *, single: bool = False, name: str = "antidrive") -> TargetCode:
     """The files of a controller that has forgotten what it did.
 
     In double precision the code hands out the torques of the Python form to the last bit; how near they come in single
@@ -90,39 +112,65 @@ def export(controller: Controller, *, single: bool = False) -> TargetCode:
     Args:
         controller: what to write.
         single: numbers of 4 bytes instead of 8, for targets that calculate with no others.
+        name: stands before every file, symbol and constant, so that several controllers link into one program.
+
+    Raises:
+        BadParameter: a name that C does not take.
     """
+    check_name(name)
     precision = "single" if single else "double"
     arrays, sizes, stages = controller._arrays, controller._sizes, controller._machine_code.stages
-    remembered = {name: array.size for name, array in arrays.items() if name not in _CONSTANT}
+    remembered = {field: array.size for field, array in arrays.items() if field not in _CONSTANT}
     number = 4 if single else 8
     made = TargetCode(
         files={},
+        name=name,
         precision=precision,
         memory=number * sum(remembered.values()),
         stack=effort.stack(stages, number),
         usual=effort.of_step(stages, sizes, worst=False),
         worst=effort.of_step(stages, sizes, worst=True),
+        sample_time=controller.sample_time,
     )
     words = {
+        "name": name,
+        "NAME": name.upper(),
         "real": "float" if single else "double",
-        **{name: _number(getattr(controller, name), single) for name in ("sample_time", "min_torque", "max_torque")},
+        "sample_time": _number(controller.sample_time, single),
+        "min_torque": _number(float(np.min(controller.bounds.least)), single),
+        "max_torque": _number(float(np.max(controller.bounds.greatest)), single),
+        "intervals": _intervals(controller, name.upper(), single),
+        "drives": controller.gears.drives,
         **sizes,
         "again": effort.again(stages, sizes),
         "motors": int(controller.motor_resolution is not None),
-        "statuses": _statuses(),
+        "statuses": _statuses(name.upper()),
         "torques": remembered["torques"],
         "angles": remembered["angles"],
-        "members": _members({name: size for name, size in remembered.items() if name not in _SHOWN}),
-        "constants": "".join(_table(name, arrays[name], single) for name in _CONSTANT),
+        "members": _members(name, {field: size for field, size in remembered.items() if field not in _SHOWN}),
+        "constants": "".join(_table(table, arrays[table], single) for table in _CONSTANT),
         "code": _code(controller.c_code, precision),
     }
-    words |= _told(controller, made)
-    filled = {name: Template(_template(name)).substitute(words) for name in FILES}
+    words |= words_of(controller) | _cost(controller, made)
+    filled = {_own(name, file): Template(_template(file)).substitute(words) for file in FILES}
     return TargetCode(**(vars(made) | {"files": filled}))
 
 
-def _template(name: str) -> str:
-    return (files("mpc") / "target" / name).read_text(encoding="utf-8")
+def check_name(name: str) -> None:
+    """Refuse what cannot stand before the names of a C program with a `BadParameter`."""
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,39}", name, re.ASCII):
+        raise BadParameter(
+            f"name must be a word of C, up to 40 letters, digits and underscores with a letter first, not {name!r}."
+        )
+
+
+def _own(name: str, file: str) -> str:
+    """What a template's file is called: header and code stand beside those of other controllers."""
+    return f"{name}_{file}" if file.startswith("controller.") else file
+
+
+def _template(file: str) -> str:
+    return (files("mpc") / "target" / file).read_text(encoding="utf-8")
 
 
 def _code(code: str, precision: str) -> str:
@@ -130,8 +178,6 @@ def _code(code: str, precision: str) -> str:
     begin, end = code.index("static real casadi_"), code.index("struct controller {")
     code = code[begin:end] + code[code.index("};\n", end) + 4 :]
     for old, new in (
-        ("const struct controller *", "const struct antidrive_controller *"),
-        ("(struct controller *", "(struct antidrive_controller *"),
         ("\nreal solve(", "\nstatic real solve("),
         ("\nint control_step(", "\nstatic int control_step("),
         ("double angle", "real angle"),
@@ -158,15 +204,15 @@ def _short(literal: re.Match[str]) -> str:
     return f"{literal[0]}f"
 
 
-def _statuses() -> str:
+def _statuses(prefix: str) -> str:
     """The reasons as constants, each with its sentence."""
     reasons = [reason for reason in Trouble if reason]
-    lines = [f"  ANTIDRIVE_{reason.name} = {reason.value}, /* {sentence(reason)} */" for reason in reasons]
+    lines = [f"  {prefix}_{reason.name} = {reason.value}, /* {sentence(reason)} */" for reason in reasons]
     return "\n".join(lines).replace(f"{reasons[-1].value},", f"{reasons[-1].value}")
 
 
-def _members(sizes: Mapping[str, int]) -> str:
-    return "\n".join(f"  antidrive_real {name}[{size}];" for name, size in sizes.items())
+def _members(name: str, sizes: Mapping[str, int]) -> str:
+    return "\n".join(f"  {name}_real {field}[{size}];" for field, size in sizes.items())
 
 
 def _table(name: str, values: Array, single: bool) -> str:
@@ -181,19 +227,27 @@ def _number(value: float, single: bool) -> str:
     return f"{float(value)!r}{'f' if single else ''}"
 
 
-def _told(controller: Controller, made: TargetCode) -> dict[str, str]:
-    """What README.txt says of this controller."""
+def _intervals(controller: Controller, prefix: str, single: bool) -> str:
+    """The torques of each drive as constants."""
+    return "\n".join(
+        f"#define {prefix}_TORQUE_{drive}_{end} ({_number(value, single)})"
+        for drive, interval in enumerate(ranges(controller), start=1)
+        for end, value in zip(("LOW", "HIGH"), interval, strict=True)
+    )
+
+
+def _cost(controller: Controller, made: TargetCode) -> dict[str, str]:
+    """What README.txt says of a step."""
     usual, worst = (1e6 * time for time in made.cortex_m7)
     costs = effort.CORTEX_M7[made.precision]
-    ends = "fits into a sample"
-    if worst > 1e6 * controller.sample_time:
-        ends = "DOES NOT FIT into a sample; that of a shorter horizon may"
+    ends = [
+        "fits into a sample"
+        if time <= controller.sample_time
+        else "DOES NOT FIT into a sample; that of a shorter horizon may"
+        for time in made.cortex_m7
+    ]
     return {
         "servo": str(controller.model),
-        "teeth": " and ".join(str(count) for count in controller.gears.pinion_teeth),
-        "follower_teeth": str(controller.gears.follower_teeth),
-        "least": f"{controller.min_torque:g}",
-        "most": f"{controller.max_torque:g}",
         "seconds": f"{controller.sample_time:g}",
         "precision": made.precision,
         "memory": str(made.memory),
@@ -203,5 +257,6 @@ def _told(controller: Controller, made: TargetCode) -> dict[str, str]:
         **{f"cost_{kind}": str(count) for kind, count in vars(costs).items()},
         "usual_time": f"{usual:.0f}",
         "worst_time": f"{worst:.0f}",
-        "fits": ends,
+        "usual_fits": ends[0],
+        "worst_fits": ends[1],
     }

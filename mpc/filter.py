@@ -6,6 +6,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from mpc.prediction import Predictor
 from mpc.trouble import Trouble
@@ -33,8 +34,20 @@ def belief_of(n: int, motors: bool) -> Any:
     return ca.SX.sym("belief", 2 + m + m * (m + 1) // 2)
 
 
+def place_of_covariance(m: int) -> slice:
+    """Where in the belief the covariance of state, disturbance and offsets (m,) is."""
+    return slice(2 + m, 2 + m + m * (m + 1) // 2)
+
+
+def covariance_of(belief: NDArray[np.float64], m: int) -> NDArray[np.float64]:
+    """(m, m) that covariance."""
+    upper = np.zeros((m, m))
+    upper[np.tril_indices(m)[::-1]] = belief[place_of_covariance(m)]
+    return upper + np.triu(upper, 1).T
+
+
 def _levels(motors: bool) -> Any:
-    return ca.SX.sym("levels", 8 if motors else 3)
+    return ca.SX.sym("levels", 9 if motors else 4)
 
 
 def _triangle(n: int) -> Any:
@@ -44,33 +57,35 @@ def _triangle(n: int) -> Any:
 def estimation(predictor: Predictor, motors: bool) -> Any:
     """One sample of the filter, as a `casadi.Function`.
 
-    (belief, readings: angle and motor angles if there are any, torques (2,) since the last sample and before,
-    parameters, levels) -> belief, trouble (see `Trouble`), and whether to begin anew.
+    (belief, readings: angle and motor angles if there are any, torques since the last sample and before, and by how
+    much the angle may be off unnoticed (3,), parameters, levels) -> belief, trouble (see `Trouble`), and whether to
+    begin anew.
     """
     model = predictor.model
     n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
-    belief, readings, torques = belief_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("torques", 2)
+    belief, readings, acted = belief_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("acted", 3)
     levels, m, reading = _levels(motors), n + 1 + 2 * motors, readings[0]
     known, doubts, d, z, offsets = belief[0], belief[1], belief[2], belief[3 : 3 + n], belief[3 + n : 2 + m]
     variance, torque_noise, wander = ca.vertsplit(levels)[:3]
     covariance = ca.triu2symm(ca.SX(_triangle(m), belief[2 + m :]))
 
     # Predict.
-    ahead, by_state, by_torque = predictor.stage(z, torques + d, p)
+    ahead, by_state, by_torque = predictor.stage(z, acted[:2] + d, p)
     F = ca.SX.eye(m)
     F[:n, :n], F[:n, n] = by_state, ca.sum2(by_torque)
-    dt, kick = p[-2], p[-2] / p[0] * torque_noise
-    slips = [levels[5] ** 2 * dt] * 2 if motors else []
+    dt, kick = p[-1], p[-1] / p[0] * torque_noise
+    slips = [levels[6] ** 2 * dt] * 2 if motors else []
     added = ca.vertcat((kick * dt / 2) ** 2, kick**2, ca.SX(n - 2, 1), wander**2 * dt, *slips)
     spread = ca.mtimes(ca.mtimes(F, covariance), F.T) + ca.diag(added)
     shown, slope = predictor.sensor(ahead, p)
     row = ca.vertcat(slope, ca.SX(m - n, 1))
     expected = ca.mtimes(row.T, ca.mtimes(spread, row)) + variance
     innovation = reading - shown
+    innovation -= ca.fmax(ca.fmin(innovation, acted[2]), -acted[2])
 
     # What to believe.
-    sound, heard = _finite(ca.vertcat(ahead, ca.triu(spread).nz[:])), _finite(reading)
-    wild = ca.fabs(innovation) > _OUTLIER * ca.sqrt(expected)
+    sound, heard = finite(ca.vertcat(ahead, ca.triu(spread).nz[:])), finite(reading)
+    wild = ca.fabs(innovation) > _OUTLIER * ca.sqrt(expected) + levels[3]
     wilder = doubts + 1
     cases = [
         (ca.logic_and(ca.logic_not(ca.logic_and(known, sound)), ca.logic_not(heard)), Trouble.LOST, False),
@@ -91,15 +106,15 @@ def estimation(predictor: Predictor, motors: bool) -> Any:
     x, spread = _corrected(x, spread, row, innovation, variance, believed)
     for i in range(2 * motors):
         row = _motor_row(model, m, i)
-        innovation = -readings[1 + i] / levels[6 + i] - ca.dot(row, x)
-        expected = ca.mtimes(row.T, ca.mtimes(spread, row)) + levels[3 + i]
-        heard = _finite(readings[1 + i])
+        innovation = -readings[1 + i] / levels[7 + i] - ca.dot(row, x)
+        expected = ca.mtimes(row.T, ca.mtimes(spread, row)) + levels[4 + i]
+        heard = finite(readings[1 + i])
         near = ca.fabs(innovation) <= _OUTLIER * ca.sqrt(expected)
         jumped = ca.logic_and(heard, ca.logic_not(near))
-        x, spread = _corrected(x, spread, row, innovation, levels[3 + i], ca.logic_and(heard, near))
+        x, spread = _corrected(x, spread, row, innovation, levels[4 + i], ca.logic_and(heard, near))
         spread[n + 1 + i, n + 1 + i] += ca.if_else(jumped, _UNKNOWN, 0)
     memory = ca.vertcat(ca.logic_and(known, sound), doubts, x[n], x[:n], x[n + 1 :], ca.triu(spread).nz[:])
-    inputs = [belief, readings, torques, p, levels]
+    inputs = [belief, readings, acted, p, levels]
     return ca.Function("estimate", inputs, [ca.densify(memory), trouble, anew], {"cse": True})
 
 
@@ -113,11 +128,15 @@ def _corrected(x: Any, spread: Any, row: Any, innovation: Any, variance: Any, be
 
 def _motor_row(model: ServoModel, m: int, i: int) -> Any:
     """(m,) what motor i shows, seen from the load: its own angle where the drivetrain is flexible, and its offset."""
-    kinds = [kind if effect.flexible else None for effect in model.effects for kind in effect.states]
-    place = 2 + kinds.index(State.ANGLE) if State.ANGLE in kinds else 0
     row = ca.SX(m, 1)
-    row[place], row[m - 2 + i] = 1, 1
+    row[motor_place(model)], row[m - 2 + i] = 1, 1
     return row
+
+
+def motor_place(model: ServoModel) -> int:
+    """Where among the states the motor's angle is; that of the load, 0, where the drivetrain is rigid."""
+    kinds = [kind if effect.flexible else None for effect in model.effects for kind in effect.states]
+    return 2 + kinds.index(State.ANGLE) if State.ANGLE in kinds else 0
 
 
 def beginning(predictor: Predictor, motors: bool) -> Any:
@@ -125,13 +144,13 @@ def beginning(predictor: Predictor, motors: bool) -> Any:
     model = predictor.model
     n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
     readings, torque, levels = ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("torque"), _levels(motors)
-    state = _at_rest(model.bound(p[:-2]), readings[0], torque)
+    state = _at_rest(model.bound(p[:-1]), readings[0], torque)
     level = levels[1] + levels[2]
     known: dict[State, Any] = {State.ANGLE: ca.sqrt(levels[0]), State.VELOCITY: 1.0}
     spread = [known.get(kind, level) ** 2 for kind in model.kinds] + [level**2]
-    heard = [_finite(readings[1 + i]) for i in range(2 * motors)]
-    offsets = [ca.if_else(h, -readings[1 + i] / levels[6 + i] - state[0], 0) for i, h in enumerate(heard)]
-    spread += [ca.if_else(h, levels[0] + levels[3 + i], _UNKNOWN) for i, h in enumerate(heard)]
+    heard = [finite(readings[1 + i]) for i in range(2 * motors)]
+    offsets = [ca.if_else(h, -readings[1 + i] / levels[7 + i] - state[0], 0) for i, h in enumerate(heard)]
+    spread += [ca.if_else(h, levels[0] + levels[4 + i], _UNKNOWN) for i, h in enumerate(heard)]
     covariance = ca.densify(ca.diag(ca.vertcat(*spread)))
     for i, h in enumerate(heard):  # an offset is wrong by what the angle is wrong
         covariance[0, n + 1 + i] = ca.if_else(h, -levels[0], 0)
@@ -163,6 +182,6 @@ def _at_rest(model: ServoModel, reading: Any, torque: Any) -> Any:
     return ca.vertcat(*state)
 
 
-def _finite(values: Any) -> Any:
+def finite(values: Any) -> Any:
     """Whether all of (m,) expressions are finite numbers: NaN fails every comparison."""
     return ca.sum1(ca.fabs(values)) <= _LARGEST

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from importlib.resources import files
+from string import Template
 
 from mpc.controller import Controller
 from mpc.export import export
+from mpc.target_words import what
 from plant.fmu import Fmu, Variable
 
 
-def controller_fmu(controller: Controller) -> Fmu:
+def controller_fmu(controller: Controller, *, name: str = "antidrive") -> Fmu:
     """The controller as an FMU, which hands out the torques of `Controller.step` to the last bit.
 
     It reads angle and reference when a sample begins, and holds the torques until the next; before the first they are
@@ -17,33 +19,36 @@ def controller_fmu(controller: Controller) -> Fmu:
 
     Args:
         controller: what it is; what it remembers does not count.
+        name: of the library, with "_controller" behind it; several in one model need several names.
+
+    Raises:
+        BadParameter: a name that C does not take.
     """
-    made = export(controller)
+    made = export(controller, name=name)
     motors = controller.motor_resolution is not None
+    drives, (angle, length, torque, newton) = range(1, controller.gears.drives + 1), controller.words
     variables = [
-        Variable(name="angle", unit="rad", meaning="measured angle of the load; NaN if none", causality="input"),
-        Variable(name="reference", unit="rad", meaning="wanted angle of the load; NaN holds it", causality="input"),
+        Variable(name=angle, unit=length, meaning=f"measured {angle} of the load; NaN if none", causality="input"),
+        Variable(name="reference", unit=length, meaning=f"wanted {angle} of the load; NaN holds it", causality="input"),
         *(
             Variable(name=f"motor_angle_{i}", unit="rad", meaning=f"measured angle of motor {i}", causality="input")
-            for i in ((1, 2) if motors else ())
+            for i in (drives if motors else ())
         ),
-        Variable(name="torque_1", unit="N m", meaning="for pinion 1", causality="output"),
-        Variable(name="torque_2", unit="N m", meaning="for pinion 2", causality="output"),
+        *(Variable(name=f"torque_{i}", unit="N m", meaning=f"for drive {i}", causality="output") for i in drives),
         Variable(name="margin", unit="N m", meaning="least predicted flank torque above the minimum, at the pinion",
                  causality="output"),
-        Variable(name="disturbance", unit="N m", meaning="torque on the load that the model does not know",
+        Variable(name="disturbance", unit=newton, meaning=f"{torque} on the load that the model does not know",
                  causality="output"),
         Variable(name="status", unit="", meaning="0 if optimal, else the sum of the reasons why not",
                  causality="output", whole=True),
     ]  # fmt: skip
-    code = made.files["antidrive_controller.c"]
-    include = '#include "antidrive_controller.h"\n'
-    before, after = code.split(include)
-    around = (files("mpc") / "target" / "fmu.c").read_text(encoding="utf-8")
+    before, after = made.files[f"{name}_controller.c"].split(f'#include "{name}_controller.h"\n')
+    around = Template((files("mpc") / "target" / "fmu.c").read_text(encoding="utf-8"))
+    header, machine = made.files[f"{name}_controller.h"], around.substitute(name=name, NAME=name.upper())
     return Fmu(
-        name="antidrive_controller",
-        description="Predictive controller that keeps the teeth of a preloaded pair of drives together",
+        name=f"{name}_controller",
+        description=f"Predictive controller of {what(controller)}",
         sample_time=controller.sample_time,
         variables=tuple(variables),
-        machine=f"{before}{made.files['antidrive_controller.h']}{after}\n{around}",
+        machine=f"{before}{header}{after}\n{machine}",
     )

@@ -25,6 +25,11 @@ _SURE = 0.75
 brake, but ends with the motion."""
 
 
+_JUMP = 8.0
+"""Change of the reference's speed that is a jump, in units of what the torques attain in a sample: to follow it takes
+several samples."""
+
+
 def time_optimal_acceleration(error: Any, rate: Any, limits: tuple[Any, Any], step: Any) -> Any:
     """Acceleration that brings a double integrator to rest at zero in least time, in discrete time, as an expression.
 
@@ -83,6 +88,30 @@ def governed(limited: bool = False) -> Any:
 
 
 @cache
+def early() -> Any:
+    """Whether the reference jumps to a sample that is seen ahead, as a `casadi.Function`.
+
+    (angle and rate (2,), wanted angle around that sample (3,), how many samples ahead it is, greatest acceleration
+    backward and forward (2,), attainable change, sample time) -> whether it jumps there, whether it is time to set out,
+    and the change of the wanted angle from there on, in a sample.
+
+    A jump is followed with least squared error by a move that has its middle where the jump is: so it is time if the
+    sample is no farther ahead than half of the least time to it takes, and a move that is under way goes on.
+    """
+    path, wanted, limits = ca.SX.sym("path", 2), ca.SX.sym("wanted", 3), ca.SX.sym("limits", 2)
+    count, attainable, dt = ca.SX.sym("count"), ca.SX.sym("attainable"), ca.SX.sym("dt")
+    before, change = wanted[1] - wanted[0], wanted[2] - wanted[1]
+    jumps = ca.logic_and(ca.fabs(before - change) > _JUMP * attainable, ca.fabs(change) < ca.fabs(before))
+    error, rate, a = path[0] - (wanted[1] - count * change), path[1] - change / dt, ca.fmin(limits[0], limits[1])
+    sense = ca.sign(error + rate * ca.fabs(rate) / (2 * a))
+    least = sense * rate / a + 2 * ca.sqrt(ca.fmax(rate**2 / (2 * a**2) + sense * error / a, 0))
+    inputs = [path, wanted, count, limits, attainable, dt]
+    return ca.Function(
+        "early", inputs, [jumps, count * dt <= least / ca.if_else(sense * rate < 0, 1, 2), change], {"cse": True}
+    )
+
+
+@cache
 def followable() -> Any:
     """What the torques can follow, as a `casadi.Function`.
 
@@ -111,11 +140,13 @@ class Governor:
     Attributes:
         sample_time: [s].
         soft: limits of angle and speed as numbers, None if there are none.
+        attainable: by how much the torques can bend a path in a sample [rad]; what bends more is a jump.
         path: all that is remembered: whether there is a governed reference, its angle [rad] and rate [rad/s].
     """
 
     sample_time: float
     soft: Array | None = None
+    attainable: float = float("inf")
     path: Array = field(default_factory=lambda: np.zeros(3), init=False)
 
     def restart(self, angle: float, rate: float) -> None:
@@ -126,12 +157,14 @@ class Governor:
         """How far an angle is from the governed reference now [rad]; inf before the first restart."""
         return abs(angle - float(self.path[1])) if self.path[0] else float("inf")
 
-    def govern(self, wanted: Array, limits: tuple[float, float]) -> Array:
+    def govern(self, wanted: Array, limits: tuple[float, float], previewed: bool = False) -> Array:
         """The governed reference over the horizon, and one sample on.
 
         Args:
             wanted: (N + 1,) wanted angle from now on [rad].
             limits: greatest acceleration backward and forward [rad/s^2], both above zero.
+            previewed: whether that is known and not only how the reference may go on; it then sets out early for what
+                it could not follow.
 
         Returns:
             (N + 1,) governed angle from now on [rad].
@@ -143,16 +176,34 @@ class Governor:
         govern = self._along[wanted.size]
         start, windows, greatest, *_ = govern.inputs
         start[:] = self.path[1:]
-        last = wanted[-1] - wanted[-2]  # at this speed the reference goes on
-        longer = np.append(wanted, [wanted[-1] + last, wanted[-1] + 2.0 * last])
+        last = wanted.size - 1
+        speed = wanted[-1] - wanted[-2]  # with this the reference goes on
+        longer = np.append(wanted, wanted[-1] + np.arange(1.0, last + 3.0) * speed)
+        lead, change = self._lead(longer, last, limits) if previewed else (0, 0.0)
         for place in range(3):
-            windows[place::3] = longer[place : place + wanted.size]
+            windows[place::3] = longer[lead + place : lead + place + wanted.size] - lead * change
         greatest[0::2], greatest[1::2] = limits
         (path,) = govern()
         path = path.reshape(-1, 2)
         before = self.path[1]
         self.path[1:] = path[0]
         return np.append(before, path[:-1, 0])
+
+    def _lead(self, wanted: Array, last: int, limits: tuple[float, float]) -> tuple[int, float]:
+        """To which sample it sets out now, and the change of the wanted angle from there on."""
+        early = self._early
+        early.inputs[0][:], early.inputs[3][:] = self.path[1:], limits
+        early.inputs[4][0], early.inputs[5][0] = self.attainable, self.sample_time
+        for count in range(1, last + 1):
+            early.inputs[1][:], early.inputs[2][0] = wanted[count - 1 : count + 2], count
+            jumps, due, change = early()
+            if jumps[0]:
+                return (count, float(change[0])) if due[0] else (0, 0.0)
+        return 0, 0.0
+
+    @cached_property
+    def _early(self) -> Kernel:
+        return Kernel(early())
 
     @cached_property
     def _along(self) -> dict[int, Kernel]:

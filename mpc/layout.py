@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mpc.friction import LEARNT
+
 Array = NDArray[np.float64]
 
 
-def laid_out(states: int, horizon: int, late: int, rows: int) -> dict[str, Array]:
+def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> dict[str, Array]:
     """Zeros for n states, N samples looked ahead, a delay of so many whole samples, and so many intervals a stage.
 
-    The constants of a model are not among them, nor what estimator and governor remember: their owners have them.
+    The constants of a model are not among them, nor what estimator and governor remember: their owners have them. Of
+    the watch over the sensors so many numbers are remembered.
     """
     n, N, samples = states, horizon, late + horizon
     remembered = {
@@ -21,9 +24,14 @@ def laid_out(states: int, horizon: int, late: int, rows: int) -> dict[str, Array
         "bounds": 3 * N,  # which of them holds, and both, at each stage
         "preload": 1,  # lambda of the last sample
         "load": 1,  # torque that the load takes without accelerating
+        "learnt": LEARNT,  # see `mpc.friction`
+        "watched": watched,  # see `mpc.watch`
+        "astray": 1,  # mean square of what the load is off its reference [rad^2]
+        "rubs": late + 3,  # torques against friction, beside those of past
     }
     handed = {
         "readings": 3,
+        "elapsed": 1,  # since the last sample, if it is not the sample time
         "wanted": N + 1,
         "torques": 2 * N,
         "angles": N + 1,
@@ -37,6 +45,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int) -> dict[str, Array
         "B": samples * n * 2,
         "range": 2 * N,
         "unit": 1,
+        "rub": N,  # torque against friction of each stage
         "data": 2 * N,
         "barrier": 2 * rows * N,  # what the interior point method adds to the cost
         "fence": 2 * rows * N,  # ends of the intervals of each stage

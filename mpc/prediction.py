@@ -45,18 +45,16 @@ class Predictor:
         model: the servo.
         sample_time: [s].
         switch: part of the input delay inside a sample [s].
-        width: velocity over which dry friction is smoothed [rad/s].
     """
 
     model: ServoModel
     sample_time: float
     switch: float
-    width: float
 
     @cached_property
     def parameters(self) -> Array:
-        """(P + 2,) parameter values, the delay reduced to its part inside a sample, then sample time and width."""
-        return np.append(at_switch(self.model, self.switch), [self.sample_time, self.width])
+        """(P + 1,) parameter values, the delay reduced to its part inside a sample, then the sample time."""
+        return np.append(at_switch(self.model, self.switch), self.sample_time)
 
     @cached_property
     def stage(self) -> Any:
@@ -67,7 +65,7 @@ class Predictor:
     def sensor(self) -> Any:
         """(state, parameters) -> what the sensor shows [rad] and its derivative by the state (n,)."""
         z, p = ca.SX.sym("z", len(self.model.states)), ca.SX.sym("p", self.parameters.size)
-        shown = sample_reading(self.model)(z, p[:-2])
+        shown = sample_reading(self.model)(z, p[:-1])
         return ca.Function("sensor", [z, p], [shown, ca.densify(ca.jacobian(shown, z).T)])
 
     @cached_property
@@ -102,13 +100,13 @@ class Predictor:
 def stage(structure: Structure, substeps: int) -> Any:
     """One sample ahead with its derivatives, as a `casadi.Function` of a model's equations.
 
-    (state (n,), torques (2,) now and before, parameters (P + 2,)) -> next state (n,), its derivatives by the state
+    (state (n,), torques (2,) now and before, parameters (P + 1,)) -> next state (n,), its derivatives by the state
     (n, n) and by the torques (n, 2).
     """
     model = structure.model
     z, torques = ca.SX.sym("z", len(model.states)), ca.SX.sym("torques", 2)
-    p = ca.SX.sym("p", len(model.names) + 2)
-    inputs = ca.vertcat(torques, 0.0, np.inf, 0.0, p[-2:], 0.0)
-    z_next = sample_step(model, substeps=substeps)(z, inputs, p[:-2])
+    p = ca.SX.sym("p", len(model.names) + 1)
+    inputs = ca.vertcat(torques, 0.0, np.inf, 0.0, p[-1], 0.0, 0.0)
+    z_next = sample_step(model, substeps=substeps)(z, inputs, p[:-1])
     derivatives = [ca.densify(ca.jacobian(z_next, z)), ca.densify(ca.jacobian(z_next, torques))]
     return ca.Function("stage", [z, torques, p], [ca.densify(z_next), *derivatives], {"cse": True})

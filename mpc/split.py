@@ -19,38 +19,59 @@ from mpc.drive import DriveInverse, clip
 Array = NDArray[np.float64]
 
 
-MACHINE = 12
-"""Numbers of a machine."""
+_OF_A_DRIVE = ("most", "least", "ratio", "null", "sense", "rotor", "rubbed")
+_OF_BOTH = ("half_width", "back_emf", "limit", "preload_step")
+
+MACHINE = 2 * len(_OF_A_DRIVE) + len(_OF_BOTH)
+"""Numbers of a machine: each of a drive for drive 1 and drive 2, then those of both."""
 
 
 def machine(bounds: Bounds, drive: DriveInverse, preload_step: float = np.inf) -> Array:
-    """(12,) numbers of gears, bounds and drive that the functions below ask for.
+    """(MACHINE,) numbers of drive train, bounds and drive that the functions below ask for.
 
-    The last one is by how much lambda may change from sample to sample [N m per tooth].
+    A single drive, which holds no preload, is a pair of its own two senses: one pushes the load backward, the other
+    forward, neither asks for a least torque, and least effort leaves one of them at zero. Its torque is their sum.
+
+    Args:
+        bounds: of one or two drives.
+        drive: what is between command and torque.
+        preload_step: by how much lambda may change from sample to sample, in units of the null vector.
     """
-    inertia = bounds.rotor_inertia * bounds.gears.pre_reduction**2
-    own = [bounds.min_torque, bounds.max_torque, *(inertia * bounds.gears.mesh_ratios), float(bounds.friction[0])]
-    teeth = [bounds.gears.follower_teeth, *bounds.gears.pinion_teeth]
-    return np.array([*own, *teeth, drive.half_width, drive.back_emf, drive.limit, preload_step], dtype=np.float64)
+    gears, alone = bounds.gears, bounds.gears.drives == 1
+    inertia = np.zeros(2) if alone else bounds.structure.reductions**2 * bounds.rotor_inertias
+    numbers = {
+        "least": 0.0 if alone else bounds.least,
+        "most": bounds.greatest,
+        "ratio": gears.mesh_ratios,
+        "null": 1.0 if alone else np.abs(gears.null_vector),
+        "sense": np.array((-1, 1)) * gears.senses[0] if alone else np.array(gears.senses),
+        "rotor": inertia * gears.mesh_ratios,
+        "rubbed": 0.0 if alone else bounds.friction,
+    }
+    both = np.column_stack([np.broadcast_to(numbers[name], 2) for name in _OF_A_DRIVE])
+    own = [drive.half_width, drive.back_emf, drive.limit, preload_step]
+    return np.concatenate((both.T.ravel(), own)).astype(np.float64)
 
 
 class _Pair:
-    """The two drives in symbols; torques are magnitudes in the sense that each must keep, as in `Bounds`."""
+    """The two drives in symbols; torques are magnitudes in the sense that each must keep, as in `Limits`."""
 
     def __init__(self, numbers: Any, acceleration: Any) -> None:
-        self.least, self.most, rotor_1, rotor_2, rubbed, *others = ca.vertsplit(numbers)
-        follower, teeth_1, teeth_2, *drive, self.step = others
-        self.ratios, self.teeth = (follower / teeth_1, follower / teeth_2), (teeth_1, teeth_2)
+        each = {name: (numbers[2 * i], numbers[2 * i + 1]) for i, name in enumerate(_OF_A_DRIVE)}
+        *drive, self.step = ca.vertsplit(numbers[2 * len(_OF_A_DRIVE) :])
+        self.least, self.most, self.ratios, self.teeth = (each[name] for name in ("least", "most", "ratio", "null"))
+        self.senses, (rotor_1, rotor_2), rubbed = each["sense"], each["rotor"], each["rubbed"]
         # what friction, whose sense is not sure near rest, and the rotor take of each
-        self.taken = (rubbed - rotor_1 * acceleration, rubbed + rotor_2 * acceleration)
-        self.low = [ca.fmin(self.least + ca.fmax(taken, 0), self.most) for taken in self.taken]
+        self.taken = (rubbed[0] - rotor_1 * acceleration, rubbed[1] + rotor_2 * acceleration)
+        ends = zip(self.least, self.most, self.taken, strict=True)
+        self.low = [ca.fmin(least + ca.fmax(taken, 0), most) for least, most, taken in ends]
         self.drive = DriveInverse(half_width=drive[0], back_emf=drive[1], limit=drive[2])
 
     @property
     def reach(self) -> tuple[Any, Any]:
         """Least and greatest follower torque."""
         (n1, n2), (low_1, low_2) = self.ratios, self.low
-        return n2 * low_2 - n1 * self.most, n2 * self.most - n1 * low_1
+        return n2 * low_2 - n1 * self.most[0], n2 * self.most[1] - n1 * low_1
 
     def magnitudes(self, torque: Any, before: Any) -> tuple[Any, list[Any]]:
         """Of least effort: the particular solution of equation (3) plus the best admitted preload, which comes first.
@@ -62,11 +83,12 @@ class _Pair:
         particular = [-n1 * torque / (n1**2 + n2**2), n2 * torque / (n1**2 + n2**2)]
         pairs = list(zip(particular, self.teeth, strict=True))
         lowest = ca.fmax(*((low - p) / N for low, (p, N) in zip(self.low, pairs, strict=True)))
-        highest = ca.fmin(*((self.most - p) / N for p, N in pairs))
+        highest = ca.fmin(*((most - p) / N for most, (p, N) in zip(self.most, pairs, strict=True)))
         vertex = -sum(p * N for p, N in pairs) / sum(N**2 for N in self.teeth)
         preload = clip(clip(vertex, lowest, highest), before - self.step, before + self.step)
         preload = clip(preload, lowest, ca.fmax(lowest, highest))
-        return preload, [clip(p + preload * N, self.least, self.most) for p, N in pairs]
+        boxes = zip(pairs, self.least, self.most, strict=True)
+        return preload, [clip(p + preload * N, least, most) for (p, N), least, most in boxes]
 
 
 @cache
@@ -82,7 +104,7 @@ def reach() -> Any:
 def split() -> Any:
     """The pinion torques of a stage, as a `casadi.Function`.
 
-    (lambda before [N m per tooth], torque behind the drive [N m], velocity, acceleration, machine) -> lambda, pinion
+    (lambda before, torque behind the drive [N m], velocity, acceleration, machine) -> lambda, pinion
     torques (2,), what they put out behind the drive, and the least flank torque above the minimum, seen from the
     pinion [N m].
     """
@@ -91,11 +113,13 @@ def split() -> Any:
     pair = _Pair(numbers, acceleration)
     preload, (first, second) = pair.magnitudes(pair.drive.command(wanted, velocity), before)
     follower = pair.ratios[1] * second - pair.ratios[0] * first
-    flanks = [xi - ca.fmax(taken, 0) for xi, taken in zip((first, second), pair.taken, strict=True)]
+    flanks = [
+        xi - ca.fmax(taken, 0) - least for xi, taken, least in zip((first, second), pair.taken, pair.least, strict=True)
+    ]
     outputs = [
         preload,
-        ca.vertcat(first, -second),
+        ca.vertcat(pair.senses[0] * first, pair.senses[1] * second),
         pair.drive.effective(follower, velocity),
-        ca.fmin(*flanks) - pair.least,
+        ca.fmin(*flanks),
     ]
     return ca.Function("split", [before, wanted, velocity, acceleration, numbers], outputs, {"cse": True})

@@ -4,7 +4,7 @@
    the Python form uses (mpc/step.py); here stand the loops around them. No memory is taken, every loop is bounded. */
 
 enum { LOST = 1, BRIDGED = 2, JUMPED = 4, STAYED = 8, DIVERGED = 16, AIMLESS = 32, UNCERTIFIED = 64, PARTING = 128,
-       BEYOND = 256 };
+       BEYOND = 256, ASTRAY = 512, CONTRADICTED = 1024 };
 
 #define CONVERGED 1e-9 /* change of the torques at which a full solution ends, in the same unit */
 
@@ -27,12 +27,34 @@ static int look(struct controller *c, int previewed)
   return trouble;
 }
 
+/* The wanted angle at a sample, also beyond the horizon: it goes on at its last speed. */
+static real wanted_at(const struct controller *c, int k)
+{
+  int last = c->horizon;
+  return k <= last ? c->wanted[k] : c->wanted[last] + (k - last) * (c->wanted[last] - c->wanted[last - 1]);
+}
+
+/* To which sample that is known ahead it sets out now, and by how much the wanted angle changes from there on. */
+static int lead(const struct controller *c, const real *path, const real *limits, real *change)
+{
+  int k, i;
+  real jumps = 0, due = 0, three[3], count;
+  for (k = 1; k <= c->horizon && !jumps; ++k) {
+    for (i = 0; i < 3; ++i) three[i] = wanted_at(c, k - 1 + i);
+    count = k;
+    early(path, three, &count, limits, c->tuning + 7, c->model + PARAMETERS - 1, &jumps, &due, change);
+  }
+  if (jumps && due) return k - 1;
+  *change = 0;
+  return 0;
+}
+
 /* What of it can be followed, over the horizon and as far beyond as a delay reaches: it goes on at its last
    acceleration. */
-static void aim(struct controller *c)
+static void aim(struct controller *c, int previewed)
 {
-  int k, last = c->horizon;
-  real limits[2], near, speed, bend, now[2], next[2], three[3], *ahead = c->ahead, *wanted = c->wanted;
+  int k, i, last = c->horizon, first = 0;
+  real limits[2], near, speed, bend, now[2], next[2], three[3], change = 0, *ahead = c->ahead;
   followable(c->belief + 3, c->load, c->machine, c->tuning, limits, &near);
   if (!(c->path[0] && fabs(c->belief[3] - c->path[1]) <= near)) {
     c->path[0] = 1;
@@ -40,13 +62,11 @@ static void aim(struct controller *c)
     c->path[2] = c->belief[4];
   }
   memcpy(now, c->path + 1, sizeof now);
-  speed = wanted[last] - wanted[last - 1];
+  if (previewed) first = lead(c, now, limits, &change);
   for (k = 0; k <= last; ++k) {
-    three[0] = wanted[k];
-    three[1] = k < last ? wanted[k + 1] : wanted[last] + speed;
-    three[2] = k < last - 1 ? wanted[k + 2] : wanted[last] + (k < last ? 1 : 2) * speed;
+    for (i = 0; i < 3; ++i) three[i] = wanted_at(c, first + k + i) - first * change;
     ahead[k] = now[0];
-    govern(now, three, limits, c->soft, c->model + PARAMETERS - 2, next);
+    govern(now, three, limits, c->soft, c->model + PARAMETERS - 1, next);
     memcpy(now, next, sizeof now);
     if (k == 0) memcpy(c->path + 1, next, sizeof next);
   }
@@ -55,12 +75,46 @@ static void aim(struct controller *c)
   for (k = 1; k <= c->late + 1; ++k) ahead[last + k] = ahead[last] + speed * k + bend * k * (k + 1) / 2;
 }
 
+/* Whether the load has been beside the governed reference for long: the mean of the squared error over a period of the
+   loop, each counted as no more than twice what is too much, so that it is not said at once and over soon. */
+static int astray(struct controller *c)
+{
+  real miss = c->ahead[0] - c->belief[3], *mean = c->astray;
+  if (!(*mean >= 0 && *mean <= 2 * c->tuning[9])) *mean = 0;
+  *mean += c->tuning[10] * (smaller(miss * miss, 2 * c->tuning[9]) - *mean);
+  return *mean > c->tuning[9] ? ASTRAY : 0;
+}
+
+/* What friction there will be on the way, and what is known of it by now. A disturbance that had a part of a friction
+   that is over loses it; as much goes from what the torques did against friction to what they did besides. */
+static void rubbed(struct controller *c)
+{
+  int k, lead;
+  real now[5], learnt[LEARNT], disturbance, more, total, before;
+  const real *ahead = c->ahead + c->late;
+  total = c->past[c->late + 1] + c->rubs[c->late + 1];
+  now[0] = c->rubs[1], now[1] = total, now[2] = ahead[0], now[3] = ahead[1], now[4] = c->ahead[c->horizon];
+  learn(c->belief, c->learnt, now, c->model, c->rubbing, c->tuning, learnt, &disturbance);
+  memcpy(c->learnt, learnt, sizeof learnt);
+  more = c->belief[2] - disturbance;
+  c->belief[2] = disturbance;
+  for (k = 0; k < c->late + 3; ++k) c->past[k] += more, c->rubs[k] -= more;
+  for (k = 1; k <= c->horizon; ++k) c->plan[k] += more;
+  before = c->rubs[c->late + 1];
+  lead = c->horizon; /* samples until friction is back at zero */
+  if (fabs(before) / c->rubbing[4] < lead) lead = (int)(fabs(before) / c->rubbing[4]);
+  for (k = 0; k < c->horizon; ++k) {
+    rub(ahead + (k + lead < c->horizon ? k + lead : c->horizon - 1), &before, &total, c->learnt, c->model, c->rubbing, c->rub + k);
+    before = c->rub[k];
+  }
+}
+
 /* The intervals of the numbers beside the torque, less what the guess makes of them. */
 static void confine(struct controller *c)
 {
   int k, i;
   real memory[2][8], ends[4];
-  const real *ahead = c->ahead + c->late, *dt = c->model + PARAMETERS - 2;
+  const real *ahead = c->ahead + c->late, *dt = c->model + PARAMETERS - 1;
   enter(c->states + N * c->late, c->soft, memory[0]);
   for (k = 0; k < c->horizon; ++k) {
     const real *state = c->states + N * (c->late + k + 1);
@@ -74,8 +128,9 @@ static void confine(struct controller *c)
 static void linearise(struct controller *c)
 {
   int k, late = c->late, total = late + c->horizon;
-  real both[2], pace, acceleration, disturbance = c->belief[2], dt = c->model[PARAMETERS - 2];
-  real low = c->past[late + 1], high = low, step = c->tuning[8], least, most, before_low, before_high, most_step;
+  real both[2], pace, acceleration, disturbance = c->belief[2], dt = c->model[PARAMETERS - 1];
+  real low = c->past[late + 1] + c->rubs[late + 1], high = low, step = c->tuning[8], least, most, before_low, before_high, most_step;
+  real rubbed_before = c->rubs[late + 1];
   const real *ahead = c->ahead + late, *state;
   memcpy(c->states, c->belief + 3, N * sizeof(real));
   for (k = 0; k < total; ++k) {
@@ -96,14 +151,16 @@ static void linearise(struct controller *c)
     high = range[1] = larger(smaller(high + step, most), least);
     most_step = larger(step, larger(low - before_high, before_low - high));
     c->unit[0] = larger(c->unit[0], larger(fabs(range[0]), fabs(range[1])));
+    range[0] -= c->rub[k], range[1] -= c->rub[k]; /* from now on what is left to the net torque */
     bounds[1] = range[0] - c->guess[k];
     bounds[2] = range[1] - c->guess[k];
     data[0] = k ? state[0] - ahead[k] : 0;
     data[1] = c->guess[k] - (k ? c->guess[k - 1] : c->past[late + 1]);
     if (ROWS > 1) {
-      c->fence[BARRIER * k + 2] = -most_step - data[1];
-      c->fence[BARRIER * k + 3] = most_step - data[1];
+      c->fence[BARRIER * k + 2] = -most_step - data[1] - (c->rub[k] - rubbed_before);
+      c->fence[BARRIER * k + 3] = most_step - data[1] - (c->rub[k] - rubbed_before);
     }
+    rubbed_before = c->rub[k];
   }
   if (ROWS > 1) confine(c);
   state = c->states + N * total;
@@ -153,6 +210,7 @@ static void hold(struct controller *c)
     c->preload[0] = preload;
     c->outcome[0] = margin;
     c->past[c->late + 2] = given;
+    c->rubs[c->late + 2] = 0;
   }
   c->angles[k] = NAN;
 }
@@ -168,7 +226,7 @@ static int broken(const struct controller *c, int k)
 static int plan_ahead(struct controller *c)
 {
   int k, trouble = 0, beyond = 0, shift = c->late;
-  real dt = c->model[PARAMETERS - 2], given, margin, sum = 0, preload = c->preload[0], next;
+  real dt = c->model[PARAMETERS - 1], given, margin, sum = 0, preload = c->preload[0], next, total;
   for (k = 0; k < c->horizon; ++k) c->guess[k] = c->plan[0] ? c->plan[k + 2 - (k == c->horizon - 1)] : c->past[shift + 1];
   for (k = 0; k < c->horizon; ++k)
     c->bounds[3 * k] = c->plan[0] ? c->bounds[3 * (k + 1 - (k == c->horizon - 1))] : 0;
@@ -179,43 +237,105 @@ static int plan_ahead(struct controller *c)
     c->angles[k] = state[0] + s[0];
     if (k < c->horizon) c->acceleration[k] = (state[N + 1] + s[M + 1] - (state[1] + s[1])) / dt;
     if (ROWS > 1 && k && broken(c, k)) beyond = BEYOND;
-    if (k < c->horizon) sum += fabs(c->acceleration[k]) + fabs(c->plan[k + 1]);
+    if (k < c->horizon) sum += fabs(c->acceleration[k]) + fabs(c->plan[k + 1]) + fabs(c->rub[k]);
   }
   if (!isfinite(sum)) {
     hold(c);
     return UNCERTIFIED;
   }
-  c->load[0] = c->plan[1] - c->tuning[4] * c->acceleration[0];
+  c->load[0] = c->plan[1] + c->rub[0] - c->tuning[4] * c->acceleration[0];
   c->outcome[0] = INFINITY;
   for (k = 0; k < c->horizon; ++k) {
-    split(&preload, c->plan + k + 1, c->states + N * (shift + k) + 1, c->acceleration + k, c->machine,
+    total = c->plan[k + 1] + c->rub[k];
+    split(&preload, &total, c->states + N * (shift + k) + 1, c->acceleration + k, c->machine,
           &next, c->torques + 2 * k, &given, &margin);
     preload = next;
     c->outcome[0] = margin < c->outcome[0] ? margin : c->outcome[0];
-    if (k == 0) c->past[shift + 2] = given, c->preload[0] = preload;
+    if (k) continue;
+    c->past[shift + 2] = given - c->rub[0];
+    c->rubs[shift + 2] = c->rub[0];
+    c->preload[0] = preload;
   }
   if (c->outcome[0] < -1e-9 * c->machine[1]) trouble |= PARTING;
   return trouble | beyond;
 }
 
+/* The torques under way move on by a sample. */
+static void move_on(struct controller *c)
+{
+  memmove(c->past, c->past + 1, (c->late + 2) * sizeof(real));
+  memmove(c->rubs, c->rubs + 1, (c->late + 2) * sizeof(real));
+}
+
+/* A sample that was missed: the last torques were held, and nothing was read. */
+static void miss(struct controller *c)
+{
+  real readings[3] = {NAN, NAN, NAN}, acted[3] = {0}, code, anew, belief[BELIEF];
+  acted[0] = c->past[1], acted[1] = c->past[0];
+  estimate(c->belief, readings, acted, c->model, c->levels, belief, &code, &anew);
+  memcpy(c->belief, belief, sizeof belief);
+  move_on(c);
+  memmove(c->plan + 1, c->plan + 2, (c->horizon - 1) * sizeof(real));
+  c->watched[1] = 0; /* the model that runs free begins anew */
+}
+
+/* The time since the last sample: whole samples that were missed, and what is left of it, which the model then has for
+   one. The reference that is remembered by the sample moves on by as much. */
+static void lapse(struct controller *c)
+{
+  int k, missed;
+  real dt = c->model[PARAMETERS - 1], elapsed = c->elapsed[0], shift;
+  memcpy(c->acting, c->model, PARAMETERS * sizeof(real));
+  c->elapsed[0] = 0;
+  if (!(elapsed > 0 && isfinite(elapsed))) return;
+  if (elapsed > (c->horizon + 0.5) * dt) { /* nothing is known any more */
+    c->belief[0] = c->path[0] = c->plan[0] = c->numbers[0] = 0;
+    return;
+  }
+  shift = c->numbers[0] > 1 ? (elapsed / dt - 1) * (c->numbers[3] - c->numbers[2]) : 0;
+  for (k = 1; k < 4; ++k) c->numbers[k] += shift;
+  c->path[1] += c->path[2] * (elapsed - dt);
+  missed = elapsed > dt ? (int)(elapsed / dt - 0.5) : 0;
+  for (k = 0; k < missed; ++k) miss(c);
+  c->acting[PARAMETERS - 1] = elapsed - missed * dt;
+}
+
+/* Put the reading on its turn, and leave out what is contradicted; whether anything is. */
+static int watched(struct controller *c)
+{
+  real acted[3], belief[BELIEF], memory[WATCHED], reading, load_out, motors_out;
+  acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->past[1] + c->rubs[1];
+  watch(c->belief, c->readings, c->watched, acted, c->acting, c->watching, belief, &reading, memory, &load_out, &motors_out);
+  memcpy(c->belief, belief, sizeof belief);
+  memcpy(c->watched, memory, sizeof memory);
+  if (motors_out != 0) c->readings[1] = c->readings[2] = NAN;
+  c->readings[0] = load_out != 0 ? NAN : reading;
+  return load_out != 0 || motors_out != 0;
+}
+
 int control_step(struct controller *c, double angle, int previewed)
 {
-  int trouble;
-  real torques[2], code, anew, belief[BELIEF];
-  torques[0] = c->past[1], torques[1] = c->past[0];
+  int trouble, out;
+  real acted[3], code, anew, belief[BELIEF];
   c->readings[0] = angle; /* and behind it those of the motors */
-  estimate(c->belief, c->readings, torques, c->model, c->levels, belief, &code, &anew);
-  if (anew) begin(c->readings, torques, c->model, c->levels, belief);
+  lapse(c);
+  out = watched(c);
+  acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[6] == 0 ? c->rubbing[3] : 0;
+  estimate(c->belief, c->readings, acted, c->acting, c->levels, belief, &code, &anew);
+  if (anew) begin(c->readings, acted, c->model, c->levels, belief);
   memcpy(c->belief, belief, sizeof belief);
   trouble = (int)code;
+  if (out) trouble = (trouble & ~BRIDGED) | CONTRADICTED;
   if (!c->belief[0]) {
     hold(c);
   } else {
     trouble |= look(c, previewed);
-    aim(c);
+    aim(c, previewed && !(trouble & AIMLESS));
+    trouble |= astray(c);
+    rubbed(c);
     trouble |= plan_ahead(c);
   }
   c->outcome[1] = c->belief[2];
-  memmove(c->past, c->past + 1, (c->late + 2) * sizeof(real));
+  move_on(c);
   return trouble;
 }

@@ -19,6 +19,8 @@ class Trouble(IntFlag):
     UNCERTIFIED = 64
     PARTING = 128
     BEYOND = 256
+    ASTRAY = 512
+    CONTRADICTED = 1024
 
 
 _SENTENCES = {
@@ -30,7 +32,9 @@ _SENTENCES = {
     Trouble.AIMLESS: "the reference is not a number, the angle is held",
     Trouble.UNCERTIFIED: "no solution of the quadratic programme was certified, the last plan is followed",
     Trouble.PARTING: "max_torque cannot hold the teeth together at the predicted acceleration",
+    Trouble.CONTRADICTED: "an encoder is contradicted (it stands still or leaves the others), the rest stands in",
     Trouble.BEYOND: "a limit of angle or speed cannot be kept",
+    Trouble.ASTRAY: "the load does not follow the reference",
 }
 
 

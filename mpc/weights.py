@@ -10,7 +10,7 @@ from plant.servo import ServoModel
 
 Array = NDArray[np.float64]
 
-TUNING = 9
+TUNING = 11
 """Numbers by which a controller is tuned, see `Controller`."""
 
 

@@ -39,7 +39,7 @@ class Fleet:
         self.rigs = tuple(rigs)
         self._drives, self._fine_step, self._delay = len(first.drives), first.fine_step, first.encoder_delay
         self._torque_map = np.array([r.torque_map for r in rigs])
-        self._shaft_map = np.array([r.gears.pre_reduction * r.torque_map for r in rigs])
+        self._shaft_map = np.array([np.copysign(r.motor_ratios, r.torque_map) for r in rigs])
         self._senses = np.array([r.senses for r in rigs])
         self._half_play = np.array([r.half_play for r in rigs])
         self._stiffness = np.array([[r.flank_stiffness] for r in rigs])

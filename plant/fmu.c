@@ -1,11 +1,12 @@
-/* A sampled machine as a slave of FMI 2.0 for co-simulation. Before this file stand its variables, GUID, SAMPLE_TIME
-   and the machine itself: struct machine with machine_init, machine_begin and machine_end.
+/* A sampled machine as a slave of FMI 2.0 for co-simulation. Before this file stand its variables, GUID, SAMPLE_TIME,
+   limits of its parameters, and the machine itself: struct machine with machine_init, machine_begin and machine_end.
 
    A sample begins at each whole multiple of SAMPLE_TIME after the start: the inputs are read then and held until it
    ends. The master may take any steps; only at its communication points does it see and set values. */
 
 #include <math.h>
 #include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -86,7 +87,19 @@ PUBLIC int fmi2EnterInitializationMode(struct slave *slave)
   return OK;
 }
 
-PUBLIC int fmi2ExitInitializationMode(struct slave *slave) { return fmi2EnterInitializationMode(slave); }
+/* No machine has an inertia of zero: parameters outside their limits would make every output a NaN, or nonsense. */
+PUBLIC int fmi2ExitInitializationMode(struct slave *slave)
+{
+  for (int i = 0; limits[i].name; ++i) {
+    double value = slave->values[limits[i].place];
+    char why[256];
+    if (isfinite(value) && value >= limits[i].lower && value <= limits[i].upper) continue;
+    snprintf(why, sizeof why, "%s = %g must be finite and within %g .. %g.", limits[i].name, value, limits[i].lower,
+             limits[i].upper);
+    return refused(slave, why);
+  }
+  return fmi2EnterInitializationMode(slave);
+}
 
 PUBLIC int fmi2DoStep(struct slave *slave, double now, double length, int settled)
 {
@@ -145,6 +158,57 @@ PUBLIC int fmi2Terminate(void *slave)
   return OK;
 }
 
+/* The state of a slave is a copy of it, whoever its master is; serialised it is these bytes. */
+PUBLIC int fmi2GetFMUstate(const struct slave *slave, struct slave **state)
+{
+  if (!*state) *state = malloc(sizeof *slave);
+  if (!*state) return refused(slave, "There is no memory for a state.");
+  memcpy(*state, slave, sizeof *slave);
+  return OK;
+}
+
+PUBLIC int fmi2SetFMUstate(struct slave *slave, const struct slave *state)
+{
+  const master *calls = slave->calls;
+  char name[sizeof slave->name];
+  memcpy(name, slave->name, sizeof name);
+  memcpy(slave, state, sizeof *slave);
+  memcpy(slave->name, name, sizeof name);
+  slave->calls = calls;
+  return OK;
+}
+
+PUBLIC int fmi2FreeFMUstate(struct slave *slave, struct slave **state)
+{
+  (void)slave;
+  free(*state);
+  *state = NULL;
+  return OK;
+}
+
+PUBLIC int fmi2SerializedFMUstateSize(const struct slave *slave, const struct slave *state, size_t *size)
+{
+  (void)state;
+  *size = sizeof *slave;
+  return OK;
+}
+
+PUBLIC int fmi2SerializeFMUstate(const struct slave *slave, const struct slave *state, void *bytes, size_t size)
+{
+  if (size < sizeof *state) return refused(slave, "There is no room for the state.");
+  memcpy(bytes, state, sizeof *state);
+  return OK;
+}
+
+PUBLIC int fmi2DeSerializeFMUstate(const struct slave *slave, const void *bytes, size_t size, struct slave **state)
+{
+  if (size < sizeof *slave) return refused(slave, "These bytes are no state.");
+  if (!*state) *state = malloc(sizeof *slave);
+  if (!*state) return refused(slave, "There is no memory for a state.");
+  memcpy(*state, bytes, sizeof *slave);
+  return OK;
+}
+
 /* What the description does not offer; a master that asks all the same is told so. */
 #define NOT_OFFERED(name) \
   PUBLIC int name(struct slave *slave) { return refused(slave, #name " is not offered."); }
@@ -154,12 +218,6 @@ NOT_OFFERED(fmi2GetBoolean)
 NOT_OFFERED(fmi2SetBoolean)
 NOT_OFFERED(fmi2GetString)
 NOT_OFFERED(fmi2SetString)
-NOT_OFFERED(fmi2GetFMUstate)
-NOT_OFFERED(fmi2SetFMUstate)
-NOT_OFFERED(fmi2FreeFMUstate)
-NOT_OFFERED(fmi2SerializedFMUstateSize)
-NOT_OFFERED(fmi2SerializeFMUstate)
-NOT_OFFERED(fmi2DeSerializeFMUstate)
 NOT_OFFERED(fmi2GetDirectionalDerivative)
 NOT_OFFERED(fmi2SetRealInputDerivatives)
 NOT_OFFERED(fmi2GetRealOutputDerivatives)

@@ -6,6 +6,7 @@ FMI 2.0, co-simulation (Modelica Association, fmi-standard.org). `plant/fmu.c` h
 from __future__ import annotations
 
 import hashlib
+import math
 import subprocess
 import sys
 import tempfile
@@ -82,9 +83,16 @@ class Fmu:
     def source(self) -> str:
         """The library's code, which any C99 compiler takes."""
         start = ", ".join(repr(float(variable.start)) for variable in self.variables)
+        limits = "".join(
+            f'  {{{place}, "{variable.name}", {_limit(variable.lower)}, {_limit(variable.upper)}}},\n'
+            for place, variable in enumerate(self.variables)
+            if variable.causality == "parameter"
+        )
         return (
-            f'#define GUID "{self.guid}"\n#define SAMPLE_TIME {self.sample_time!r}\n'
-            f"enum {{ VARIABLES = {len(self.variables)} }};\nstatic const double first[VARIABLES] = {{{start}}};\n\n"
+            f'#include <math.h>\n\n#define GUID "{self.guid}"\n#define SAMPLE_TIME {self.sample_time!r}\n'
+            f"enum {{ VARIABLES = {len(self.variables)} }};\nstatic const double first[VARIABLES] = {{{start}}};\n"
+            "static const struct { int place; const char *name; double lower, upper; } limits[] = {\n"
+            f"{limits}  {{-1, 0, 0, 0}}\n}};\n\n"
             f"{self.machine}\n{(files('plant') / 'fmu.c').read_text(encoding='utf-8')}"
         )
 
@@ -100,9 +108,8 @@ class Fmu:
             generationTool=f"antidrive {version('antidrive')}",
             variableNamingConvention="structured",
         )
-        slave = xml.SubElement(
-            root, "CoSimulation", modelIdentifier=self.name, canHandleVariableCommunicationStepSize="true"
-        )
+        can = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUstate", "canSerializeFMUstate")
+        slave = xml.SubElement(root, "CoSimulation", {"modelIdentifier": self.name} | dict.fromkeys(can, "true"))
         xml.SubElement(xml.SubElement(slave, "SourceFiles"), "File", name=f"{self.name}.c")
         units = xml.SubElement(root, "UnitDefinitions")
         for unit in dict.fromkeys(variable.unit for variable in self.variables if variable.unit):
@@ -168,6 +175,11 @@ class Fmu:
             if done.returncode != 0:
                 raise BadParameter(f"{command[0]} cannot compile the FMU: {done.stderr.strip() or done.returncode}")
             return (Path(folder) / "library").read_bytes()
+
+
+def _limit(value: float) -> str:
+    """A bound as C writes it."""
+    return f"{'-' if value < 0 else ''}INFINITY" if math.isinf(value) else repr(float(value))
 
 
 def _describe(variables: xml.Element, reference: int, variable: Variable) -> None:

@@ -9,34 +9,47 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import chain
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
-from plant.number import whole
+from plant.number import finite, whole
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ratios:
-    """How much torque two drives put on the load for one newton metre of their own, where no teeth are known.
+class Ratios(DriveTrain):
+    """Two drives, or one, of which the ratios are known and not the teeth: belts, worms, racks, gearboxes.
 
     Attributes:
-        ratios: of each drive; positive where its torque is counted in the direction of the load, negative where not.
+        ratios: torque on the load for one newton metre of each drive, of a linear axis force [N/(N m)]; positive where
+            it is counted in the direction of the load, negative where not.
+        pre_reduction: turns of each motor for one turn of its drive; a number, or one each.
 
     Raises:
-        BadParameter: a ratio that is zero or not a finite number.
+        BadParameter: no ratio or more than two, one that is zero or not a finite number, or a pre-reduction that is not
+            above zero.
     """
 
-    ratios: tuple[float, float]
+    ratios: tuple[float, ...]
+    pre_reduction: float | tuple[float, ...] = 1.0
 
     def __post_init__(self) -> None:
-        """Check both ratios."""
+        """Check every number."""
+        if not 1 <= len(self.ratios) <= 2:
+            raise BadParameter(f"ratios must hold one number for each of one or two drives, not {self.ratios!r}.")
         for ratio in self.ratios:
-            if not (np.isfinite(ratio) and ratio != 0.0):
+            if not finite(ratio):
                 raise BadParameter(f"A ratio must be a finite number other than 0, not {ratio!r}.")
+        given = np.asarray(self.pre_reduction, dtype=np.float64)
+        if given.shape not in ((), (len(self.ratios),)) or not (np.isfinite(given).all() and (given > 0).all()):
+            raise BadParameter(
+                f"pre_reduction must be a number above zero, or one for each drive, not {self.pre_reduction!r}."
+            )
 
     @classmethod
     def parse(cls, text: str | float) -> Ratios:
@@ -57,12 +70,21 @@ class Ratios:
 
     @property
     def torque_map(self) -> Array:
-        """Torque on the load for one newton metre of each drive, shape (2,)."""
+        """(m,) torque on the load for one newton metre of each drive."""
         return np.array(self.ratios, dtype=np.float64)
+
+    @property
+    def pre_reductions(self) -> Array:
+        """(m,) turns of each motor for one turn of its drive."""
+        return np.broadcast_to(np.asarray(self.pre_reduction, dtype=np.float64), (len(self.ratios),)).copy()
+
+    def __str__(self) -> str:
+        """As `parse` reads them."""
+        return ",".join(f"{float(ratio)!r}" for ratio in self.ratios)
 
 
 @dataclass(frozen=True, kw_only=True)
-class GearTrain:
+class GearTrain(DriveTrain):
     """Two pinions on one follower, each behind the same pre-reduction.
 
     With theta the follower's angle, phi_i and xi_i the angle and torque of pinion i, tau_f the torque on the follower:
@@ -131,64 +153,31 @@ class GearTrain:
         return float(np.prod([driven / driving for driven, driving in self.stages]))
 
     @property
-    def mesh_ratios(self) -> Array:
-        """Magnitudes (Nf/N1, Nf/N2) of the final mesh, shape (2,)."""
-        return self.follower_teeth / np.array(self.pinion_teeth, dtype=np.float64)
-
-    @property
-    def motor_ratios(self) -> Array:
-        """Turns of each motor for one turn of the load, shape (2,), without the sign of the final mesh."""
-        return self.pre_reduction * self.mesh_ratios
-
-    @property
-    def ratio(self) -> float:
-        """Turns of motor 1 for one turn of the load (the paper's total gear reduction)."""
-        return float(self.motor_ratios[0])
-
-    @property
-    def angle_map(self) -> Array:
-        """Pinion angles for one radian of the follower, shape (2,), equation (1)."""
-        return -self.mesh_ratios
+    def pre_reductions(self) -> Array:
+        """(2,) the same for each of both drives, which are alike."""
+        return np.full(2, self.pre_reduction)
 
     @property
     def torque_map(self) -> Array:
-        """Follower torque for one newton metre on each pinion, shape (2,), equation (2)."""
-        return -self.mesh_ratios
+        """(2,) follower torque for one newton metre on each pinion, equation (2)."""
+        return -(self.follower_teeth / np.array(self.pinion_teeth, dtype=np.float64))
 
     @property
     def null_vector(self) -> Array:
-        """Pinion torques [N1, -N2], shape (2,), that put no torque on the follower, equation (3)."""
+        """(2,) pinion torques [N1, -N2] that put no torque on the follower, equation (3)."""
         n1, n2 = self.pinion_teeth
         return np.array([n1, -n2], dtype=np.float64)
 
-    def particular(self, torque: ArrayLike) -> Array:
-        """Pinion torques of least norm for a follower torque, the first term of equation (3).
+    def __str__(self) -> str:
+        """As `parse` reads them."""
+        first, second = self.pinion_teeth
+        return f"{first},{second}:{self.follower_teeth}"
 
-        Args:
-            torque: follower torque [N m], any shape (...).
 
-        Returns:
-            Pinion torques [N m], shape (..., 2).
-        """
-        a = self.torque_map
-        return np.asarray(torque, dtype=np.float64)[..., None] * (a / (a @ a))
+def drive_train(text: Any) -> GearTrain | Ratios:
+    """Teeth, "20,20:161", or ratios, "8.05" or "8.05,-8.05", as people and model files write them.
 
-    def split(self, torque: ArrayLike, preload: ArrayLike) -> Array:
-        """Pinion torques for a follower torque and a preload, equation (3).
-
-        Args:
-            torque: follower torque [N m], any shape (...).
-            preload: lambda [N m per tooth], shape that broadcasts with `torque`.
-
-        Returns:
-            Pinion torques [N m], shape (..., 2).
-        """
-        return self.particular(torque) + np.asarray(preload, dtype=np.float64)[..., None] * self.null_vector
-
-    def follower_torque(self, torques: ArrayLike) -> Array:
-        """Follower torque [N m], shape (...), of pinion torques [N m], shape (..., 2), equation (2)."""
-        return np.asarray(np.asarray(torques, dtype=np.float64) @ self.torque_map)
-
-    def load_speed(self, motor_speed: float) -> float:
-        """Speed of the load at a speed of motor 1, in the same unit and without the sign of the final mesh."""
-        return motor_speed / self.ratio
+    Raises:
+        BadParameter: it is neither.
+    """
+    return GearTrain.parse(str(text)) if ":" in str(text) else Ratios.parse(str(text))

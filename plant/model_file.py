@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
+from plant.drive_train import DriveTrain
 from plant.effects import Effect, catalogue
 from plant.effects.effect import Axis, Parameter, parameters_of
 from plant.effects.unnamed import unnamed
 from plant.errors import AntidriveError, BadModelFile
+from plant.gears import drive_train
 from plant.number import finite
 from plant.servo import ServoModel
 from plant.units import factor
@@ -28,12 +30,14 @@ class ModelFile:
         std: standard errors of its parameters by name, None where unknown.
         sample_time: of the log it was fitted to [s], None for a model that was written by hand.
         source: files that it was fitted to, each with "file" and "sha256".
+        gears: of the machine, if the log was read with them.
     """
 
     model: ServoModel
     std: Mapping[str, float | None]
     sample_time: float | None = None
     source: tuple[Mapping[str, str], ...] = ()
+    gears: DriveTrain | None = None
 
     @property
     def identified(self) -> bool:
@@ -59,6 +63,7 @@ class ModelFile:
             "effects": effects,
             "sample_time": finite(self.sample_time),
             "source": [dict(entry) for entry in self.source],
+            "gears": None if self.gears is None else str(self.gears),
         }
 
     def write(self, path: Path) -> None:
@@ -133,6 +138,7 @@ def _parse(content: Any, known: Mapping[str, type[Effect]]) -> ModelFile:
         std=std,
         sample_time=sample_time,
         source=tuple(_mapping(entry, "source") for entry in entries),
+        gears=None if content.get("gears") is None else drive_train(content["gears"]),
     )
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
 from plant.flank import DRIVE_PARAMETERS, LOAD_PARAMETERS, REQUIRED_SENSE
 from plant.fleet import Fleet
@@ -44,9 +45,9 @@ class Rig:
     the rotor's. The step is of first order: halving it halves the error.
 
     Attributes:
-        gears: the gear train.
+        gears: the drive train.
         drives: which pinion of it each motor has, 1 or 2, and thus its sense: (1, 2) is the paper's machine, (2,) has
-            one motor, (1, 1, 2, 2) two pairs.
+            one motor, (1, 1, 2, 2) two pairs. A drive train of one drive has (1,).
         inertia: load inertia J, without the rotors [kg m^2].
         gravity: alpha [N m].
         gravity_offset: beta [N m].
@@ -76,7 +77,7 @@ class Rig:
         BadParameter: a number that is not finite or out of range, or a step too long for the stiffness.
     """
 
-    gears: GearTrain
+    gears: DriveTrain
     drives: tuple[int, ...] = (1, 2)
     inertia: float
     gravity: float = 0.0
@@ -110,8 +111,10 @@ class Rig:
 
     def __post_init__(self) -> None:
         """Check every number, and that the fine step resolves the stiffest vibration."""
-        if not self.drives or any(isinstance(d, bool) or d not in (1, 2) for d in self.drives):
-            raise BadParameter(f"Rig: drives must name pinion 1 or 2 for each motor, not {self.drives!r}.")
+        pinions = range(1, self.gears.drives + 1)
+        if not self.drives or any(isinstance(d, bool) or d not in pinions for d in self.drives):
+            named = " or ".join(map(str, pinions))
+            raise BadParameter(f"Rig: drives must name pinion {named} for each motor, not {self.drives!r}.")
         if np.shape(self.backlash) not in ((), (len(self.drives),)):
             raise BadParameter(f"Rig: backlash must be a number or one for each drive, not {self.backlash!r}.")
         for field in fields(self)[2:]:

@@ -7,9 +7,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self, get_args
+from typing import TYPE_CHECKING, Any, Self, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from plant.effects import DeadZone, Effect
 from plant.effects.effect import (
@@ -24,6 +25,9 @@ from plant.effects.effect import (
     parameters_of,
 )
 from plant.errors import BadParameter
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _TURN = 0.25  # of the rigid body's own motion that an integration step may follow [rad]
 _MOST_STEPS = 20  # in a sample for the rigid body's sake
@@ -285,6 +289,12 @@ class ServoModel:
     def delay(self) -> Expression:
         """Dead time of the command [s]."""
         return sum((effect.delay() for effect in self.effects), start=0.0)
+
+    def inverse(self, angle: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> pd.DataFrame:
+        """The torque command that a motion takes, each effect's share in a column: see `plant.inverse.inverse`."""
+        from plant.inverse import inverse
+
+        return inverse(self, angle, velocity, acceleration)
 
     def __str__(self) -> str:
         """The parameters with their units."""

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.discrete import integration_steps, sample_reading, sample_step
+from plant.drive_train import DriveTrain
 from plant.effects import State
 from plant.errors import BadParameter
 from plant.fmu import Fmu, Variable
@@ -19,7 +20,9 @@ from plant.simulation import whole_samples
 _LONGEST_DELAY = 1.0  # [s] that the memory of an FMU has room for
 
 
-def servo_fmu(model: ServoModel, *, sample_time: float, gears: GearTrain | None = None) -> Fmu:
+def servo_fmu(
+    model: ServoModel, *, sample_time: float, gears: DriveTrain | None = None, name: str = "antidrive"
+) -> Fmu:
     """The model as an FMU: each sample is that of `plant.simulate`, to the last bit.
 
     A command holds for a sample. The outputs are the sensor's reading, without noise and before any encoder rounds it,
@@ -29,21 +32,22 @@ def servo_fmu(model: ServoModel, *, sample_time: float, gears: GearTrain | None 
     Args:
         model: of a servo.
         sample_time: [s].
-        gears: with them the commands are the pinion torques `torque_1`, `torque_2` [N m]; without, it is the torque
-            [N m] (on a linear axis the force [N]) on the load.
+        gears: with them the commands are the torques of the drives, `torque_1`, `torque_2` [N m]; without, it is the
+            torque [N m] (on a linear axis the force [N]) on the load.
+        name: of the library, with "_plant" behind it.
 
     Raises:
-        BadParameter: a sample time that is not positive, or gears on a linear axis.
+        BadParameter: a sample time that is not positive, or a gear train on a linear axis.
     """
     if not (np.isfinite(sample_time) and sample_time > 0.0):
         raise BadParameter(f"sample_time must be finite and above zero, not {sample_time:g}.")
-    if gears is not None and model.axis == "linear":
-        raise BadParameter("A linear axis has no gear train; leave gears out.")
+    if isinstance(gears, GearTrain) and model.axis == "linear":
+        raise BadParameter("A linear axis has no gear train; give its Ratios in N/(N m), or leave gears out.")
     angle, torque = ("angle", "torque") if model.axis == "rotary" else ("position", "force")
     length, strength = ("rad", "N m") if model.axis == "rotary" else ("m", "N")
-    commands = [torque] if gears is None else ["torque_1", "torque_2"]
+    commands = {torque: strength} if gears is None else {f"torque_{i + 1}": "N m" for i in range(gears.drives)}
     variables = [
-        *(Variable(name=name, unit=strength, meaning="command", causality="input") for name in commands),
+        *(Variable(name=each, unit=unit, meaning="command", causality="input") for each, unit in commands.items()),
         Variable(name=angle, unit=length, meaning="what the sensor shows", causality="output"),
         Variable(name=f"load_{angle}", unit=length, meaning="where the load is", causality="output"),
         Variable(name="velocity", unit=f"{length}/s", meaning="of the load", causality="output"),
@@ -62,7 +66,7 @@ def servo_fmu(model: ServoModel, *, sample_time: float, gears: GearTrain | None 
         )
         variables.append(own)
     return Fmu(
-        name="antidrive_plant",
+        name=f"{name}_plant",
         description=f"Servo: inertia, gravity, viscous friction{''.join(f', {e.title}' for e in model.effects)}",
         sample_time=float(sample_time),
         variables=tuple(variables),

@@ -90,7 +90,7 @@ class Patient:
             case "covariance spoilt":
                 controller.estimator.belief[3 + len(self._state) :] = rng.choice([np.nan, -1.0, 1e200, 0.0])
             case "memory spoilt":
-                name = str(rng.choice(["plan", "path", "numbers", "load", "bounds"]))
+                name = str(rng.choice(["plan", "path", "numbers", "load", "bounds", "watched"]))
                 controller._arrays[name][:] = rng.choice([np.nan, np.inf, 1e200, -7.0])
         reference = self._reference(mishap)
         rounds = controller._machine_code.layout.rounds
@@ -168,6 +168,8 @@ def broken_promises(controller: Controller, sample: Sample) -> list[str]:
             wrong.append("called optimal, but not certified")
     thrown = sample.thrown or abs(control.disturbance) > PUSHED  # or takes itself for it
     late = thrown and control.status == "degraded: a limit of angle or speed cannot be kept"
+    astray = sample.calm <= 3 * CALM or abs(sample.error) > BACK / 3  # and the loop says so
+    late = late or (astray and control.status.endswith("the load does not follow the reference"))
     if sample.calm > 20 and control.status != "optimal" and not late:
         wrong.append(f"not recovered: {control.status}")
     if sample.calm == PATIENCE:

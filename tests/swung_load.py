@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from four_hertz import four_hertz
 from numpy.typing import NDArray
 
 from allocation import Allocator
-from mpc import Controller
 from plant import GearTrain, Rig, ServoModel
 
 Array = NDArray[np.float64]
@@ -21,8 +21,8 @@ RIG = Rig(gears=GEARS, inertia=0.4, gravity=12.0, viscous_friction=0.2, rotor_in
 MODEL = ServoModel(inertia=RIG.total_inertia, gravity=12.0, viscous_friction=0.2)
 LEAST, MOST = 0.2, 2.5
 LIMITS = Allocator(GEARS, min_torque=LEAST, max_torque=MOST, rotor_inertia=MOTOR)
-BY_FLANK = partial(Controller, MODEL, GEARS, min_torque=LEAST, max_torque=MOST, rotor_inertia=MOTOR)
-BY_MOTOR = partial(Controller, MODEL, GEARS, min_torque=LEAST, max_torque=MOST)
+BY_FLANK = partial(four_hertz, MODEL, GEARS, min_torque=LEAST, max_torque=MOST, rotor_inertia=MOTOR)
+BY_MOTOR = partial(four_hertz, MODEL, GEARS, min_torque=LEAST, max_torque=MOST)
 
 
 def swing(acceleration: float, duration: float) -> Array:

@@ -64,7 +64,8 @@ def built(files: Mapping[str, str], folder: Path, *flags: str, main: str = "driv
     folder.mkdir(exist_ok=True)
     for name, text in files.items():
         (folder / name).write_text(text)
-    line = ["gcc", *STRICT, *flags, "antidrive_controller.c", *([main] if main else []), "-o", "program", "-lm"]
+    (code,) = (name for name in files if name.endswith("controller.c"))
+    line = ["gcc", *STRICT, *flags, code, *([main] if main else []), "-o", "program", "-lm"]
     said = subprocess.run(line, cwd=folder, capture_output=True, text=True)
     assert said.returncode == 0, said.stderr
     return folder / "program"
@@ -96,9 +97,14 @@ class Loaded:
         number = np.float32 if made.precision == "single" else np.float64
         real = ctypes.c_float if made.precision == "single" else ctypes.c_double
         self._library.antidrive_step.argtypes = (ctypes.c_void_p, real, real, ctypes.c_void_p)
+        self._library.antidrive_elapsed.argtypes = (ctypes.c_void_p, real)
         self.status = 0
         self.memory, self._torques = np.zeros(made.memory // number().itemsize, number), np.zeros(2, number)
         self._library.antidrive_init(ctypes.c_void_p(self.memory.ctypes.data))
+
+    def elapsed(self, seconds: float) -> None:
+        """The time since the last step [s]."""
+        self._library.antidrive_elapsed(self.memory.ctypes.data, seconds)
 
     def step(self, angle: float, reference: float) -> Array:
         """The pinion torques (2,) of a sample [N m]."""
@@ -110,6 +116,8 @@ def at_its_worst(made: TargetCode) -> dict[str, str]:
     """The same files, but every loop runs to its bound and no solution is ever accepted."""
     code = made.files["antidrive_controller.c"]
     for old, new in (
+        ("for (k = 0; k < missed; ++k) miss(c);", "for (k = 0; k < HORIZON; ++k) miss(c);"),
+        ("if (!(elapsed > 0 && isfinite(elapsed))) return;", "elapsed = dt;"),
         ("round < ROUNDS && changes", "round < ROUNDS && changes >= 0"),
         ("    if (!(left(c, &mean) > CLOSE)) break;", "    left(c, &mean);"),
         ("  if (worst <= CERTIFIED) return worst;", ""),

@@ -32,6 +32,8 @@ FOR_TYPES_ALONE = {
     ("plant.effects.effect", "plant.servo"),
     ("plant.effects.payload_change", "plant.servo"),
     ("plant.effects.friction_drift", "plant.servo"),
+    # A model is asked for its inverse, whose equations are in a file of their own.
+    ("plant.inverse", "plant.servo"),
     # A fleet is of rigs, and a rig is played as a fleet of one.
     ("plant.fleet", "plant.rig"),
 }

@@ -15,7 +15,7 @@ from front_door import antidrive, listing, write_model
 from target import MODELS, PAPER, UNEQUAL, Loaded, at_its_worst, built, played, recorded
 
 from mpc import Controller, effort
-from mpc.export import FILES, export
+from mpc.export import FILES, _own, export
 from plant import Rig, ServoModel, read_model
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc here")
@@ -233,11 +233,11 @@ def instructions(program: Path, lines: str) -> list[int]:
 def test_the_command_writes_files_that_cmake_builds(tmp_path: Path) -> None:
     model, out = write_model(tmp_path / "model.json", MODELS["late"]), tmp_path / "out"
     torques = ["--max-torque", 0.2, "--min-torque", 0.03]
-    words = ["--pinion-teeth", 20, 31, "--horizon", 12, "--sample-time", 0.004, *torques]
+    words = ["--gears", "20,31:161", "--horizon", 12, "--sample-time", 0.004, *torques]
     spoken = antidrive("export", model, *words, "--out", out, "--json")
     assert spoken.code == 0, spoken.err
     told = json.loads(spoken.out)
-    assert sorted(listing(out)) == sorted(told["files"]) == sorted(FILES)
+    assert sorted(listing(out)) == sorted(told["files"]) == sorted(_own("antidrive", file) for file in FILES)
     limits = {"min_torque": 0.03, "max_torque": 0.2, "sample_time": 0.004, "horizon": 12}
     same = Controller(read_model(model).model, UNEQUAL, **limits)  # type: ignore[arg-type]
     assert listing(out) == {name: text.encode() for name, text in export(same).files.items()}
@@ -253,11 +253,12 @@ def test_the_command_writes_files_that_cmake_builds(tmp_path: Path) -> None:
 
 
 def test_the_driver_refuses_lines_that_it_does_not_understand(tmp_path: Path) -> None:
-    program = built(export(controller("rigid")).files, tmp_path)
+    told = controller("rigid")
+    program = built(export(told).files, tmp_path)
     for line in ("1\n", "1,2,3\n", "0.1,0.2\nhello\n"):
         said = subprocess.run([program], input="angle,reference\n" + line, capture_output=True, text=True)
         assert said.returncode == 2
-        assert "numbers instead of 2 or 32" in said.stderr
+        assert f"numbers instead of 2 or {told.horizon + 2}" in said.stderr
 
 
 @pytest.mark.parametrize(
@@ -265,10 +266,14 @@ def test_the_driver_refuses_lines_that_it_does_not_understand(tmp_path: Path) ->
     [
         (("--horizon", 1), "horizon"),
         (("--sample-time", 0), "sample_time"),
-        (("--sample-time", 0.1), "sample time of at most"),
         (("--min-torque", 0.4), "min_torque"),
-        (("--follower-teeth", 0), "tooth count"),
-        (("--pinion-teeth", 20), "pinion-teeth"),
+        (("--gears", "20,20:0"), "gears"),
+        (("--gears", 20), "20,20:161"),
+        (("--gears", "20,20:161", "--ratio", 8), "give one of them"),
+        (("--ratio", "8,0"), "other than 0"),
+        (("--one-drive",), "--ratio"),
+        (("--max-torque", "0.3,0.2,0.1"), "one for each"),
+        (("--name", "1st"), "word of C"),
         (("--out", "taken"), "is a file"),
     ],
 )
@@ -288,7 +293,7 @@ def test_what_cannot_be_exported_is_said_in_a_sentence(
 
 def test_a_model_that_has_no_drives_or_is_not_there_is_not_exported(tmp_path: Path) -> None:
     linear = write_model(tmp_path / "model.json", ServoModel(gravity=0.0, axis="linear"))
-    for model, reason in ((linear, "rotary"), (tmp_path / "absent.json", "cannot be read")):
+    for model, reason in ((linear, "--ratio"), (tmp_path / "absent.json", "cannot be read")):
         spoken = antidrive("export", model, "--out", tmp_path / "out")
         assert (spoken.code, spoken.err.count(reason), spoken.err.count("\n")) == (2, 1, 1)
         assert not (tmp_path / "out").exists()

@@ -167,6 +167,32 @@ def test_a_tool_simulates_the_file_at_its_own_step(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found["load_angle"], expected)
 
 
+@pytest.mark.parametrize("kind", ["plant", "controller"])
+def test_a_tool_goes_back_to_where_it_was(kind: str, tmp_path: Path) -> None:
+    plant = servo_fmu(MODELS["rigid"], sample_time=DT)
+    slave = Slave(plant if kind == "plant" else controller_fmu(Controller(MODELS["rigid"], PAPER)), tmp_path)
+    inputs = ["torque"] if kind == "plant" else ["angle", "reference"]
+    outputs = ["angle", "velocity"] if kind == "plant" else ["torque_1", "torque_2", "status"]
+
+    def played(values: np.ndarray) -> list[list[float]]:
+        found = []
+        for value in values:
+            slave.sample(**dict.fromkeys(inputs, 0.1 * value))
+            found.append(slave.get(*outputs))
+        return found
+
+    played(commands(20))
+    samples, state = slave.samples, slave.slave.getFMUstate()
+    kept = slave.slave.serializeFMUstate(state)
+    first = played(commands(30))
+    for back in (state, slave.slave.deSerializeFMUstate(kept)):
+        slave.slave.setFMUstate(back)
+        slave.samples = samples
+        assert played(commands(30)) == first
+        slave.slave.freeFMUstate(back)
+    slave.close()
+
+
 def test_what_is_not_understood_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     fmu = servo_fmu(MODELS["rigid"], sample_time=DT)
     slave = Slave(fmu, tmp_path)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from four_hertz import four_hertz
 from numpy.typing import NDArray
 
 from allocation import Bounds, least_effort
@@ -63,7 +64,7 @@ def test_both_forms_hand_out_the_same_torques_to_the_last_bit(model: str, gears:
     options = {"horizon": 12, "rotor_inertia": 1e-5, "max_torque": 0.2}
     if gears is UNEQUAL:
         options |= {"sqp_iterations": 3, "torque_rate": 20.0, "preload_rate": 0.5, "motor_resolution": 1e-3}
-    pair = [Controller(MODELS[model], gears, **options) for _ in range(2)]  # type: ignore[arg-type]
+    pair = [four_hertz(MODELS[model], gears, **options) for _ in range(2)]  # type: ignore[arg-type]
     interpreted(pair[1])
     assert [controller.compiled for controller in pair] == [True, False]
     rng = np.random.default_rng(0)
@@ -85,7 +86,7 @@ def test_both_forms_hand_out_the_same_torques_to_the_last_bit(model: str, gears:
 
 @with_compiler
 def test_one_form_goes_on_where_the_other_stops() -> None:
-    whole, mixed = (Controller(ServoModel.paper(), PAPER) for _ in range(2))
+    whole, mixed = (four_hertz(ServoModel.paper(), PAPER) for _ in range(2))
     compiled = mixed._step
     for k in range(60):
         mixed._step = mixed._interpreted if k % 7 < 3 else compiled
@@ -96,7 +97,7 @@ def test_one_form_goes_on_where_the_other_stops() -> None:
 def test_without_a_compiler_it_works_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as bare:
         bare.setattr(machine_code, "compiler", lambda: None)
-        controller = Controller(ServoModel.paper(), PAPER)
+        controller = four_hertz(ServoModel.paper(), PAPER)
     assert not controller.compiled
     assert controller.compile_time == 0.0
     assert controller.step(0.0, 0.01).status == "optimal"
@@ -105,7 +106,7 @@ def test_without_a_compiler_it_works_as_well(monkeypatch: pytest.MonkeyPatch) ->
 @with_compiler
 @pytest.mark.parametrize("model", MODELS)
 def test_the_machine_code_is_plain_c99(model: str, tmp_path: Path) -> None:
-    code = Controller(MODELS[model], PAPER, motor_resolution=1e-3).c_code
+    code = four_hertz(MODELS[model], PAPER, motor_resolution=1e-3).c_code
     assert "malloc" not in code
     (tmp_path / "step.c").write_text(code)
     strict = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function", "-c", "step.c")
@@ -120,7 +121,7 @@ def test_a_second_controller_finds_the_machine_code_of_the_first(
     monkeypatch.setattr(machine_code, "_cache", lambda: tmp_path)
     controllers = []
     for horizon, inertia in ((10, 2.0), (40, 3.0)):  # neither is part of the code
-        controllers.append(Controller(ServoModel(inertia=inertia), PAPER, horizon=horizon))
+        controllers.append(four_hertz(ServoModel(inertia=inertia), PAPER, horizon=horizon))
         assert len(list(tmp_path.glob("controller-*/*.so"))) == 1
     assert all(controller.compiled for controller in controllers)
     assert controllers[0].compile_time > 0.01

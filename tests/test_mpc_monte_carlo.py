@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from four_hertz import four_hertz
 from swung_load import BY_FLANK, BY_MOTOR, GEARS, LEAST, MESH, MODEL, MOST, MOTOR, RIG, ROTOR, swing
 
-from mpc import Controller, MonteCarlo, Sweep, Trial, closed_loop, monte_carlo, sweep
+from mpc import MonteCarlo, Sweep, Trial, closed_loop, monte_carlo, sweep
 from plant import BadParameter, ServoModel
 from plant.machine_code import compiler
 
@@ -57,7 +58,7 @@ def test_machines_and_models_of_one_structure_share_their_machine_code(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     designs = [
         partial(
-            Controller, ServoModel(inertia=j, gravity=12.0), GEARS, min_torque=eps, max_torque=MOST, rotor_inertia=r
+            four_hertz, ServoModel(inertia=j, gravity=12.0), GEARS, min_torque=eps, max_torque=MOST, rotor_inertia=r
         )
         for j, eps, r in ((0.7, 0.2, MOTOR), (0.8, 0.1, 0.0))
     ]
@@ -71,7 +72,7 @@ def test_contact_is_kept_by_what_covers_the_unknown_and_lost_with_less() -> None
     unknown = 0.2 * ROTOR * A
     enough, little = ((unknown + spare) / MESH for spare in (0.2, -0.25))
     kept, lost = (
-        run(12, partial(Controller, MODEL, GEARS, min_torque=least, max_torque=MOST, rotor_inertia=MOTOR))
+        run(12, partial(four_hertz, MODEL, GEARS, min_torque=least, max_torque=MOST, rotor_inertia=MOTOR))
         for least in (enough, little)
     )
     assert not np.any(kept.contact_lost)

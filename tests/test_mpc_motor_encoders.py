@@ -26,7 +26,7 @@ MOTORS = MotorEncoders(ratios=(float(RATIOS[0]), float(RATIOS[1])), resolution=S
 
 
 def estimator(model: ServoModel = RIGID, motors: MotorEncoders | None = MOTORS) -> Estimator:
-    predictor = Predictor(model=model, sample_time=DT, switch=0.0, width=0.005)
+    predictor = Predictor(model=model, sample_time=DT, switch=0.0)
     levels = {"resolution": COARSE, "noise": 2e-5, "torque_noise": 0.05, "disturbance_rate": 1.0}
     return Estimator(predictor=predictor, motors=motors, **levels)
 

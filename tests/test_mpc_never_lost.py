@@ -8,15 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from four_hertz import four_hertz
 from mishaps import GEARS, MISHAPS, PATIENCE, broken_promises, life
 
 from mpc import Controller
 from plant import ServoModel, machine_code
-from plant.effects import ActuatorLag, InputDelay
+from plant.effects import ActuatorLag, InputDelay, StribeckFriction
 
 FORMS = [False] if machine_code.compiler() is None else [True, False]
 LIMITS = {"angle_limits": (-0.5, 0.5), "speed_limit": 1.0, "torque_rate": 100.0, "motor_friction": 1e-3}
 LATE = ServoModel().with_effect(InputDelay(time=0.012))
+RUBS = LATE.with_effect(StribeckFriction(coulomb=0.3, excess=0.2, velocity=0.05))
 SLOW = ServoModel().with_effect(InputDelay(time=0.008)).with_effect(ActuatorLag(time_constant=0.01))
 
 
@@ -28,12 +30,13 @@ SLOW = ServoModel().with_effect(InputDelay(time=0.008)).with_effect(ActuatorLag(
         (LATE, {}, True),
         (ServoModel(), LIMITS, True),
         (SLOW, {**LIMITS, "preload_rate": 1.0, "sqp_iterations": 3}, True),
+        (RUBS, {"torque_rate": 40.0, "bandwidth": 2.0}, True),
         (ServoModel.paper(), {}, False),
     ],
-    ids=["paper", "heavy rotors", "delay", "limits", "limits, delay and lag", "without machine code"],
+    ids=["paper", "heavy rotors", "delay", "limits", "limits, delay and lag", "friction", "without machine code"],
 )
 def test_it_is_never_lost(model: ServoModel, options: dict[str, Any], compiled: bool) -> None:
-    controller = Controller(model, GEARS, **options)
+    controller = four_hertz(model, GEARS, **options)
     if not compiled:
         controller._step = controller._interpreted
     met = set()
@@ -45,7 +48,7 @@ def test_it_is_never_lost(model: ServoModel, options: dict[str, Any], compiled: 
 
 
 def of_form(compiled: bool, **options: float) -> Controller:
-    controller = Controller(ServoModel(), GEARS, **options)  # type: ignore[arg-type]
+    controller = four_hertz(ServoModel(), GEARS, **options)  # type: ignore[arg-type]
     if not compiled:
         controller._step = controller._interpreted
     return controller
@@ -85,7 +88,9 @@ def test_a_number_goes_on_at_its_speed_unless_it_jumps(compiled: bool) -> None:
 
 @pytest.mark.parametrize("compiled", FORMS)
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1e300, 1e5])
-@pytest.mark.parametrize("name", ["plan", "path", "numbers", "load", "bounds", "belief", "preload"])
+@pytest.mark.parametrize(
+    "name", ["plan", "path", "numbers", "load", "bounds", "belief", "preload", "learnt", "rubs", "past", "astray"]
+)
 def test_a_spoilt_memory_heals(name: str, value: float, compiled: bool) -> None:
     controller = of_form(compiled, preload_rate=1.0)
     for _ in range(3):

@@ -15,6 +15,7 @@ from scipy.linalg import solve_discrete_are
 from mpc.corridor import SoftLimits
 from mpc.drive import DriveInverse
 from mpc.estimator import Estimator
+from mpc.friction import Frictionless
 from mpc.governor import Governor
 from mpc.prediction import Predictor
 from mpc.preview import prolonged
@@ -40,10 +41,11 @@ RICH = ServoModel.paper().without_effect("dead_zone").with_effect(ActuatorLag(ti
 RICH = RICH.with_effect(Cogging(amplitude=0.2, order=12.0, phase=0.3))
 RICH = RICH.with_effect(StribeckFriction(coulomb=0.3, excess=0.1, velocity=0.1))
 RICH = RICH.with_effect(InputDelay(time=0.002))
+SMOOTH = Frictionless.of(RICH)
 
 
-def predictor(model: ServoModel = RICH, width: float = 0.02) -> Predictor:
-    return Predictor(model=model, sample_time=DT, switch=float(model.delay()), width=width)
+def predictor(model: ServoModel = SMOOTH) -> Predictor:
+    return Predictor(model=model, sample_time=DT, switch=float(model.delay()))
 
 
 # Prediction.
@@ -52,7 +54,7 @@ def predictor(model: ServoModel = RICH, width: float = 0.02) -> Predictor:
 def test_the_prediction_is_the_plants_simulation() -> None:
     commands = np.sin(np.arange(40.0))
     ahead = predictor().look_ahead(np.zeros(3), np.append(commands[0], commands), 0.0)
-    expected = simulate(RICH, command=commands, dt=DT, state=np.zeros(3), width=0.02)
+    expected = simulate(SMOOTH, command=commands, dt=DT, state=np.zeros(3))
     assert ahead.states == pytest.approx(expected, abs=1e-12)
 
 

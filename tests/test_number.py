@@ -48,7 +48,8 @@ def test_what_is_no_number_is_refused(value: object) -> None:
 
 @pytest.mark.parametrize("value", [True, 20.0, np.float64(20), "20", None, 1])
 def test_what_is_no_count_is_refused(value: object) -> None:
-    with pytest.raises(BadParameter, match="whole number"):
-        Controller(ServoModel.paper(), GEARS, horizon=value)
+    if value is not None:  # left out: the horizon is then chosen
+        with pytest.raises(BadParameter, match="whole number"):
+            Controller(ServoModel.paper(), GEARS, horizon=value)
     with pytest.raises(BadParameter, match="whole number"):
         minimum_heat(ServoModel.paper(), LIMITS, 0.0, 1.0, 5.0, intervals=value)

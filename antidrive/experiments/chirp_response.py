@@ -127,7 +127,7 @@ def experiment(settings: ChirpSettings, seed: int) -> ChirpResponse:
 
 def _played(settings: ChirpSettings, torque: Array, seed: int) -> RigRecord:
     rig = settings.machine()
-    pinions = rig.gears.split(torque, settings.preload / np.array(rig.gears.pinion_teeth[0], dtype=float))
+    pinions = rig.gears.split(torque, settings.preload / rig.gears.null_vector[0])
     return rig.run(pinions, settings.sample_time, seed, start=rig.rest(torques=pinions[0]))
 
 

@@ -109,7 +109,7 @@ def experiment(settings: DeadZoneSettings, seed: int) -> DeadZoneCurves:
     )
     pinion = np.repeat(told[:, None, None] / rigs[0].torque_map, len(rigs), axis=1)
     played = Fleet(rigs).run(pinion, settings.sample_time, range(seed, seed + len(rigs)))
-    to_load = rigs[0].gears.pre_reduction * rigs[0].torque_map[0]
+    to_load = rigs[0].gears.pre_reductions[0] * rigs[0].torque_map[0]
     twist = played.motor_angles[:, :, 0] / to_load - played.angle
     # a reading at a sample goes with the torque held until then
     before, direction = np.roll(told, 1), np.sign(np.roll(told, 1) - np.roll(told, 2))

@@ -181,7 +181,9 @@ def _common(settings: DifferentialSettings, rig: Rig, preload: float, seed: int)
         duration=settings.duration,
         sample_time=5.0 * settings.sample_time,
     )
-    pinions = rig.gears.split(torque, np.full(torque.size, preload / rig.gears.follower_teeth))
+    pinions = rig.gears.split(
+        torque, np.full(torque.size, preload / (rig.gears.mesh_ratios * rig.gears.null_vector)[0])
+    )
     played = rig.run(pinions, 5.0 * settings.sample_time, seed, start=rig.rest(torques=pinions[0]))
     log = Log.from_arrays(time=played.time, torque=torque, angle=played.angle, label=f"preload {preload:g} N m")
     start = ServoModel(inertia=1.0, gravity=0.0, viscous_friction=0.1, effects=(CoulombFriction(torque=0.1),))

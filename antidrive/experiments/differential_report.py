@@ -128,7 +128,7 @@ def _columns(found: Differential) -> dict[str, Array]:
 def _twist(settings: DifferentialSettings, found: Differential) -> Picture:
     """Half the twist of both drives against each other, which the load is not in, over the preload."""
     columns, gears = _columns(found), found.rig.gears
-    rotors = [columns[f"angle_{k + 1}"] / (gears.pre_reduction * gears.angle_map[k]) for k in (0, 1)]
+    rotors = [columns[f"angle_{k + 1}"] / (gears.pre_reductions[k] * gears.angle_map[k]) for k in (0, 1)]
     preload = 0.5 * (gears.torque_map[1] * columns["torque_2"] - gears.torque_map[0] * columns["torque_1"])
     samples = round(settings.visit / settings.sample_time)
     two = slice(2 * samples, 4 * samples, max(samples // 500, 1))

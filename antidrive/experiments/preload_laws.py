@@ -48,7 +48,7 @@ class PreloadLaws:
     def for_demand(cls, bounds: Bounds, torque: Array, acceleration: Array) -> PreloadLaws:
         """Sized for follower torques (T,) [N m], rotors included, at accelerations (T,) [rad/s^2]."""
         ratio = float(bounds.gears.mesh_ratios[0])
-        rotors = float(np.sum(bounds.rotor_inertia * bounds.gears.motor_ratios**2))
+        rotors = float(np.sum(bounds.rotor_inertias * bounds.gears.motor_ratios**2))
         load = np.max(np.abs(torque - rotors * acceleration))
         heat = float(np.mean(np.sum(least_effort(bounds, torque, acceleration) ** 2, axis=1)))
 
@@ -57,7 +57,7 @@ class PreloadLaws:
                 torques = _split(bounds, torque, law(torque, preload))
                 return float(np.mean(np.sum(torques**2, axis=1))) - heat
 
-            return float(brentq(excess, 0.0, 2.0 * bounds.max_torque))
+            return float(brentq(excess, 0.0, 2.0 * float(np.max(bounds.greatest))))
 
         return cls(
             bounds=bounds,
@@ -82,12 +82,12 @@ class PreloadLaws:
             torques = _split(self.bounds, torque, _faded(self.bounds, torque, self.full))
         else:
             torques = _split(self.bounds, torque, np.full(torque.shape, self.sized if law == SIZED else self.warm))
-        return np.asarray(np.clip(torques, -self.bounds.max_torque, self.bounds.max_torque))
+        return np.asarray(np.clip(torques, -self.bounds.greatest[0], self.bounds.greatest[0]))
 
 
 def _split(bounds: Bounds, torque: Array, preload: Array) -> Array:
     """Equation (3), the preload given as torque of the first pinion."""
-    return bounds.gears.split(torque, preload / bounds.gears.pinion_teeth[0])
+    return bounds.gears.split(torque, preload / bounds.gears.null_vector[0])
 
 
 def _faded(bounds: Bounds, torque: Array, full: float) -> Array:
@@ -96,5 +96,5 @@ def _faded(bounds: Bounds, torque: Array, full: float) -> Array:
 
 def joule(rig: Rig, torques: Array) -> Array:
     """(...,) heat in the windings [W] of pinion torques (..., m) [N m]: R i^2, i = xi/(r k) behind a reduction r."""
-    current = torques / (rig.gears.pre_reduction * rig.torque_constant)
+    current = torques / (rig.gears.pre_reductions[0] * rig.torque_constant)
     return np.asarray(rig.winding_resistance * np.sum(current**2, axis=-1))

@@ -58,7 +58,7 @@ def logs_of(fleet: Fleet, sweep: Sweep, *, creep: ArrayLike, seed: int, parts: P
     reading, motors, pinions = (np.empty((preload.size, count, *more)) for more in ((), (drives,), (drives,)))
 
     def split(torque: Array, preload: float) -> Array:
-        return rig.gears.split(torque, np.full(count, preload / rig.gears.follower_teeth))
+        return rig.gears.split(torque, np.full(count, preload / (rig.gears.mesh_ratios * rig.gears.null_vector)[0]))
 
     state = fleet.rest(torques=split(np.zeros(count), preload[0]))
     start = before = np.mean(fleet.motor_angles(state) / -rig.motor_ratios, axis=1)

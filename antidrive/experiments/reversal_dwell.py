@@ -208,7 +208,7 @@ def _split(settings: DwellSettings, rig: Rig, strategy: str) -> Callable[[Array 
         return lambda torque, _: np.asarray(torque)[..., None] / rig.torque_map
     constant = settings.strategies[strategy]
     if constant is not None:
-        preload = constant / rig.gears.pinion_teeth[0]
+        preload = constant / rig.gears.null_vector[0]
         return lambda torque, _: rig.gears.split(torque, preload)
     bounds = Bounds(
         gears=rig.gears,

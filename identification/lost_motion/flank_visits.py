@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from identification.checks.faults import quantum
 from identification.errors import MalformedLog
 from identification.run import Run
-from plant.gears import GearTrain
+from plant.drive_train import DriveTrain
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class FlankSamples:
     reading: Array
 
 
-def flank_samples(run: Run, gears: GearTrain) -> FlankSamples:
+def flank_samples(run: Run, gears: DriveTrain) -> FlankSamples:
     """The samples of a run that tell of lost motion; perhaps none.
 
     Raises `MalformedLog` when the run has no pinion torques or no motor angles.
@@ -54,7 +54,7 @@ def flank_samples(run: Run, gears: GearTrain) -> FlankSamples:
         raise MalformedLog(f"{run.label}: lost motion needs torque_1, torque_2, angle_1, angle_2 beside the angle.")
     told = run.torques * gears.torque_map
     torque = 0.5 * (told + np.vstack((told[:1], told[:-1])))  # a torque held in steps acts as a ramp half a step later
-    rotors = run.drive_angles / (gears.pre_reduction * gears.angle_map)
+    rotors = run.drive_angles / (gears.pre_reductions * gears.angle_map)
     visit = _visits(np.where(np.prod(told, axis=1) < 0.0, np.sign(told[:, 1]), 0.0))
     motion = np.column_stack([_motion(column) for column in rotors.T])
     use = run.valid & (visit >= 0) & np.all(motion != 0.0, axis=1)

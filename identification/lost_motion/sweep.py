@@ -26,7 +26,7 @@ from identification.errors import Unidentifiable
 from identification.log import Log
 from identification.lost_motion.flank_visits import FlankSamples, flank_samples
 from identification.lost_motion.likelihood import most_likely
-from plant.gears import GearTrain
+from plant.drive_train import DriveTrain
 
 Array = NDArray[np.float64]
 
@@ -81,7 +81,7 @@ class LostMotion:
         return f"gaps {gaps}; together {1e3 * self.total_gap.value:.5g} +- {1e3 * self.total_gap.std:.2g} mrad"
 
 
-def lost_motion(log: Log, gears: GearTrain) -> LostMotion:
+def lost_motion(log: Log, gears: DriveTrain) -> LostMotion:
     """Gap, stiffness and friction of both drives, from a log in which the preload is swept while the load stands.
 
     The log has `torque_1`, `torque_2`, `angle`, `angle_1` and `angle_2`; its longest run is used. Each flank should be

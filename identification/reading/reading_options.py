@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol, TypedDict
+from typing import TypedDict
 
 import numpy as np
 
-from identification.recording import Array
+from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
 
 COLUMNS = (
@@ -22,21 +22,13 @@ ALIASES = {"goal": "setpoint"}
 """Older names of columns, which stay valid."""
 
 
-class Gears(Protocol):
-    """What a log needs to know of a gear train."""
-
-    @property
-    def torque_map(self) -> Array:
-        """(2,) follower torque per pinion torque (paper eq. 2)."""
-
-
 class How(TypedDict, total=False):
     """The fields of `Reading`, as the keywords of functions that read a log."""
 
     mapping: Mapping[str, str]
     units: Mapping[str, str]
     scales: Mapping[str, float]
-    gears: Gears | None
+    gears: DriveTrain | None
     rate: float | None
     torque_constant: float | None
     kp: float | None
@@ -64,7 +56,7 @@ class Reading:
     mapping: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
-    gears: Gears | None = None
+    gears: DriveTrain | None = None
     rate: float | None = None
     torque_constant: float | None = None
     kp: float | None = None

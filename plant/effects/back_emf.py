@@ -30,6 +30,10 @@ class BackEmf(Effect):
         """What the induced voltage leaves."""
         return torque - self.constant * velocity
 
+    def command_for(self, torque: Expression, velocity: Expression) -> Expression:
+        """What the induced voltage will take, on top of the torque."""
+        return torque + self.constant * velocity
+
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """What arrives less at the load, for constants up to one that takes half the torque at top speed.

@@ -28,6 +28,10 @@ class DeadZone(Effect):
         """Eq. (6) for both signs of the torque. It needs no smooth form, and a fit can open it from nothing."""
         return ca.fmax(torque - self.half_width, 0) + ca.fmin(torque + self.half_width, 0)
 
+    def command_for(self, torque: Expression, velocity: Expression) -> Expression:
+        """Half the width on top of the torque; none for no torque."""
+        return torque + self.half_width * ca.sign(torque)
+
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """The clipped torque, for half widths from small to half the largest torque."""

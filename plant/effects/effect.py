@@ -20,8 +20,13 @@ import copy
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Self
 
+from numpy.typing import ArrayLike
+
+from plant.effects.characteristic import characteristic, curve
+from plant.effects.moment import Expression as Expression
+from plant.effects.moment import Moment as Moment
 from plant.effects.motion import TURN as TURN
 from plant.effects.motion import Array as Array
 from plant.effects.motion import Motion as Motion
@@ -38,7 +43,6 @@ if TYPE_CHECKING:
     from plant.servo import ServoModel
 
 SAMPLE_TIME = 0.005  # of a log for which effects state their longest step [s]
-Expression: TypeAlias = Any  # a float, an array, or a CasADi SX while equations are built
 
 
 class Stage(StrEnum):
@@ -60,28 +64,6 @@ class State(StrEnum):
     VELOCITY = "velocity"
     RELAXED = "relaxed"  # begins at zero
     WANDERING = "wandering"  # begins at zero too, and only an observer moves it
-
-
-@dataclass(frozen=True, kw_only=True)
-class Moment:
-    """What an effect on the load can see at one instant of an integration step, in numbers or symbols.
-
-    Attributes:
-        angle, velocity: of the load [rad, rad/s].
-        torque: what arrives at the load behind actuator and drivetrain [N m].
-        time: on the log's clock [s].
-        travel: of the load since the step began [rad].
-        step: length of the step [s].
-        inertia: J of the model [N m s^2/rad].
-    """
-
-    angle: Expression = 0.0
-    velocity: Expression = 0.0
-    torque: Expression = 0.0
-    time: Expression = 0.0
-    travel: Expression = 0.0
-    step: Expression = 0.0
-    inertia: Expression = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -189,6 +171,10 @@ class Effect:
         """The torque that leaves the effect when `torque` enters it [N m], at a velocity of the motor."""
         return torque
 
+    def command_for(self, torque: Expression, velocity: Expression) -> Expression:
+        """The torque that must enter the effect so that `torque` leaves it [N m]; the inverse of `command`."""
+        return torque
+
     # ... in the drivetrain, if it is flexible ...
 
     def share(self) -> Expression:
@@ -226,6 +212,30 @@ class Effect:
     def sense(self, state: Expression, before: Expression, after: Expression, h: Expression) -> Expression:
         """A sensor's state after `h`, in which what enters it went from `before` to `after`."""
         return state
+
+    # What it looks like.
+
+    @property
+    def curve_over(self) -> str:
+        """The variable of `curve`: "angle", "velocity" or "torque"; empty where there is no curve."""
+        return characteristic(self)[0]
+
+    def curve(self, values: ArrayLike) -> Array:
+        """Its characteristic over the one variable that it depends on, which `curve_over` names.
+
+        Args:
+            values: of that variable, in any shape: velocity [rad/s], angle [rad] or torque [N m] (on a linear axis
+                [m/s], [m], [N]).
+
+        Returns:
+            In the same shape: over the velocity the torque against the motion, so that friction is positive in forward
+            motion [N m]; over the angle the torque on the load [N m], or the error of a sensor [rad]; over the torque
+            what leaves the actuator, or the friction that the torque brings along [N m].
+
+        Raises:
+            BadParameter: it depends on several variables, on the past, or on none.
+        """
+        return curve(self, values)
 
     # What it becomes.
 

@@ -27,6 +27,10 @@ class TorqueOffset(Effect):
         """The bias; behind the dead zone it is not swallowed."""
         return torque + self.torque
 
+    def command_for(self, torque: Expression, velocity: Expression) -> Expression:
+        """Less the bias."""
+        return torque - self.torque
+
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """A constant."""

@@ -28,6 +28,10 @@ class TorqueSaturation(Effect):
         """The clipped torque."""
         return ca.fmax(ca.fmin(torque, self.limit), -self.limit)
 
+    def command_for(self, torque: Expression, velocity: Expression) -> Expression:
+        """No more than the limit: what is beyond it cannot be had."""
+        return ca.fmax(ca.fmin(torque, self.limit), -self.limit)
+
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """What a limit would take away, for limits from the middle to the top of what was asked for."""

@@ -1,0 +1,41 @@
+"""`antidrive friction`: a quick friction test from a staircase of speeds or slow sweeps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import typer
+
+from antidrive.common_words import OUT, Force, Json, Out, Quiet
+from antidrive.log_words import with_log
+
+
+@with_log
+def friction(
+    context: typer.Context, log: Any, force: Force = False, out: Out = OUT, quiet: Quiet = False, json: Json = False
+) -> None:
+    """Friction over speed from a staircase or slow sweeps: friction.csv, friction.json, model.json, report.html."""
+    from antidrive.friction_page import friction_page
+    from antidrive.output import whole_folder, write_json, written
+    from antidrive.provenance import Provenance
+    from antidrive.voice import Voice
+    from identification.friction_test import friction_test
+    from plant.model_file import ModelFile
+
+    voice = Voice(quiet=quiet, json=json, words=context.obj)
+    with whole_folder(out) as draft:
+        with voice.progress("reading") as progress:
+            measured = log.read(progress)
+        found = friction_test(measured.log.usable(force=force))
+        content, model = found.to_dict(), found.model
+        found.to_frame().to_csv(draft / "friction.csv", index=False, float_format="%.10g")
+        write_json(draft / "friction.json", content)
+        files = ["friction.csv", "friction.json", "report.html"]
+        if model is not None:
+            source = tuple({"file": s.file, "sha256": s.sha256} for s in found.log.sources)
+            ModelFile(model=model, std=found.model_std(), source=source).write(draft / "model.json")
+            files.insert(2, "model.json")
+        page = friction_page(found, Provenance.now(voice.words, found.log.sources))
+        (draft / "report.html").write_text(page, encoding="utf-8")
+    warned = [f"  warning: {text}" for text in found.log.warnings]
+    voice.result("\n".join([*found.sentences(), *warned, written(out, ", ".join(files))]), content)

@@ -1,0 +1,116 @@
+"""What leaves a model for drives and simulators: feed-forward, MuJoCo, URDF, Modelica, FMU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from antidrive.output import whole_folder, written
+from antidrive.own_effects import read_identified
+from antidrive.voice import Voice
+from plant.errors import BadParameter
+from plant.model_file import ModelFile
+
+Made = tuple[dict[str, str | bytes], list[str], dict[str, Any]]
+"""Files with their content, what they are in sentences, and for scripts."""
+
+
+def chosen(given: Mapping[str, bool], *, fmu: bool) -> str:
+    """Which form is asked for; empty for the controller.
+
+    Raises:
+        BadParameter: more than one.
+    """
+    found = [name for name, wanted in given.items() if wanted]
+    if len(found) + fmu > 1:
+        raise BadParameter(f"--{found[0]} and --{found[1] if len(found) > 1 else 'fmu'} are two exports; give one.")
+    return found[0] if found else ""
+
+
+def export_model(
+    model: Path,
+    form: str,
+    said: Mapping[str, Any],
+    *,
+    name: str,
+    single: bool,
+    effects: Path | None,
+    out: Path,
+    voice: Voice,
+) -> None:
+    """Write a model in one form.
+
+    Args:
+        model: file of the model.
+        form: "feedforward", "mujoco", "urdf", "modelica" or "plant".
+        said: words of the command line; of these the sample time counts, for an FMU.
+        name: with which files and what is in them begin.
+        single: whether a feed-forward calculates in single precision.
+        effects: file with effects of one's own.
+        out: folder for the files.
+        voice: how the command speaks.
+    """
+    read = read_identified(model, effects)
+    with whole_folder(out) as draft, voice.progress(f"writing {form}") as progress:
+        made = _plant(read, draft, said, name, progress) if form == "plant" else _TEXTS[form](read, name, single)
+        files, told, content = made
+        for name, text in files.items():
+            (draft / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+        names = sorted(path.name for path in draft.iterdir())
+    voice.result("\n".join([*told, written(out, ", ".join(names))]), {"schema": 1, "files": names, **content})
+
+
+def _feedforward(read: ModelFile, name: str, single: bool) -> Made:
+    from plant.feedforward import feedforward_code
+
+    made = feedforward_code(read.model, single=single, name=name)
+    return dict(made.files), made.sentences(), made.summary()
+
+
+def _mujoco(read: ModelFile, name: str, single: bool) -> Made:
+    from plant.mujoco_model import mujoco_model
+
+    made = mujoco_model(read.model, sample_time=read.sample_time, name=name)
+    content = {key: list(getattr(made, key)) for key in ("native", "called", "left_out")}
+    return dict(made.files), made.sentences(), content | {"timestep": made.timestep}
+
+
+def _urdf(read: ModelFile, name: str, single: bool) -> Made:
+    from plant.urdf import urdf
+
+    made = urdf(read.model, name=name)
+    told = ["A base and a link with one joint, with its damping, friction and limit."]
+    return {f"{name}.urdf": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
+
+
+def _plant(read: ModelFile, draft: Path, said: Mapping[str, Any], name: str, progress: Any) -> Made:
+    from antidrive.drives import sample_time
+    from antidrive.exports import fmu_entry
+    from antidrive.time_left import Parts
+    from plant.servo_fmu import servo_fmu
+
+    seconds, assumed = sample_time(said, read)
+    fmu = servo_fmu(read.model, sample_time=seconds, name=name)
+    done = Parts(len(fmu.compilers()), progress, doing="compiling the FMU").done
+    fmu.write(draft / f"{fmu.name}.fmu", after=done)
+    told, entry = fmu_entry(fmu)
+    rhythm = f"FMI 2.0 for co-simulation, with a sample of {seconds:g} s."
+    return {}, [told, rhythm, *assumed], {"fmus": [entry], "sample_time": seconds, "assumed": assumed}
+
+
+def _modelica(read: ModelFile, name: str, single: bool) -> Made:
+    from plant.modelica_class import modelica_class
+
+    title = name.capitalize()
+    made = modelica_class(read.model, name=title)
+    told = ["A class that needs no library; dry friction rises over its parameter friction_width."]
+    return {f"{title}.mo": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
+
+
+_TEXTS: dict[str, Callable[[ModelFile, str, bool], Made]] = {
+    "feedforward": _feedforward,
+    "mujoco": _mujoco,
+    "urdf": _urdf,
+    "modelica": _modelica,
+}

@@ -1,0 +1,70 @@
+"""`antidrive plan`: the first experiment on a machine, before there is any log of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from antidrive.common_words import Json, Quiet
+
+
+def plan(
+    context: typer.Context,
+    limits: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME=VALUE,...",
+            help="What the drive may do: travel=-1:1,speed=5,acceleration=50 with a position loop [rad, rad/s, "
+            "rad/s^2; on a linear axis m]; or torque=2 without [N m].",
+        ),
+    ],
+    rate: Annotated[float, typer.Option(metavar="HZ", help="Samples per second.")] = 200.0,
+    out: Annotated[Path, typer.Option(metavar="FILE.csv", help="File for the plan.")] = Path(
+        "antidrive-out/experiment.csv"
+    ),
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Write the first experiment to record, within a drive's limits, before there is a log."""
+    from antidrive.output import whole_file
+    from antidrive.voice import Voice
+    from plant.first_experiment import first_experiment
+
+    voice = Voice(quiet=quiet, json=json, words=context.obj)
+    table = first_experiment(_limits(limits), rate=rate)
+    with whole_file(out) as draft:
+        table.to_csv(draft, index=False, float_format="%.9g")
+    turns = (table["part"] != table["part"].shift()).cumsum()
+    blocks = [(part["part"].iloc[0], float(part["time"].iloc[0]), len(part) / rate) for _, part in table.groupby(turns)]
+    played = "setpoint" if "setpoint" in table else "torque"
+    lines = [f"{name}: {length:.3g} s from {begin:.4g} s on" for name, begin, length in blocks if name != "rest"]
+    lines.append(f"In all {len(table) / rate:.4g} s, in the column {played}.")
+    lines.append(
+        f"Record torque (or current), angle and time at {rate:g} Hz or faster; stop the drive where it does harm."
+    )
+    content: dict[str, Any] = {"schema": 1, "file": str(out), "rate": rate, "duration": len(table) / rate}
+    content["parts"] = [{"part": name, "start": begin, "duration": length} for name, begin, length in blocks]
+    voice.result("\n".join([*lines, f"Written: {out}"]), content)
+
+
+def _limits(typed: str) -> Any:
+    from plant.errors import BadParameter
+    from plant.first_experiment import DriveLimits
+
+    given: dict[str, Any] = {}
+    for entry in typed.split(","):
+        name, _, text = (part.strip() for part in entry.partition("="))
+        try:
+            low_high = tuple(map(float, text.split(":")))
+        except ValueError:
+            low_high = ()
+        if name not in ("travel", "speed", "acceleration", "torque") or len(low_high) != 1 + (name == "travel"):
+            raise BadParameter(
+                f"--limits {entry!r}: write travel=-1:1,speed=5,acceleration=50, or torque=2 of a drive that takes one."
+            )
+        if name in given:
+            raise BadParameter(f"--limits names {name} twice; give it once.")
+        given[name] = low_high if name == "travel" else low_high[0]
+    return DriveLimits(**given)

@@ -1,0 +1,50 @@
+"""A prediction beside what was measured, as a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from antidrive.page import figure_json, page
+from antidrive.provenance import Provenance
+from identification.log import Log
+from identification.run import Run
+from plant.effects.effect import Array
+
+_DRAWN = 6  # runs, those with the largest errors
+
+
+def rms_error(run: Run, simulated: Array) -> float:
+    """Of the valid samples [rad or m, or per second of a log of the speed]."""
+    return float(np.sqrt(np.mean((simulated - run.measured)[run.valid] ** 2)))
+
+
+def prediction_page(log: Log, simulated: Sequence[Array], provenance: Provenance) -> str:
+    """The error of each run, and the runs with the largest ones measured and simulated.
+
+    Args:
+        log: that was simulated.
+        simulated: (T,) output of each run.
+        provenance: of the prediction.
+    """
+    from antidrive.figures import fit_figure
+
+    unit, runs = log.measured_unit, list(zip(log.runs, simulated, strict=True))
+    pictures = []
+    for run, output in sorted(runs, key=lambda pair: -rms_error(*pair))[:_DRAWN]:
+        seen = np.where(run.valid, run.measured, np.nan)
+        figure = fit_figure(run.time, seen, output, unit)
+        pictures.append((figure_json(figure), f"{run.label}: rms error {rms_error(run, output):.4g} {unit}."))
+    told = ["Open-loop simulation from the command alone; the start of each run is found from its first 0.2 s."]
+    if len(runs) > _DRAWN:
+        told += [f"Drawn are the {_DRAWN} of {len(runs)} runs with the largest errors."]
+    return page(
+        "picture",
+        provenance,
+        "Measured and simulated",
+        kind="Prediction",
+        sentences=told,
+        pictures=pictures,
+        data={"warnings": log.warnings, "repairs": log.repairs, "notes": log.notes},
+    )

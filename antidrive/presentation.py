@@ -1,0 +1,136 @@
+"""How results look in Python: in a picture, as a table, as a page, in a notebook. `plant.presented` asks for it."""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from antidrive.changes import Comparison
+from antidrive.output import whole_file
+from antidrive.pictures import plot as plot
+from antidrive.provenance import Provenance
+from diagnosis.diagnosis import Diagnosis
+from identification.fit_result import Fit
+from identification.friction_test import FrictionTest
+from identification.log import Log, Source
+from identification.simulation import free_simulation
+from plant.drive_table import DriveTable
+from plant.errors import BadParameter
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_ROWS = 12  # of a table in a notebook
+
+
+@singledispatch
+def to_frame(result: Any) -> pd.DataFrame:
+    """See `plant.presented.Presented.to_frame`."""
+    raise BadParameter(f"A {type(result).__name__} is no table.")
+
+
+@to_frame.register
+def _(result: Log) -> Any:
+    import pandas as pd
+
+    parts = [
+        pd.DataFrame(
+            {"run": run.run, "time": run.zero + run.time, "command": run.command, result.response: run.measured}
+        )
+        for run in result.runs
+    ]
+    frame = pd.concat([part.assign(valid=run.valid) for part, run in zip(parts, result.runs, strict=True)])
+    frame.attrs["units"] = {"time": "s", "command": result.command_unit, result.response: result.measured_unit}
+    return frame.reset_index(drop=True)
+
+
+@to_frame.register
+def _(result: Fit) -> Any:
+    import pandas as pd
+
+    columns = ("name", "value", "std", "unit", "start", "fixed", "at_bound")
+    return pd.DataFrame([{c: getattr(p, c) for c in columns} for p in result.parameters]).set_index("name")
+
+
+@to_frame.register
+def _(result: Diagnosis) -> Any:
+    """A row for each parameter of each cause, the rivals beside it."""
+    import pandas as pd
+
+    columns = ["effect", "probability", "gain", "parameter", "value", "std", "unit", "rivals"]
+    rows = [
+        (
+            cause.effect,
+            cause.probability,
+            cause.gain,
+            name,
+            estimate.value,
+            estimate.std,
+            estimate.unit,
+            ", ".join(rival for rival, _ in cause.alternatives),
+        )
+        for cause in result.causes
+        for name, estimate in cause.parameters.items()
+    ]
+    return pd.DataFrame(rows, columns=columns).set_index("effect")
+
+
+def html(result: Any) -> str:
+    """See `plant.presented.Presented`: the first line in words, and the table."""
+    table = result.to_frame()
+    first = _headline(result)
+    return f"<p>{escape(first)}</p>{table.to_html(max_rows=_ROWS, notebook=True)}"
+
+
+def _headline(result: Any) -> str:
+    if isinstance(result, DriveTable):
+        return f"{result.ends[1]}: {result.meaning}"
+    return str(result).splitlines()[0] if not isinstance(result, Log) else repr(result)
+
+
+def report(result: Any, path: Path) -> Path:
+    """See `plant.presented.Presented.report`."""
+    with whole_file(path) as draft:
+        draft.write_text(_page(result), encoding="utf-8")
+    return path
+
+
+@singledispatch
+def _page(result: Any) -> str:
+    raise BadParameter(f"A {type(result).__name__} has no report.")
+
+
+def _made(sources: tuple[Source, ...]) -> Provenance:
+    return Provenance.now(("python",), sources)
+
+
+@_page.register
+def _(result: Fit) -> str:
+    from antidrive.report import fit_page
+    from diagnosis import blind_spots
+
+    simulated = free_simulation(result.log, result.model)
+    return fit_page(result, simulated, _made(result.log.sources), warnings=blind_spots(result))
+
+
+@_page.register
+def _(result: Diagnosis) -> str:
+    from antidrive.report import diagnosis_page
+
+    return diagnosis_page(result, _made(result.base.log.sources))
+
+
+@_page.register
+def _(result: FrictionTest) -> str:
+    from antidrive.friction_page import friction_page
+
+    return friction_page(result, _made(result.log.sources))
+
+
+@_page.register
+def _(result: Comparison) -> str:
+    from antidrive.changes_page import changes_page
+
+    return changes_page(result, _made(result.diagnosis.base.log.sources))

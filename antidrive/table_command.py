@@ -1,0 +1,79 @@
+"""`antidrive table`: what a drive compensates by a map or a number."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from antidrive import completion
+from antidrive.common_words import OUT, Json, Out, Quiet
+from antidrive.fit_words import Effects
+
+
+def table(
+    context: typer.Context,
+    kind: Annotated[
+        str,
+        typer.Argument(
+            metavar="KIND",
+            autocompletion=completion.tables,
+            help=f"{', '.join(completion.TABLES[:-1])} or {completion.TABLES[-1]}.",
+        ),
+    ],
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model that the table is of.")],
+    points: Annotated[int, typer.Option(help="Rows of the table.")] = 64,
+    reach: Annotated[
+        str | None, typer.Option("--range", metavar="LOW:HIGH", help="First and last velocity, angle or torque.")
+    ] = None,
+    single: Annotated[bool, typer.Option("--single", help="C arrays in single precision.")] = False,
+    effects: Effects = None,
+    out: Out = OUT,
+    quiet: Quiet = False,
+    json: Json = False,
+) -> None:
+    """Write friction, cogging and the like as a table for a drive: KIND.csv and C arrays."""
+    from antidrive.output import whole_folder, written
+    from antidrive.own_effects import read_identified
+    from antidrive.table_files import NUMBERS, c_numbers, c_table, csv_text, numbers_of, said
+    from antidrive.voice import Voice
+    from plant.drive_table import drive_table
+    from plant.errors import BadParameter
+
+    voice, read = Voice(quiet=quiet, json=json, words=context.obj), read_identified(model, effects)
+    if kind not in completion.TABLES:
+        raise BadParameter(f"There is no table {kind!r}; there are {', '.join(completion.TABLES)}.")
+    if kind in NUMBERS:
+        numbers = numbers_of(read, kind)
+        if not numbers:
+            raise BadParameter(f"{model}: has no {kind.replace('-', ' ')}.")
+        columns = {field: [getattr(number, field) for number in numbers] for field in ("name", "value", "std", "unit")}
+        csv, header = csv_text(columns, {}), c_numbers(kind, numbers, single=single)
+        lines = [str(number) for number in numbers]
+        content = {"schema": 1, "kind": kind, "numbers": [vars(number) for number in numbers]}
+    else:
+        made = drive_table(read.model, kind, points=points, reach=_range(reach))
+        csv, header = csv_text(made.columns, made.units), c_table(made, single=single)
+        first, last = made.ends
+        from_to = f"{made.columns[first][0]:.4g} to {made.columns[first][-1]:.4g} {made.units[first]}"
+        lines = [f"{made.points} points of the {first} from {from_to}. {last}: {made.meaning}.", *said(made)]
+        content = {"schema": 1, "kind": kind, "columns": made.columns, "units": made.units, "notes": made.notes}
+        content |= {"harmonics": made.harmonics, "largest_error": made.largest_error}
+    files = {f"{kind}.csv": csv, f"antidrive_{kind.replace('-', '_')}.h": header}
+    with whole_folder(out) as draft:
+        for name, text in files.items():
+            (draft / name).write_text(text, encoding="utf-8")
+    voice.result("\n".join([*lines, written(out, ", ".join(files))]), {**content, "files": list(files)})
+
+
+def _range(typed: str | None) -> tuple[float, float] | None:
+    from plant.errors import BadParameter
+
+    if typed is None:
+        return None
+    try:
+        low, high = map(float, typed.split(":"))
+    except ValueError:
+        raise BadParameter(f"--range {typed!r}: write it as LOW:HIGH, for example --range -5:5.") from None
+    return low, high

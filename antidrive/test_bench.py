@@ -1,0 +1,111 @@
+"""The test bench of a model: the rig with the model's mechanics, and teeth, rotors and encoders that fit its size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from plant.drive_train import DriveTrain
+from plant.effects import (
+    Backlash,
+    Cogging,
+    CoulombFriction,
+    Effect,
+    GravityOffset,
+    LoadDependentFriction,
+    QuadraticDrag,
+    StribeckFriction,
+    TorqueOffset,
+)
+from plant.rig import Rig
+from plant.servo import ServoModel
+
+_ROTORS = 0.04  # of the whole inertia, as on the paper-like rig
+_PRESSED = {"rotary": 1.2e-4, "linear": 1e-5}  # by how much the greatest torque presses teeth [rad], [m]: likewise
+_GAP = {"rotary": 1.2e-3, "linear": 5e-5}  # free play [rad], [m]
+_DAMPED = 0.107  # of a rotor on its teeth, as a share of critical: likewise
+_OWN_STEP = 0.5  # of the longest step that follows these teeth
+_LONGEST_STEP = 20e-6  # [s]
+_MECHANICS = frozenset(
+    {
+        *("inertia", "gravity", "gravity_offset", "viscous_friction", "coulomb_friction", "breakaway_excess"),
+        *("stribeck_velocity", "quadratic_drag", "cogging_amplitude", "cogging_order", "cogging_phase"),
+        "torque_offset",
+    }
+)
+"""Fields of the rig that a model says."""
+
+
+def test_bench(
+    model: ServoModel, train: DriveTrain, kept: Mapping[str, float], *, max_torque: float, told: Mapping[str, Any]
+) -> tuple[Rig, list[str]]:
+    """The rig for a model, and what is to be said of it, in sentences.
+
+    Args:
+        model: all that moves, rotors in mesh included.
+        train: its drives.
+        kept: what a scenario says of teeth, motors and encoders; what it says of mechanics gives way to the model.
+        max_torque: of a drive [N m].
+        told: attributes of the controller that say what the machine is: rotors, motor friction, encoder.
+    """
+    said, missing = {"gravity": model.gravity, "viscous_friction": model.viscous_friction}, []
+    for effect in model.effects:
+        found = _fields(effect)
+        missing += [effect.title] if found is None else []
+        said |= found or {}
+    squares = train.motor_ratios**2
+    rotor = float(np.max(told.get("rotor_inertia", 0.0))) or _ROTORS * model.inertia / float(np.sum(squares))
+    seen = rotor * squares
+    stiffness = max_torque * float(np.max(train.mesh_ratios)) / _PRESSED[model.axis]
+    lightest = min(float(np.min(seen)), model.inertia - float(np.sum(seen)))
+    teeth = {
+        "rotor_inertia": rotor,
+        "motor_viscous": 0.0,
+        "motor_coulomb": float(np.max(told.get("motor_friction", 0.0))),
+        "backlash": _GAP[model.axis],
+        "flank_stiffness": stiffness,
+        "flank_damping": 2 * _DAMPED * float(np.sqrt(stiffness * abs(lightest))),
+        "encoder_counts": round(2 * np.pi / told.get("encoder_resolution", 2 * np.pi / 2**17)),
+        "encoder_noise": told.get("encoder_noise", 2e-5),
+        "fine_step": min(_LONGEST_STEP, _OWN_STEP * float(np.sqrt(abs(lightest) / stiffness)) / 8),
+    }
+    others = {name: value for name, value in kept.items() if name not in _MECHANICS}
+    numbers: dict[str, Any] = {**teeth, **said, **others, "inertia": model.inertia - float(np.sum(seen))}
+    rig = Rig(gears=train, drives=tuple(range(1, train.drives + 1)), **numbers)
+    unit = "kg m^2" if model.axis == "rotary" else "kg"
+    notes = [f"The test bench is built from the model: {model.inertia:.4g} {unit}, drives {train}."]
+    if missing:
+        notes.append(f"Not on the test bench, though in the model: {', '.join(missing)}.")
+    return rig, notes
+
+
+def _fields(effect: Effect) -> dict[str, float] | None:
+    """The fields of the rig that an effect is; None of an effect that no rig has."""
+    match effect:
+        case CoulombFriction():
+            return {"coulomb_friction": effect.torque}
+        case StribeckFriction():
+            speed = effect.velocity
+            return {"coulomb_friction": effect.coulomb, "breakaway_excess": effect.excess, "stribeck_velocity": speed}
+        case GravityOffset():
+            return {"gravity_offset": effect.beta}
+        case QuadraticDrag():
+            return {"quadratic_drag": effect.drag}
+        case TorqueOffset():
+            return {"torque_offset": effect.torque}
+        case LoadDependentFriction():
+            return {"mesh_friction": effect.coefficient}
+        case Backlash():
+            return {"backlash": effect.gap}
+        case Cogging():
+            phase = {"cogging_order": effect.order, "cogging_phase": effect.phase}
+            return {"cogging_amplitude": effect.amplitude, **phase}
+        case _:
+            return None
+
+
+def is_built(kept: Mapping[str, float]) -> bool:
+    """Whether a scenario leaves its machine to the model: one that says its inertia has a machine of its own."""
+    return "inertia" not in kept

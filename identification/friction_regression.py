@@ -1,0 +1,125 @@
+"""What friction is worth its parameters, by regression over windows of a log.
+
+Outlying windows count less (Huber 1964); which effects are kept says the Bayesian information criterion (Schwarz 1978).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from identification.errors import Unidentifiable
+from plant.effects.effect import Array
+
+_HUBER = 1.345  # standard deviations beyond which a window counts less: 95 % efficient on Gaussian noise
+_SCALES = np.geomspace(0.01, 0.5, 12)  # Stribeck velocities that are tried, as shares of the top speed
+_TOLD = 5.0  # times its error, by which the velocity must change in windows for an inertia to be told
+_STEPS = 20  # to the Stribeck velocity between them
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Regression:
+    """Least squares of the torque of windows.
+
+    Attributes:
+        values, std: of the coefficients, by name.
+        columns: (W,) what each multiplies.
+        residual: rms of what is left [N m].
+        spread: the same squared, with outlying windows counting less.
+        independent: how many independent windows there are, as what is left follows itself.
+    """
+
+    values: dict[str, float]
+    std: dict[str, float]
+    columns: dict[str, Array]
+    residual: float
+    spread: float
+    independent: float
+
+
+def best_of(found: list[Regression]) -> Regression:
+    """By the Bayesian information criterion, for as many independent windows as the closest candidate leaves."""
+    if not found:
+        raise Unidentifiable("The log does not tell friction apart; record several speeds, slow and fast, both ways.")
+    count = min(found, key=lambda one: one.spread).independent
+    return min(found, key=lambda one: count * np.log(one.spread) + len(one.values) * np.log(count))
+
+
+def candidates(rows: dict[str, Array], one_way: bool, rotary: bool) -> Iterable[Regression]:
+    """Least squares with every choice of what may be there."""
+    v = rows["velocity"]
+    always = {"coulomb": np.sign(v), "viscous": v}
+    if not one_way:
+        always["offset"] = np.ones_like(v)
+    told = np.std(rows["change"]) > _TOLD * np.sqrt(2.0) * np.median(rows["velocity_error"])
+    scales = [0.0, *(_SCALES * np.max(np.abs(v)))]
+    for inertia, gravity, scale in product(
+        (False, True) if told else (False,), (False, True) if rotary else (False,), scales
+    ):
+        columns = dict(always)
+        if inertia:
+            columns["inertia"] = rows["acceleration"]
+        if gravity:
+            columns |= {"gravity": rows["cos"], "gravity_quadrature": rows["sin"]}
+        if scale:
+            columns["excess"] = _hump(rows, scale)
+        found = _fitted(columns, rows["torque"])
+        if found is not None and (not scale or found.values["excess"] > 0.0):
+            yield replace(found, values=found.values | ({"stribeck_velocity": float(scale)} if scale else {}))
+
+
+def _hump(rows: dict[str, Array], scale: float) -> Array:
+    """Mean of the Stribeck curve over each window, as the velocity changes in it; by Simpson's rule."""
+    v, half = rows["velocity"], 0.5 * rows["change"]
+    slow, middle, fast = (np.exp(-(((v + part) / scale) ** 2)) for part in (-half, 0.0, half))
+    return np.asarray(np.sign(v) * (slow + 4.0 * middle + fast) / 6.0)
+
+
+def refined(found: Regression, rows: dict[str, Array]) -> Regression:
+    """With the Stribeck velocity between those that were tried, by Gauss and Newton's method, and its error."""
+    best, scale = found, found.values.get("stribeck_velocity", 0.0)
+    speed = np.abs(rows["velocity"])
+    for _ in range(_STEPS if scale else 0):
+        columns = dict(best.columns)
+        columns["excess"] = _hump(rows, scale)
+        slope = 2.0 * best.values["excess"] * columns["excess"] * speed**2 / scale**3
+        tried = _fitted(columns | {"stribeck_velocity": slope}, rows["torque"])
+        if tried is None or tried.values["excess"] <= 0.0:
+            return found
+        scale *= float(np.exp(np.clip(tried.values["stribeck_velocity"] / scale, -0.3, 0.3)))
+        best = replace(tried, values=tried.values | {"stribeck_velocity": scale}, columns=columns)
+    return best if best.spread <= found.spread else found
+
+
+def _fitted(columns: dict[str, Array], torque: Array) -> Regression | None:
+    """Huber's regression; None where the columns cannot be told apart."""
+    matrix = np.column_stack(list(columns.values()))
+    scale = np.linalg.norm(matrix, axis=0)
+    if torque.size <= matrix.shape[1] + 1 or np.any(scale == 0.0):
+        return None
+    scaled = matrix / scale
+    if np.linalg.cond(scaled) > 1e3:
+        return None
+    weights = np.ones_like(torque)
+    for _ in range(20):
+        solution = np.linalg.lstsq(scaled * np.sqrt(weights)[:, None], torque * np.sqrt(weights), rcond=None)[0]
+        off = torque - scaled @ solution
+        sigma = max(1.4826 * float(np.median(np.abs(off))), 1e-12 * float(np.max(np.abs(torque))))
+        weights = np.minimum(1.0, _HUBER * sigma / np.maximum(np.abs(off), 1e-300))
+    memory = float(np.clip(np.corrcoef(off[1:], off[:-1])[0, 1], 0.0, 0.95)) if np.ptp(off) > 0.0 else 0.0
+    independent = torque.size * (1.0 - memory) / (1.0 + memory)
+    spread = float(np.sum(weights * off**2)) / np.sum(weights)
+    covariance = spread * np.linalg.inv((scaled * weights[:, None]).T @ scaled) * torque.size / independent
+    size = np.abs(off)
+    huber = np.where(size <= _HUBER * sigma, off**2, 2.0 * _HUBER * sigma * size - (_HUBER * sigma) ** 2)
+    return Regression(
+        values={name: float(value) for name, value in zip(columns, solution / scale, strict=True)},
+        std={name: float(value) for name, value in zip(columns, np.sqrt(np.diag(covariance)) / scale, strict=True)},
+        columns=columns,
+        residual=float(np.sqrt(np.mean(off**2))),
+        spread=max(float(np.mean(huber)), 1e-300),
+        independent=max(independent, 2.0),
+    )

@@ -1,0 +1,172 @@
+"""What a controller takes over from the one that ran before it, so that the loop goes on without a bump."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mpc.drive import DriveInverse
+from mpc.estimator import Estimator
+from mpc.filter import covariance_of, motor_place, place_of_covariance
+from plant.effects import State
+from plant.servo import ServoModel
+
+Array = NDArray[np.float64]
+
+_CLOSE, _ROUNDS = 1e-10, 10  # of the search for the torque that nobody knows: its last step, and how many there are
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Running:
+    """What of a controller goes on.
+
+    Attributes:
+        model: that it works with.
+        sample_time: [s].
+        late: whole samples by which the command is late.
+        greatest: torque on the load [N m].
+        estimator: which shares its belief with the arrays.
+        arrays: by name, and of them those that are `remembered`.
+    """
+
+    model: ServoModel
+    sample_time: float
+    late: int
+    greatest: float
+    estimator: Estimator
+    arrays: Mapping[str, Array]
+    remembered: tuple[str, ...]
+
+
+def hand_over(old: Running, new: Running) -> None:
+    """Let `new` go on where `old` is: with its estimate, its reference, its plan and the torques under way.
+
+    What has the same shape in both is copied. A longer delay or horizon is filled with what is known at its end. A new
+    model sees the load where the old one saw it, and its unknown torque is such that the load accelerates as it did: a
+    torque that held a payload nobody knew of still holds it when the model knows.
+    """
+    if not old.estimator.belief[0]:
+        return
+    mine, theirs = old.arrays, new.arrays
+    for name in new.remembered:
+        if theirs[name].size == mine[name].size:
+            theirs[name][:] = mine[name]
+    _past(old, new)
+    _plan(old, new)
+    if old.sample_time != new.sample_time:
+        theirs["numbers"][0] = 0.0  # the wanted angles were so far apart in time
+    if old.model.effects != new.model.effects:
+        theirs["learnt"][:] = 0.0  # of another friction
+    if old.model != new.model or mine["belief"].size != theirs["belief"].size:
+        _estimate(old, new)
+
+
+def _past(old: Running, new: Running) -> None:
+    """The torques that were commanded, each as the new model's drive puts it out, and what of them was for friction."""
+    velocity, count, wanted = float(old.estimator.belief[4]), old.late + 2, new.late + 2
+    before, after = (DriveInverse.of(each.model)[0] for each in (old, new))
+    net, rubs = old.arrays["past"][:count], old.arrays["rubs"][:count]
+    if before != after:
+        net = np.asarray(after.effective(before.command(net + rubs, velocity), velocity)) - rubs
+    for name, torques in (("past", net), ("rubs", rubs)):
+        kept = torques[-wanted:]
+        new.arrays[name][:wanted] = np.append(np.full(wanted - kept.size, kept[0]), kept)
+
+
+def _plan(old: Running, new: Running) -> None:
+    """The torques that were planned, which are a first guess; those of another horizon begin and end alike."""
+    mine, theirs = old.arrays["plan"], new.arrays["plan"]
+    if mine.size == theirs.size:
+        return
+    kept = mine[1 : theirs.size]
+    theirs[0] = mine[0]
+    theirs[1:] = np.append(kept, np.full(theirs.size - 1 - kept.size, kept[-1]))
+
+
+def _estimate(old: Running, new: Running) -> None:
+    """The state and its covariance by the names of the states; what only the new model has begins at rest."""
+    mine, theirs = old.estimator, new.estimator
+    torque = float(new.arrays["past"][new.late + 1])
+    theirs.start(float(mine.belief[3]), torque)
+    names = [_names(each) for each in (mine, theirs)]
+    known = [name for name in names[1] if name in names[0]]
+    here, there = ([own.index(name) for name in known] for own in names)
+    values = [_values(each) for each in (mine, theirs)]
+    spreads = [covariance_of(each.belief, len(own)) for each, own in zip((mine, theirs), names, strict=True)]
+    values[1][there] = values[0][here]
+    spreads[1][there] = 0.0  # what is known and what is not yet have nothing to do with each other
+    spreads[1][:, there] = 0.0
+    spreads[1][np.ix_(there, there)] = spreads[0][np.ix_(here, here)]
+    n = len(theirs.predictor.model.states)
+    theirs.belief[2], theirs.belief[3 : 3 + n] = values[1][n], values[1][:n]
+    theirs.belief[3 + n : 2 + len(names[1])] = values[1][n + 1 :]
+    theirs.belief[place_of_covariance(len(names[1]))] = spreads[1][np.tril_indices(len(names[1]))]
+    _go_on_accelerating(old, new)
+
+
+def _names(estimator: Estimator) -> list[str]:
+    offsets = ["offset 1", "offset 2"] if estimator.motors else []
+    return [*estimator.predictor.model.states, "disturbance", *offsets]
+
+
+def _values(estimator: Estimator) -> Array:
+    """State, disturbance and offsets, in the order of the covariance."""
+    n, m = len(estimator.predictor.model.states), len(_names(estimator))
+    belief = estimator.belief
+    return np.concatenate((belief[3 : 3 + n], belief[2:3], belief[3 + n : 2 + m]))
+
+
+def _go_on_accelerating(old: Running, new: Running) -> None:
+    """Choose the disturbance, and the twist of a flexible drivetrain, so that the load accelerates as it did.
+
+    Newton's method on the change of velocity over a sample: of the load, and of a motor of its own motion, which then
+    keeps pace with it.
+    """
+    belief, n = new.estimator.belief, len(new.estimator.predictor.model.states)
+    motor, torques = motor_place(new.estimator.predictor.model), _torque_states(new)
+    wanted = _gained(old)[0] / old.sample_time * new.sample_time
+    start, acting = belief[3 : 3 + n].copy(), float(new.arrays["past"][new.late + 1])
+    units = np.array([new.greatest, _turned(new)] if motor else [new.greatest])
+
+    def off(unknown: Array) -> Array:
+        """(1,) or (2,) for a disturbance, and a twist, in their units."""
+        belief[2] = unknown[0] * units[0]
+        belief[3 : 3 + n] = start
+        belief[3 + torques] = acting + belief[2]  # what has settled
+        if motor:
+            belief[3 + motor] = start[0] + unknown[1] * units[1]
+            belief[4 + motor] = start[1]
+        return np.asarray(_gained(new)[: units.size] - wanted)
+
+    unknown, small = np.append(belief[2], np.zeros(units.size - 1)) / units, 1e-3
+    for _ in range(_ROUNDS):
+        miss = off(unknown)
+        slopes = [(off(unknown + small * row) - miss) / small for row in np.eye(units.size)]
+        step = np.asarray(np.linalg.lstsq(np.column_stack(slopes), miss, rcond=None)[0], dtype=np.float64)
+        if not np.isfinite(step).all() or np.max(np.abs(step)) < _CLOSE:
+            break
+        unknown = unknown - step
+    off(unknown)
+
+
+def _torque_states(running: Running) -> NDArray[np.intp]:
+    """Which states are torques on their way through an actuator."""
+    return np.flatnonzero([kind is State.TORQUE for kind in running.estimator.predictor.model.kinds])
+
+
+def _turned(running: Running) -> float:
+    """How far the greatest torque turns the free load in a sample [rad]."""
+    return running.greatest / running.model.inertia * running.sample_time**2
+
+
+def _gained(running: Running) -> Array:
+    """(2,) change of velocity of the load and of a motor over the coming sample under the torque that acts [rad/s]."""
+    estimator, state = running.estimator, running.estimator.state
+    assert state is not None
+    acting = running.arrays["past"][running.late + 1]
+    ahead = estimator.predictor.look_ahead(state, np.full(2, acting), estimator.disturbance)
+    motor = motor_place(estimator.predictor.model)
+    return np.asarray((ahead.states[1] - state)[[1, motor + 1]])

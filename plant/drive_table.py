@@ -1,0 +1,266 @@
+"""Tables for drives: friction over velocity, cogging and position error over the angle, dead zone over the torque."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from plant.effects import Cogging, DeadZone, Effect, EncoderEccentricity, Stage
+from plant.effects.effect import TURN, Array
+from plant.effects.ripple import HARMONICS, Ripple
+from plant.errors import BadParameter
+from plant.inverse import moving, strength, torque_unit
+from plant.presented import Presented
+from plant.servo import ServoModel
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_FINER = 16  # looks between two points, for the error of a straight line
+_WHOLE = 1e-3  # of a period, by which a number of them is a whole one
+_ROUNDS = 50  # to the angle at which a sensor shows another one; each cuts the rest by the slope of its error
+_DEAD_ZONES = 10.0  # half widths that the table of a dead zone reaches
+
+Parts: TypeAlias = dict[str, Callable[[Array], Array]]
+Waves: TypeAlias = tuple[tuple[float, float, float], ...]
+"""Of each sine n, amplitude A and phase p: A sin(n x + p)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DriveTable(Presented):
+    """A table of points between which a drive draws straight lines.
+
+    Attributes:
+        kind: one of `KINDS`.
+        columns: by name, (points,) values: the variable first, the result last, and between them what it is made of.
+        units: of the columns.
+        meaning: what the last column is, in a sentence.
+        notes: what is to be known of it, a sentence each.
+        harmonics: the sines that it is made of.
+        largest_error: of straight lines between the points, in the unit of the last column.
+    """
+
+    kind: str
+    columns: Mapping[str, Array]
+    units: Mapping[str, str]
+    meaning: str
+    notes: tuple[str, ...]
+    harmonics: Waves
+    largest_error: float
+
+    @property
+    def points(self) -> int:
+        """How many rows."""
+        return len(next(iter(self.columns.values())))
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """Names of the variable and of the result."""
+        names = list(self.columns)
+        return names[0], names[-1]
+
+    def to_frame(self) -> pd.DataFrame:
+        """The columns as a table; `attrs["units"]` has their units."""
+        import pandas as pd
+
+        frame = pd.DataFrame(dict(self.columns))
+        frame.attrs["units"] = dict(self.units)
+        return frame
+
+
+def drive_table(
+    model: ServoModel, kind: str, *, points: int = 64, reach: tuple[float, float] | None = None
+) -> DriveTable:
+    """A table of what a drive has to compensate.
+
+    Args:
+        model: the servo.
+        kind: "friction" over velocity: torque to add in steady motion; "cogging" and "gravity" over the angle: torque
+            to add; "position-error" over the angle that the sensor shows: what it shows too much; "dead-zone" over
+            the torque that shall arrive: command for it.
+        points: rows.
+        reach: first and last value of the variable. By default a turn of the load per second in both directions, one
+            turn of the load without its end (on a linear axis one period), and ten half widths of the dead zone.
+
+    Raises:
+        BadParameter: the model has no such effect, or the points do not suffice for its periods.
+    """
+    if kind not in KINDS:
+        raise BadParameter(f"There is no table {kind!r}; there are {', '.join(KINDS)}.")
+    if points < 2:
+        raise BadParameter(f"A table has at least 2 points, not {points}.")
+    if reach is not None and not (np.isfinite(reach).all() and reach[0] < reach[1]):
+        raise BadParameter(f"A table goes from a lower to a higher value, not from {reach[0]:g} to {reach[1]:g}.")
+    model = model.without_clock()
+    variable, parts, notes = KINDS[kind](model)
+    waves = tuple(wave for effect in model.effects if effect.name in parts for wave in harmonics(effect))
+    low, high = reach if reach is not None else _usual(model, kind, waves)
+    _enough(points, low, high, waves)
+    whole_turn = reach is None and bool(waves)
+    if whole_turn and any(
+        abs(_periods(order, low, high) - round(_periods(order, low, high))) > 1e-3 for order, *_ in waves
+    ):
+        notes.append("It is no whole number of periods: its end does not join its beginning.")
+    at = np.linspace(low, high, points, endpoint=not whole_turn)
+    error, jumps = _line_error(parts, at)
+    if jumps:
+        notes.append("It jumps at zero: on each side, go on straight to zero from the two nearest points.")
+    shares = {name: part(at) for name, part in parts.items()} if len(parts) > 1 else {}
+    motion, unit = moving(model), torque_unit(model)
+    place, result = next(iter(motion)), _RESULTS.get(kind, strength(model))
+    columns = {variable: at, **shares, result: _together(parts, at)}
+    of_result = motion[place] if kind == "position-error" else unit
+    return DriveTable(
+        kind=kind,
+        columns=columns,
+        units={**dict.fromkeys(columns, of_result), variable: {**motion, strength(model): unit}[variable]},
+        meaning=_MEANINGS[kind].format(torque=strength(model), place=place),
+        notes=tuple(notes),
+        harmonics=waves,
+        largest_error=error,
+    )
+
+
+def _periods(order: float, low: float, high: float) -> float:
+    return order * (high - low) / TURN
+
+
+def _enough(points: int, low: float, high: float, waves: Waves) -> None:
+    most = max((_periods(order, low, high) for order, *_ in waves), default=0.0)
+    if points <= 2.0 * most:
+        raise BadParameter(
+            f"{points} points are too few for {most:.4g} periods from {low:.4g} to {high:.4g}; "
+            f"give {int(np.ceil(8.0 * most))} or more."
+        )
+
+
+def _together(parts: Parts, at: Array) -> Array:
+    return np.asarray(np.sum([part(at) for part in parts.values()], axis=0))
+
+
+def _line_error(parts: Parts, at: Array) -> tuple[float, bool]:
+    """How far straight lines between the points are off, and whether there is a jump at zero, beside which none are."""
+    fine = np.linspace(at[0], at[-1], _FINER * (at.size - 1) + 1)
+    beside = 1e-9 * (at[-1] - at[0]) * np.array([-1.0, 1.0])
+    whole, points, step = (_together(parts, place) for place in (fine, at, beside))
+    drawn = np.interp(fine, at, points)
+    jumps = bool(at[0] < 0.0 < at[-1] and abs(np.diff(step)[0]) > 1e-6 * np.max(np.abs(whole)))
+    if jumps:
+        for side in (-1.0, 1.0):
+            nearest = np.argsort(np.where(side * at > 0.0, side * at, np.inf))[: min(2, int(np.sum(side * at > 0.0)))]
+            line = np.polyfit(at[nearest], points[nearest], nearest.size - 1)
+            between = (side * fine > 0.0) & (side * fine < side * at[nearest[0]])
+            drawn[between] = np.polyval(line, fine[between])
+        drawn[fine == 0.0] = whole[fine == 0.0]
+    return float(np.max(np.abs(whole - drawn))), jumps
+
+
+def harmonics(effect: Effect) -> list[tuple[float, float, float]]:
+    """The sines that a wave is made of: n, amplitude A and phase p of A sin(n x + p)."""
+    if isinstance(effect, Cogging | EncoderEccentricity):
+        return [(effect.order, effect.amplitude, effect.phase)]
+    if isinstance(effect, Ripple):
+        sines, cosines = effect.values[1::2], effect.values[2::2]
+        orders = [k * effect.rate for k in range(1, HARMONICS + 1)]
+        found = zip(orders, np.hypot(sines, cosines), np.arctan2(cosines, sines), strict=True)
+        return [(order, float(size), float(phase)) for order, size, phase in found if size > 0.0]
+    return []
+
+
+def _usual(model: ServoModel, kind: str, waves: Waves) -> tuple[float, float]:
+    if kind == "friction":
+        return (-TURN, TURN) if model.axis == "rotary" else (-1.0, 1.0)
+    if kind == "dead-zone":
+        zone = model.effect("dead_zone")
+        width = zone.half_width if isinstance(zone, DeadZone) else 0.0
+        return -_DEAD_ZONES * width, _DEAD_ZONES * width
+    if model.axis == "linear" and waves:
+        return 0.0, TURN / min(order for order, _, _ in waves)
+    return 0.0, TURN if model.axis == "rotary" else 1.0
+
+
+def _friction(model: ServoModel) -> tuple[str, Parts, list[str]]:
+    """In steady motion, without what depends on the load."""
+    parts: Parts = {"viscous_friction": lambda v: model.viscous_friction * v}
+    notes = []
+    for effect in model.effects:
+        steady = [one for one in (effect, *(effect.reduced() if effect.states else ())) if one.curve_over == "velocity"]
+        if steady:
+            parts[effect.name] = steady[0].curve
+        elif type(effect).dry_friction is not Effect.dry_friction:
+            notes.append(f"Not in the table, since it depends on more than the velocity: {effect.title}.")
+    return "velocity", parts, notes
+
+
+def _over_angle(model: ServoModel, *, periodic: bool) -> Parts:
+    return {
+        effect.name: lambda x, effect=effect: -effect.curve(x)  # type: ignore[misc]
+        for effect in model.effects
+        if effect.curve_over == "angle" and effect.stage is not Stage.SENSOR and effect.of_lines is periodic
+    }
+
+
+def _cogging(model: ServoModel) -> tuple[str, Parts, list[str]]:
+    parts = _over_angle(model, periodic=True)
+    return next(iter(moving(model))), _some(model, parts, "cogging"), []
+
+
+def _gravity(model: ServoModel) -> tuple[str, Parts, list[str]]:
+    own: Parts = {"gravity": lambda x: model.gravity * np.cos(x)} if model.axis == "rotary" else {}
+    parts = own | _over_angle(model, periodic=False)
+    return next(iter(moving(model))), _some(model, parts, "torque over the angle"), []
+
+
+def _position_error(model: ServoModel) -> tuple[str, Parts, list[str]]:
+    """Over what the sensor shows: where the load is instead is found by going back."""
+    errors = [e for e in model.effects if e.curve_over == "angle" and e.stage is Stage.SENSOR]
+
+    def true(shown: Array) -> Array:
+        found = shown
+        for _ in range(_ROUNDS):
+            before, found = found, shown - sum(effect.curve(found) for effect in errors)
+            if np.array_equal(before, found):
+                break
+        return found
+
+    parts: Parts = {e.name: lambda shown, e=e: e.curve(true(shown)) for e in errors}  # type: ignore[misc]
+    return next(iter(moving(model))), _some(model, parts, "position error"), []
+
+
+def _dead_zone(model: ServoModel) -> tuple[str, Parts, list[str]]:
+    zone = model.effect("dead_zone")
+    parts: Parts = {}
+    if isinstance(zone, DeadZone):
+        parts["dead_zone"] = lambda torque: torque + zone.half_width * np.sign(torque)
+    return strength(model), _some(model, parts, "dead zone"), []
+
+
+def _some(model: ServoModel, parts: Parts, what: str) -> Parts:
+    if not parts:
+        has = ", ".join(effect.title for effect in model.effects) or "none"
+        raise BadParameter(f"The model has no {what}; its effects: {has}.")
+    return parts
+
+
+KINDS: Mapping[str, Callable[[ServoModel], tuple[str, Parts, list[str]]]] = {
+    "friction": _friction,
+    "cogging": _cogging,
+    "gravity": _gravity,
+    "position-error": _position_error,
+    "dead-zone": _dead_zone,
+}
+"""Every table that has points."""
+
+_RESULTS = {"position-error": "error", "dead-zone": "command"}
+"""What the last column is called, where it is no torque (or force)."""
+
+_MEANINGS = {
+    "friction": "the {torque} to add at a steady velocity, because friction takes it",
+    "cogging": "the {torque} to add at an {place}, because cogging takes it",
+    "gravity": "the {torque} to add at an {place}, because gravity and springs take it",
+    "position-error": "what the sensor shows too much: subtract it",
+    "dead-zone": "the command for the {torque} that shall arrive",
+}

@@ -1,0 +1,103 @@
+"""What one or two drives on a load have in common, whether their teeth are known or only their ratios."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+class DriveTrain(ABC):
+    """m drives, two or one, on one load.
+
+    With theta the angle of the load, phi_i and xi_i the angle and torque of the shaft in front of the final mesh (the
+    pinion) and b_i the torque on the load for one newton metre there:
+
+        phi_i = b_i theta,    tau = sum_i b_i xi_i                    (equations 1 and 2 of the drive/anti-drive paper)
+
+    Drive 1 of two is the one that pushes the load backward, drive 2 pushes it forward; between them the teeth are kept
+    together. On a linear axis b is a force per torque [N/(N m)], and theta a position.
+    """
+
+    @property
+    @abstractmethod
+    def torque_map(self) -> Array:
+        """(m,) b: torque on the load for one newton metre of each pinion."""
+
+    @property
+    @abstractmethod
+    def pre_reductions(self) -> Array:
+        """(m,) turns of each motor for one turn of its pinion, above zero."""
+
+    @property
+    def drives(self) -> int:
+        """How many there are, m."""
+        return self.torque_map.size
+
+    @property
+    def senses(self) -> tuple[int, ...]:
+        """(m,) sign that each drive's torque keeps, +1 or -1; of a single drive, which keeps none, that of forward."""
+        forward = np.sign(self.torque_map).astype(int).tolist()
+        return (-forward[0], forward[1]) if len(forward) == 2 else tuple(forward)
+
+    @property
+    def mesh_ratios(self) -> Array:
+        """(m,) magnitudes of b."""
+        return np.abs(self.torque_map)
+
+    @property
+    def motor_ratios(self) -> Array:
+        """(m,) turns of each motor for one turn of the load, without the sign."""
+        return self.pre_reductions * self.mesh_ratios
+
+    @property
+    def ratio(self) -> float:
+        """Turns of motor 1 for one turn of the load (the paper's total gear reduction)."""
+        return float(self.motor_ratios[0])
+
+    @property
+    def angle_map(self) -> Array:
+        """(m,) pinion angles for one radian of the load, equation (1)."""
+        return self.torque_map
+
+    @property
+    def null_vector(self) -> Array:
+        """(m,) pinion torques that put no torque on the load (equation 3), the larger one 1 N m; zero of one drive."""
+        if self.drives == 1:
+            return np.zeros(1)
+        return np.array(self.senses) * self.mesh_ratios[::-1] / np.max(self.mesh_ratios)
+
+    def particular(self, torque: ArrayLike) -> Array:
+        """Pinion torques of least norm for a torque on the load, the first term of equation (3).
+
+        Args:
+            torque: on the load [N m], any shape (...).
+
+        Returns:
+            Pinion torques [N m], shape (..., m).
+        """
+        b = self.torque_map
+        return np.asarray(torque, dtype=np.float64)[..., None] * (b / (b @ b))
+
+    def split(self, torque: ArrayLike, preload: ArrayLike) -> Array:
+        """Pinion torques for a torque on the load and a preload, equation (3).
+
+        Args:
+            torque: on the load [N m], any shape (...).
+            preload: lambda, in units of the null vector, shape that broadcasts with `torque`.
+
+        Returns:
+            Pinion torques [N m], shape (..., m).
+        """
+        return self.particular(torque) + np.asarray(preload, dtype=np.float64)[..., None] * self.null_vector
+
+    def follower_torque(self, torques: ArrayLike) -> Array:
+        """Torque on the load [N m], shape (...), of pinion torques [N m], shape (..., m), equation (2)."""
+        return np.asarray(np.asarray(torques, dtype=np.float64) @ self.torque_map)
+
+    def load_speed(self, motor_speed: float) -> float:
+        """Speed of the load at a speed of motor 1, in the same unit and without the sign of the final mesh."""
+        return motor_speed / self.ratio

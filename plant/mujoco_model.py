@@ -1,0 +1,262 @@
+"""A servo for MuJoCo: MJCF for what it has attributes for, and a function in Python for the rest.
+
+MJCF reference: mujoco.readthedocs.io, XML reference. A late command needs the attribute `delay` of an actuator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import atan2, ceil, cos, hypot, sin
+from typing import Any
+
+import casadi as ca
+
+from plant.code_dialects import python
+from plant.code_text import text_of
+from plant.effects.curve import Unnamed
+from plant.servo import ServoModel
+from plant.simulator_parts import Beyond, Native, beyond, native_part
+from plant.symbolic import one_at_a_time
+
+_GRAVITY = 9.81  # [m/s^2]
+_WEIGHT = 0.01  # share of the inertia that is the mass's, which gravity pulls at; the rest is the armature
+_STEP = 5e-4  # longest time step [s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MujocoModel:
+    """A servo for MuJoCo.
+
+    Attributes:
+        files: name and content of each: the MJCF, and where it is needed the function that steps it.
+        native: what the MJCF says.
+        called: what the function says, titles of effects.
+        left_out: what neither says, a sentence each.
+        timestep: of the simulation [s].
+    """
+
+    files: Mapping[str, str]
+    native: tuple[str, ...]
+    called: tuple[str, ...]
+    left_out: tuple[str, ...]
+    timestep: float
+
+    def sentences(self) -> list[str]:
+        """What is where, for readers."""
+        found = [f"In the MJCF: {', '.join(self.native)}."]
+        if self.called:
+            why = "MJCF has no attribute for it, or not in this order"
+            found.append(f"In the Python beside it, as {why}: {', '.join(self.called)}.")
+        return [*found, *self.left_out]
+
+
+@one_at_a_time
+def mujoco_model(model: ServoModel, *, sample_time: float | None = None, name: str = "antidrive") -> MujocoModel:
+    """A bench with one joint in MJCF; copy joint and actuator from it into a robot of your own.
+
+    In a robot that has its own links, their inertia and weight come off `armature` and the mass here.
+
+    Args:
+        model: of a rotary servo.
+        sample_time: for which a command is held [s]; the time step is a whole part of it.
+        name: of the files.
+
+    Raises:
+        BadParameter: a linear axis, or a torque that is not in N m.
+    """
+    timeless = model.without_clock()
+    native = native_part(timeless)
+    longest = min(_STEP, timeless.longest_step(sample_time or _STEP))
+    timestep = longest if sample_time is None else sample_time / ceil(sample_time / longest * (1.0 - 1e-9))
+    code = _function(timeless, native, name)
+    inner = beyond(timeless)
+    called = [effect.title for effect in inner.effects]
+    own_delay = bool(code) and native.lag == 0.0 and inner.needs("torque")
+    words = {
+        "inertia": True,
+        "viscous friction": native.damping > 0.0,
+        "gravity": bool(native.gravity or native.quadrature),
+        "Coulomb friction": native.friction > 0.0,
+        "torque limit": native.limit is not None,
+        "actuator lag": native.lag > 0.0,
+        "input delay": native.delay > 0.0 and not own_delay,
+    }
+    if native.delay > 0.0 and own_delay:
+        called.insert(0, "input delay")
+    files = {f"{name}.xml": _mjcf(native, timestep, name, own_delay=own_delay)}
+    if code:
+        files[f"{name}_mujoco.py"] = code
+    return MujocoModel(
+        files=files,
+        native=tuple(word for word, there in words.items() if there),
+        called=tuple(called),
+        left_out=tuple(_left_out(model, timeless)),
+        timestep=timestep,
+    )
+
+
+def _left_out(model: ServoModel, timeless: ServoModel) -> list[str]:
+    kept = {effect.name for effect in timeless.effects}
+    lost = [e.title for e in timeless.effects if e.name in ("rate_limit", "goal_rate_limit", "sensor_lag")]
+    clocked = [effect.title for effect in model.effects if effect.name not in kept]
+    found = [f"Not in it: {', '.join(lost)}."] if lost else []
+    return [*found, *([f"Left out, because nobody keeps the log's clock: {', '.join(clocked)}."] if clocked else [])]
+
+
+def _mjcf(native: Native, timestep: float, name: str, *, own_delay: bool) -> str:
+    turning, tilt = hypot(native.gravity, native.quadrature), atan2(native.quadrature, native.gravity)
+    arm_inertia = _WEIGHT * native.inertia if turning else 0.0
+    mass = turning**2 / (_GRAVITY**2 * arm_inertia) if turning else 1e-6
+    reach = turning / (mass * _GRAVITY) if turning else 0.0
+    own = 1e-3 * native.inertia
+    armature = native.inertia - arm_inertia - own
+    body = f'<inertial pos="{reach * cos(tilt):.9g} 0 {-reach * sin(tilt):.9g}" mass="{mass:.9g}" '
+    body += f'diaginertia="{own:.9g} {own:.9g} {own:.9g}"/>'
+    friction = f' frictionloss="{native.friction:.9g}"'
+    hard = f'solreffriction="{2.0 * timestep:.9g} 1" solimpfriction="0.9999 0.9999 1 0.5 1"'
+    motor = ""
+    if native.motor_inertia:
+        motor = (
+            f'    <body name="motor">\n      <joint name="motor" type="hinge" axis="0 -1 0" '
+            f'armature="{native.motor_inertia * 0.999:.9g}"/>\n      <inertial pos="0 0 0" mass="1e-6" '
+            f'diaginertia="{3 * f"{native.motor_inertia * 0.001:.9g} "}"/>\n    </body>\n'.replace(' "/>', '"/>')
+        )
+    drive = 'gaintype="fixed" gainprm="1" biastype="none"'
+    if native.lag:
+        drive += f' dyntype="filterexact" dynprm="{native.lag:.9g}"'
+    if native.limit is not None:
+        drive += f' forcelimited="true" forcerange="{-native.limit:.9g} {native.limit:.9g}"'
+    if native.delay and not own_delay:
+        drive += f' delay="{native.delay:.9g}" nsample="{ceil(native.delay / timestep) + 2}" interp="zoh"'
+    return f"""<mujoco model="{name}">
+  <!-- A servo on a bench. rad, N m, kg m^2; angle zero is where gravity pulls most. Copy joint and actuator. -->
+  <compiler angle="radian"/>
+  <option timestep="{timestep:.9g}" gravity="0 0 -{_GRAVITY}" integrator="Euler"/>
+  <worldbody>
+{motor}    <body name="load">
+      <joint name="load" type="hinge" axis="0 -1 0" armature="{armature:.9g}" damping="{native.damping:.9g}"{friction}
+        {hard}/>
+      {body}
+    </body>
+  </worldbody>
+  <actuator>
+    <general name="torque" joint="{"motor" if native.motor_inertia else "load"}" {drive}/>
+  </actuator>
+</mujoco>
+"""
+
+
+def _function(model: ServoModel, native: Native, name: str) -> str:
+    """The Python beside the MJCF; empty where nothing is left to it."""
+    symbols: list[Any] = []
+    values: list[Any] = []
+    parameters = []
+    nameless = {effect.name for effect in model.effects if isinstance(effect, Unnamed)}
+    for spec, value in zip(model.parameters, model.values, strict=True):
+        own = spec.name.replace(".", "_")
+        if spec.name.split(".")[0] in nameless:
+            values.append(float(value))
+            continue
+        values.append(ca.SX.sym(own))
+        symbols.append(values[-1])
+        parameters.append((own, spec, float(value)))
+    rest = beyond(model.bound(values))
+    if not rest.effects and ca.is_equal(rest.reading, rest.symbols[0], 5):
+        return ""
+    results = {"motor": rest.motor, "load": rest.load, "friction": rest.friction}
+    after = dict(zip((f"next_{r}" for r in rest.remembered), map(ca.SX, rest.after), strict=True))
+    text = text_of(results | after, [*rest.symbols, *symbols], python())
+    needed = ca.vertcat(*results.values(), *after.values(), rest.reading)
+    used = [entry for entry, s in zip(parameters, symbols, strict=True) if ca.depends_on(needed, s)]
+    constants = "\n".join(f"{own} = {value!r}  # {spec.unit}: {spec.meaning}" for own, spec, value in used)
+    shown = text_of({"shown": rest.reading}, [rest.symbols[0], *symbols], python())
+    return _TEMPLATE.format(
+        name=name,
+        what=", ".join(effect.title for effect in rest.effects) or "what the sensor shows",
+        constants=constants,
+        delay=0.0 if native.lag else native.delay,
+        limit="math.inf" if native.limit is None else repr(native.limit),
+        drive="motor" if native.motor_inertia else "load",
+        begin=_lines(f"self.{one} = {'0.0' if k else 'None'}" for k, one in enumerate(rest.remembered)),
+        entering=_entering(native, rest),
+        motion=_lines(motion for motion in (_MOTOR,) if native.motor_inertia),
+        memory=_lines(
+            f"{one} = self.{one}" if k else f"{one} = angle if self.{one} is None else self.{one}"
+            for k, one in enumerate(rest.remembered)
+        ),
+        between=_lines(f"{w.name} = {w.text}" for w in text.between),
+        motor=text.results["motor"],
+        load=text.results["load"],
+        friction=text.results["friction"],
+        after=_lines(f"self.{one} = {text.results[f'next_{one}']}" for one in rest.remembered),
+        shown=_lines([*(f"{w.name} = {w.text}" for w in shown.between), f"return {shown.results['shown']}"]),
+    )
+
+
+def _lines(lines: Iterable[str]) -> str:
+    return "".join(f"\n        {line}" for line in lines)
+
+
+def _entering(native: Native, rest: Beyond) -> str:
+    """How the function comes to the torque that leaves lag and limit."""
+    if not rest.needs("torque"):
+        return "data.ctrl[self.actuator] = command"
+    if native.lag:
+        return "data.ctrl[self.actuator] = command\n        torque = min(max(float(data.act[self.act]), -limit), limit)"
+    return (
+        "self.late.append(command)\n"
+        "        torque = min(max(self.late[0], -limit), limit)\n"
+        "        data.ctrl[self.actuator] = torque"
+    )
+
+
+_MOTOR = "motor_angle, motor_velocity = data.qpos[self.drive], data.qvel[self.drive]"
+_TEMPLATE = '''"""What MuJoCo has no attribute for in {name}.xml: {what}.
+
+    model = mujoco.MjModel.from_xml_path("{name}.xml")
+    data, servo = mujoco.MjData(model), Servo(model)
+    servo.step(model, data, command)  # torque [N m]; in place of mujoco.mj_step
+
+It writes data.ctrl, data.qfrc_applied and model.dof_frictionloss of its joint, and nothing else.
+"""
+
+import math
+from collections import deque
+
+import mujoco
+
+{constants}
+delay = {delay!r}  # s: dead time that is kept here, and not by the actuator
+limit = {limit}  # N m
+
+
+def sign(x):
+    return float(x > 0) - float(x < 0)
+
+
+class Servo:
+    """One servo; one object for each simulation."""
+
+    def __init__(self, model, load="load", drive="{drive}", actuator="torque"):
+        self.place, self.dof = int(model.joint(load).qposadr[0]), int(model.joint(load).dofadr[0])
+        self.drive = int(model.joint(drive).dofadr[0])
+        self.actuator = model.actuator(actuator).id
+        self.act = int(model.actuator_actadr[self.actuator])
+        steps = round(delay / model.opt.timestep)
+        self.late = deque([0.0] * (steps + 1), maxlen=steps + 1){begin}
+
+    def step(self, model, data, command):
+        """One time step under a torque command [N m]."""
+        angle, velocity = data.qpos[self.place], data.qvel[self.dof]{motion}
+        {entering}{memory}{between}
+        data.qfrc_applied[self.dof] = 0.0
+        data.qfrc_applied[self.drive] = {motor}
+        data.qfrc_applied[self.dof] += {load}
+        model.dof_frictionloss[self.dof] = {friction}{after}
+        mujoco.mj_step(model, data)
+
+    def reading(self, data):
+        """What the sensor shows [rad]."""
+        angle = data.qpos[self.place]{shown}
+'''

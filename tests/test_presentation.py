@@ -1,0 +1,140 @@
+"""Results show themselves in Python: pictures, tables, pages, notebooks."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+
+import matplotlib
+import numpy as np
+import pandas as pd
+import pytest
+from front_door import TRUTH, antidrive, columns, write_csv, write_model
+from test_friction_test import PLAIN, SWEEP, driven
+
+import antidrive as ad
+from antidrive import presentation
+from antidrive.changes import Change, Comparison
+from identification.friction_test import friction_test
+from plant import BadParameter, drive_table
+from plant.presented import Presented
+
+matplotlib.use("Agg")
+
+
+@pytest.fixture(scope="module")
+def log() -> ad.Log:
+    return ad.Log.from_arrays(**columns(duration=6.0))
+
+
+@pytest.fixture(scope="module")
+def fitted(log) -> ad.Fit:
+    return ad.identify(log, TRUTH)
+
+
+@pytest.fixture(scope="module")
+def diagnosed(log):
+    return ad.diagnose(log, candidates=["coulomb_friction"])
+
+
+@pytest.fixture(scope="module")
+def results(log, fitted, diagnosed) -> dict[str, Presented]:
+    change = {"unit": "kg m^2", "before": 0.5, "before_std": 0.01, "after": 0.6, "after_std": 0.01, "moved": True}
+    errors = {"error_before": 0.2, "error_after": 0.1, "unit": "rad"}
+    return {
+        "log": log,
+        "fit": fitted,
+        "friction test": friction_test(ad.Log.from_arrays(**driven(PLAIN, SWEEP))),
+        "comparison": Comparison(
+            changes=(Change(name="inertia", **change),), diagnosis=diagnosed, new=(), gone=(), **errors
+        ),
+        "table": drive_table(TRUTH, "friction", points=10),
+    }
+
+
+NAMES = {"log": 2, "fit": 2, "friction test": 1, "comparison": 1, "table": 1}
+
+
+class Text(HTMLParser):
+    """Words and tags of a page."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.words, self.tags = "", []
+        self.feed(page)
+
+    def handle_data(self, data: str) -> None:
+        self.words += data
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_result_is_drawn(name, results):
+    axes = np.atleast_1d(results[name].plot())
+    assert axes.size == NAMES[name]
+    for ax in axes:
+        assert ax.has_data()
+        assert ax.get_ylabel() or name == "comparison"
+    assert axes[-1].get_xlabel()
+    given = matplotlib.pyplot.subplots(NAMES[name], 1)[1]
+    assert np.atleast_1d(results[name].plot(given))[0] is np.atleast_1d(given)[0]
+    with pytest.raises(BadParameter, match=f"needs {NAMES[name]} axes, not 3"):
+        results[name].plot(matplotlib.pyplot.subplots(3, 1)[1])
+    matplotlib.pyplot.close("all")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_result_is_a_table_and_shows_itself_in_a_notebook(name, results):
+    frame = results[name].to_frame()
+    assert len(frame)
+    page = Text(results[name]._repr_html_())
+    assert {"p", "table"} <= set(page.tags)
+    assert all(str(column) in page.words for column in frame.columns[:4])
+
+
+def test_tables_hold_the_numbers(log, fitted, diagnosed):
+    table = log.to_frame()
+    assert table["angle"].to_numpy() == pytest.approx(log.runs[0].output)
+    assert table.attrs["units"]["command"] == "N m"
+    found = fitted.to_frame()
+    assert found.loc["inertia", "value"] == fitted["inertia"].value
+    causes = presentation.to_frame(diagnosed)
+    assert causes.loc["coulomb_friction", "value"] == pytest.approx(0.4, rel=0.02)
+
+
+@pytest.mark.parametrize("name", ["fit", "friction test", "comparison"])
+def test_a_result_writes_its_page(name, results, tmp_path):
+    path = results[name].report(tmp_path / "page.html")
+    page = path.read_text(encoding="utf-8")
+    assert page.count('class="plot"') >= 1 or "plot" in page
+    assert "<h1>" in page
+
+
+def test_a_diagnosis_is_drawn_and_written(diagnosed, tmp_path):
+    axes = presentation.plot(diagnosed)
+    assert len(axes[0].lines) == 3
+    assert "<h1>" in presentation.report(diagnosed, tmp_path / "x.html").read_text(encoding="utf-8")
+    assert "coulomb_friction" in presentation.to_frame(diagnosed).to_html()
+    matplotlib.pyplot.close("all")
+
+
+def test_what_has_no_page_says_so(results, tmp_path):
+    with pytest.raises(BadParameter, match="A Log has no report"):
+        results["log"].report(tmp_path / "x.html")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_prediction_lies_beside_what_was_measured(tmp_path):
+    model, log = write_model(tmp_path / "model.json", TRUTH), write_csv(tmp_path / "log.csv", columns(duration=4.0))
+    out, page = tmp_path / "p.csv", tmp_path / "p.html"
+    spoken = antidrive("predict", model, log, "--measured", "--report", page, "--out", out)
+    assert spoken.code == 0, spoken.err
+    table = pd.read_csv(out)
+    assert list(table) == ["run", "time", "angle", "measured"]
+    assert table["measured"].to_numpy() == pytest.approx(pd.read_csv(log)["angle"].to_numpy())
+    again = ad.predict(TRUTH, log, measured=True)
+    assert again["measured"].to_numpy() == pytest.approx(table["measured"].to_numpy())
+    assert again["angle"].to_numpy() == pytest.approx(table["angle"].to_numpy(), abs=1e-9)
+    assert "rms error" in page.read_text(encoding="utf-8")
+    assert spoken.out.splitlines()[-1] == f"Written: {out}, {page}"
