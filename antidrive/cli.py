@@ -244,7 +244,7 @@ def export(
     ),
     follower_teeth: Annotated[int, typer.Option(help="Teeth of the follower, which turns the load.")] = 161,
     sample_time: Annotated[float, typer.Option(help="Seconds between two steps of the controller.")] = 0.005,
-    horizon: Annotated[int, typer.Option(help="Samples looked ahead.")] = 30,
+    horizon: Annotated[int | None, typer.Option(help="Samples looked ahead; chosen if left out.")] = None,
     min_torque: MinTorque = 0.02,
     max_torque: MaxTorque = 0.3,
     single: Annotated[bool, typer.Option("--single", help="Calculate in single precision.")] = False,

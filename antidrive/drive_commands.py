@@ -107,6 +107,8 @@ def export(
         )
     servo = read.model
     with whole_folder(out) as draft, voice.progress("compiling the controller") as progress:
+        if read.friction_std is not None:
+            numbers["friction_std"] = read.friction_std
         controller = Controller(servo, gears, **numbers)
         told, content = (
             exports.fmus(controller, servo, draft, progress) if fmu else exports.c99(controller, single, draft)
