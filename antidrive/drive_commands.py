@@ -117,7 +117,8 @@ def export(
             "identify it from a log that shows them, or write a model by hand."
         )
     servo, (train, assumed), (seconds, more) = read.model, drives(said, read), sample_time(said, read)
-    numbers = {**controller_numbers(said), "sample_time": seconds}
+    doubt = {} if read.friction_std is None else {"friction_std": read.friction_std}
+    numbers = {**doubt, **controller_numbers(said), "sample_time": seconds}
     with whole_folder(out) as draft, voice.progress("compiling the controller") as progress:
         controller = Controller(servo, train, **numbers)
         told, content = (

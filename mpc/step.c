@@ -75,14 +75,17 @@ static void aim(struct controller *c, int previewed)
   for (k = 1; k <= LATE + 1; ++k) ahead[last + k] = ahead[last] + speed * k + bend * k * (k + 1) / 2;
 }
 
-/* Whether the load has been beside the governed reference for long: the mean of the squared error over a period of the
-   loop, each counted as no more than twice what is too much, so that it is not said at once and over soon. */
+/* Whether the load has been beside the governed reference for long: the mean over a period of the loop of the squared
+   error, in units of what is admitted, each counted as no more than 2 so that it is not said at once and over soon. */
 static int astray(struct controller *c)
 {
-  real miss = c->ahead[0] - c->belief[3], *mean = c->astray;
-  if (!(*mean >= 0 && *mean <= 2 * TABLE(tuning)[9])) *mean = 0;
-  *mean += TABLE(tuning)[10] * (smaller(miss * miss, 2 * TABLE(tuning)[9]) - *mean);
-  return *mean > TABLE(tuning)[9] ? ASTRAY : 0;
+  const real *ahead = c->ahead, *own = TABLE(tuning);
+  real step = TABLE(model)[PARAMETERS - 1] * own[6], *mean = c->astray;
+  real admitted = own[9] + fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step);
+  real miss = (ahead[0] - c->belief[3]) / admitted;
+  if (!(*mean >= 0 && *mean <= 2)) *mean = 0;
+  *mean += own[10] * (smaller(miss * miss, 2) - *mean);
+  return *mean > 1 ? ASTRAY : 0;
 }
 
 /* What friction there will be on the way, and what is known of it by now. A disturbance that had a part of a friction
