@@ -35,8 +35,10 @@ def run(controller: Controller, *, ahead: bool, stuck: bool = False) -> tuple[Ar
     """Errors of a load that is exactly the model, or jammed."""
     N, reference = controller.horizon, wanted(700)
     state, errors, said = np.array([0.0, 0.3]), [], []
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(600)
     for k in range(600):
-        control = controller.step(state[0], reference[k : k + N + 1] if ahead else reference[k])
+        shown = state[0] + noise[k] * stuck  # to the last bit the same would be no reading
+        control = controller.step(shown, reference[k : k + N + 1] if ahead else reference[k])
         errors.append(state[0] - reference[k])
         said.append(control.status)
         state = state if stuck else advanced(state, float(PAPER.follower_torque(control.torques)))
