@@ -235,7 +235,9 @@ def _design(said: Mapping[str, Any], known: ModelFile | None) -> Design:
 
     of_model = known is not None and (known.gears is not None or known.model.axis == "linear")
     train = drives(said, known)[0] if of_model or any(name in said for name in DRIVES) else None
-    return Design(model=None if known is None else known.model, train=train, options=controller_numbers(said))
+    doubt = {} if known is None or known.friction_std is None else {"friction_std": known.friction_std}
+    options = {**doubt, **controller_numbers(said)}
+    return Design(model=None if known is None else known.model, train=train, options=options)
 
 
 def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:

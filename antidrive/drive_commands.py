@@ -111,7 +111,8 @@ def export(
         raise BadParameter("An FMU calculates in double precision; leave --single or --fmu out.")
     read = read_identified(model, effects)
     servo, (train, assumed), (seconds, more) = read.model, drives(said, read), sample_time(said, read)
-    numbers = {**controller_numbers(said), "sample_time": seconds}
+    doubt = {} if read.friction_std is None else {"friction_std": read.friction_std}
+    numbers = {**doubt, **controller_numbers(said), "sample_time": seconds}
     with whole_folder(out) as draft, voice.progress("compiling the controller") as progress:
         controller = Controller(servo, train, **numbers)
         told, content = (

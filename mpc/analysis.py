@@ -172,6 +172,7 @@ def _law(controller: Controller, A: Array, B: Array) -> Array:
 
 
 def _assessed(plant: Any, feedback: Any, torque: float) -> LoopAnalysis:
+    """The margins as python-control finds them on a grid of frequencies; its polynomials dislike delays."""
     import control
 
     dt = plant.dt
@@ -179,31 +180,24 @@ def _assessed(plant: Any, feedback: Any, torque: float) -> LoopAnalysis:
     sensitivity, complementary = control.feedback(1, gain), control.feedback(gain, 1)
     frequencies = np.geomspace(0.5e-4, 0.5, _POINTS) / dt
     at = np.exp(2j * np.pi * frequencies * dt)
-    L, T = np.asarray(gain(at)), np.asarray(complementary(at))
-    crossover = _last_above(frequencies, np.abs(L), 1.0)
-    phase = np.degrees(np.angle(-np.asarray(gain(np.exp(2j * np.pi * crossover * dt)))))
+    seen = control.frd(np.asarray(gain(at)), 2 * np.pi * frequencies)
+    gains, phases, distances, _, crossings, _ = control.stability_margins(seen, returnall=True)
+    last = int(np.argmax(crossings))
+    phase, crossover = float(phases[last]), float(crossings[last] / (2 * np.pi))
     return LoopAnalysis(
         plant=plant,
         controller=feedback,
         gain=gain,
         sensitivity=sensitivity,
         complementary=complementary,
-        gain_margin=_gain_margin(L),
-        phase_margin=float(phase),
+        gain_margin=float(np.min(gains[gains > 1.0], initial=np.inf)),
+        phase_margin=phase,
         crossover=crossover,
         delay_margin=float(np.radians(phase) / (2 * np.pi * crossover)),
-        peak_sensitivity=float(np.max(np.abs(np.asarray(sensitivity(at))))),
-        bandwidth=_last_above(frequencies, np.abs(T), float(np.sqrt(0.5))),
+        peak_sensitivity=float(1.0 / np.min(distances)),
+        bandwidth=_last_above(frequencies, np.abs(np.asarray(complementary(at))), float(np.sqrt(0.5))),
         torque=torque,
     )
-
-
-def _gain_margin(L: NDArray[np.complex128]) -> float:
-    """The least factor above one at which L passes through -1, between two points by a straight line."""
-    crossing = np.flatnonzero((L.imag[:-1] * L.imag[1:] < 0) & (L.real[:-1] < 0))
-    share = L.imag[crossing] / (L.imag[crossing] - L.imag[crossing + 1])
-    factors = -1.0 / (L.real[crossing] + share * (L.real[crossing + 1] - L.real[crossing]))
-    return float(np.min(factors[factors > 1.0], initial=np.inf))
 
 
 def _last_above(frequencies: Array, magnitude: Array, level: float) -> float:

@@ -7,6 +7,7 @@ import re
 import time
 from collections.abc import Mapping
 from importlib.resources import files
+from string import Template
 from typing import Any
 
 import casadi as ca
@@ -17,7 +18,6 @@ from plant.machine_code import MachineCode
 
 Array = NDArray[np.float64]
 
-_HEAD = "#include <math.h>\n#include <string.h>\n\ntypedef double real;\n\n"
 _MINIMUM = {  # as in C, where the other number counts if one is not a number, but without a call
     "casadi_fmin": "static real casadi_fmin(real x, real y) { return x < y || y != y ? x : y; }",
     "casadi_fmax": "static real casadi_fmax(real x, real y) { return x > y || y != y ? x : y; }",
@@ -30,7 +30,8 @@ class CompiledStep:
     Attributes:
         stages: the functions of CasADi, by name.
         layout: the struct of the machine code.
-        source: the C code.
+        parts: see `parts`.
+        source: the C code that they make.
         code: the library, once it is there.
         compile_time: how long the compiler was waited for [s]; zero if the library was there already, or none came.
     """
@@ -48,7 +49,9 @@ class CompiledStep:
         fields = [(name, ctypes.c_int) for name in sizes] + [(name, ctypes.c_void_p) for name in arrays]
         layout: Any = type("Layout", (ctypes.Structure,), {"_fields_": fields})
         self.layout = layout(*sizes.values(), *(array.ctypes.data for array in arrays.values()))
-        self.source = source(functions, tuple(sizes), tuple(arrays))
+        self.parts = parts(functions)
+        members = [*(f"  int {name};" for name in sizes), *(f"  real *{name};" for name in arrays)]
+        self.source = Template(_text("library.c")).substitute(self.parts, members="\n".join(members))
         self.code, self.compile_time = MachineCode("controller", self.source), 0.0
 
     def function(self) -> Any:
@@ -63,21 +66,24 @@ class CompiledStep:
         return lambda angle, previewed: step(where, angle, previewed)
 
 
-def source(functions: tuple[Any, ...], sizes: tuple[str, ...], arrays: tuple[str, ...]) -> str:
-    """C99 code of the step, self-contained: stages, the struct that holds a controller, and `control_step`."""
+def parts(functions: tuple[Any, ...]) -> dict[str, str]:
+    """What a library and a target's code are made of: the stages, how many numbers they take, the loops around them."""
     generator = ca.CodeGenerator("stages.c")
     for function in functions:
         generator.add(function)
-    stages = _plain(str(generator.dump()), functions)
     by_name = {function.name(): function for function in functions}
-    sizes_of = {"STATES": ("stage", 0), "PARAMETERS": ("stage", 2), "BELIEF": ("estimate", 0)}
-    sizes_of |= {"BARRIER": ("backward", 6), "LEARNT": ("learn", 1), "WATCHED": ("watch", 2)}
-    constants = ", ".join(f"{name} = {by_name[stage].size1_in(i)}" for name, (stage, i) in sizes_of.items())
-    constants = f"enum {{ {constants} }};\n\n"
-    members = "".join(f"  int {name};\n" for name in sizes) + "".join(f"  real *{name};\n" for name in arrays)
-    struct = f"struct controller {{\n{members}}};\n\n"
-    loops = [(files("mpc") / name).read_text(encoding="utf-8") for name in ("solve.c", "step.c")]
-    return _HEAD + stages + constants + struct + "\n".join(loops)
+    places = {"STATES": ("stage", 0), "PARAMETERS": ("stage", 2), "BELIEF": ("estimate", 0)}
+    places |= {"BARRIER": ("backward", 6), "LEARNT": ("learn", 1), "WATCHED": ("watch", 2)}
+    counts = ", ".join(f"{name} = {by_name[stage].size1_in(i)}" for name, (stage, i) in places.items())
+    return {
+        "stages": _plain(str(generator.dump()), functions),
+        "counts": f"enum {{ {counts} }};",
+        "loops": "\n".join(map(_text, ("solve.c", "step.c"))),
+    }
+
+
+def _text(name: str) -> str:
+    return (files("mpc") / name).read_text(encoding="utf-8")
 
 
 def _plain(code: str, functions: tuple[Any, ...]) -> str:

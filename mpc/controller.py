@@ -16,7 +16,7 @@ from mpc.control import Control
 from mpc.corridor import SoftLimits, corridor, enter, moved, prices
 from mpc.drive import DriveInverse
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
-from mpc.friction import Frictionless, learn, numbers, rigid_contacts, rub
+from mpc.friction import Frictionless, friction_numbers, learn, rigid_contacts, rub
 from mpc.governor import Governor, early, followable, governed
 from mpc.handover import Running
 from mpc.layout import laid_out
@@ -48,8 +48,9 @@ _CHOSEN: Any = None
 """Of what is left out and then chosen by `mpc.tuning`."""
 
 
-_ASTRAY = 0.2
-"""Error at which a load does not follow, in units of what the greatest torque moves within 1/w."""
+_ASTRAY = 30.0
+"""Error at which a load does not follow, in standard deviations of the sensor, besides half of what the reference's
+acceleration moves within 1/w."""
 
 
 @dataclass(eq=False)
@@ -262,19 +263,16 @@ class Controller(Remembering):
 
     def _all_arrays(self, machine: Array) -> dict[str, Array]:
         """Everything that a step reads and writes, by name."""
-        n = len(self.estimator.predictor.model.states)
-        P = self._terminal_weight
-        greatest = self._greatest
-        wave, noise = 2 * np.pi * self.bandwidth, float(np.sqrt(self.estimator.levels[0]))
-        own = [self.model.inertia, greatest, wave, self.governor.attainable, self.torque_rate * self.sample_time]
-        own += [(_ASTRAY * greatest / self.model.inertia / wave**2) ** 2, self.bandwidth * self.sample_time]
+        P, greatest, wave = self._terminal_weight, self._greatest, 2 * np.pi * self.bandwidth
+        noise, share = float(np.sqrt(self.estimator.levels[0])), self.bandwidth * self.sample_time
+        others = [wave, self.governor.attainable, self.torque_rate * self.sample_time, _ASTRAY * noise, share]
         constant = {
             "model": self.estimator.predictor.parameters,
             "acting": self.estimator.acting,
             "levels": self.estimator.levels,
             "machine": machine,
-            "tuning": np.array([self._rate_weight, P[0, 0], P[0, 1], P[1, 1], *own]),
-            "prices": prices(self._rate_weight, greatest, self.model.inertia, self.sample_time),
+            "tuning": np.array([self._rate_weight, *P[np.triu_indices(2)], self.model.inertia, greatest, *others]),
+            "prices": prices(self._rate_weight, self._greatest, self.model.inertia, self.sample_time),
             "moved": moved(self.model.inertia, self.sample_time),
             "soft": self._soft,
             "watching": watching(
@@ -284,7 +282,7 @@ class Controller(Remembering):
                 2 * greatest / self.model.inertia,
                 held=self.gears.drives > 1,
             ),
-            "rubbing": numbers(
+            "rubbing": friction_numbers(
                 std=self.friction_std,
                 wave=wave,
                 noise=noise,
@@ -295,6 +293,7 @@ class Controller(Remembering):
             ),
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
+        n = len(self.estimator.predictor.model.states)
         watched = watched_of(n, self.estimator.motors is not None)
         remembered |= laid_out(n, self.horizon, self._whole_delay, self._rows, watched)
         self._remembered = tuple(remembered)

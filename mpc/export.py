@@ -1,7 +1,7 @@
 """A controller as C99 files for a target: see the templates in `mpc/target`.
 
-The code is that of `Controller.c_code`, with what is remembered in a struct of its caller's and what is constant in
-tables, so that it runs from read-only memory and knows no addresses.
+The code has the parts of `Controller.c_code`, with what is remembered in a struct of its caller's and what is constant
+in tables, so that it runs from read-only memory and knows no addresses.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ _CONSTANT = ("model", "levels", "machine", "tuning", "prices", "moved", "soft", 
 _SHOWN = ("outcome", "torques", "angles")
 _CLOCK = 200e6  # of the Cortex-M7 that the estimate is for [Hz]
 
-CERTIFIED = {"double": "1e-6", "single": "1e-5"}
+CERTIFIED = {"double": "1e-6", "single": "1e-5f"}
 """Largest residual of a solution that is accepted, in units of the greatest torque."""
 
-_STIFF, _CLOSE = {"double": "1e11", "single": "1e5"}, {"double": "1e-9", "single": "1e-6"}
+_STIFF, _CLOSE = {"double": "1e11", "single": "1e5f"}, {"double": "1e-9", "single": "1e-6f"}
 """How steep the barrier of the interior point method may be, and how near it ends: as many digits as there are."""
 
 
@@ -149,7 +149,10 @@ def export(controller: Controller, *, single: bool = False, name: str = "antidri
         "angles": remembered["angles"],
         "members": _members(name, {field: size for field, size in remembered.items() if field not in _SHOWN}),
         "constants": "".join(_table(table, arrays[table], single) for table in _CONSTANT),
-        "code": _code(controller.c_code, precision),
+        "certified": CERTIFIED[precision],
+        "stiff": _STIFF[precision],
+        "close": _CLOSE[precision],
+        **{part: _literals(code, single) for part, code in controller._machine_code.parts.items()},
     }
     words |= words_of(controller) | _cost(controller, made)
     filled = {_own(name, file): Template(_template(file)).substitute(words) for file in FILES}
@@ -173,24 +176,9 @@ def _template(file: str) -> str:
     return (files("mpc") / "target" / file).read_text(encoding="utf-8")
 
 
-def _code(code: str, precision: str) -> str:
-    """The stages and loops on a struct that holds its arrays, with sizes and constants that the compiler knows."""
-    begin, end = code.index("static real casadi_"), code.index("struct controller {")
-    code = code[begin:end] + code[code.index("};\n", end) + 4 :]
-    for old, new in (
-        ("\nreal solve(", "\nstatic real solve("),
-        ("\nint control_step(", "\nstatic int control_step("),
-        ("double angle", "real angle"),
-        ("#define CERTIFIED 1e-6", f"#define CERTIFIED {CERTIFIED[precision]}"),
-        ("#define STIFF 1e11", f"#define STIFF {_STIFF[precision]}"),
-        ("#define CLOSE 1e-9", f"#define CLOSE {_CLOSE[precision]}"),
-    ):
-        if old not in code:
-            raise RuntimeError(f"The code of the step has changed: {old!r} is not in it.")
-        code = code.replace(old, new)
-    code = re.sub(r"\bc->(horizon|late|passes|rounds)\b", lambda found: found[1].upper(), code)
-    code = re.sub(rf"\bc->({'|'.join(_CONSTANT)})\b", r"\1", code)
-    if precision == "double":
+def _literals(code: str, single: bool) -> str:
+    """The code with its numbers in the precision of the target."""
+    if not single:
         return code
     return re.sub(r"(?<![\w.])(?:\d+\.\d*(?:e[+-]?\d+)?|\d+e[+-]?\d+)(?![\w.])", _short, code)
 

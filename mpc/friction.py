@@ -30,7 +30,7 @@ direction in which friction is compensated, for how long the load has slid that 
 1/w follows it, its velocity, and whether it is still short of the reference in that direction."""
 
 RUBBING = 7
-"""Numbers of friction, see `numbers`."""
+"""Numbers of friction, see `friction_numbers`."""
 
 _KEPT = 200.0
 """Periods of the loop over which what was learnt is forgotten."""
@@ -64,7 +64,7 @@ def rigid_contacts(model: ServoModel) -> ServoModel:
     return model
 
 
-def numbers(
+def friction_numbers(
     *, std: float, wave: float, noise: float, resolution: float, jitter: float, floor: float, greatest: float
 ) -> Array:
     """(7,) numbers of friction.

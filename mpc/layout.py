@@ -26,7 +26,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "load": 1,  # torque that the load takes without accelerating
         "learnt": LEARNT,  # see `mpc.friction`
         "watched": watched,  # see `mpc.watch`
-        "astray": 1,  # mean square of what the load is off its reference [rad^2]
+        "astray": 1,  # mean square of what the load is off its reference, in units of what is admitted
         "rubs": late + 3,  # torques against friction, beside those of past
     }
     handed = {

@@ -1,14 +1,12 @@
 /* The quadratic programme of a step (see mpc/riccati.py), solved and certified.
 
    The functions backward, forward and slope above are one stage each, written by CasADi from the same expressions that
-   the Python form uses (mpc/programme.py); here stand the loops around them. No memory is taken, every loop is bounded. */
+   the Python form uses (mpc/programme.py); here stand the loops around them. No memory is taken, every loop is bounded.
+   HORIZON, LATE, PASSES, ROUNDS, TABLE, STEP, CERTIFIED, STIFF and CLOSE come from what it is written into. */
 
 enum { N = STATES, M = STATES + 1, TRIANGLE = M * (M + 1) / 2, LAW = 2 * M + 3, ROWS = BARRIER / 2 };
 
-#define CERTIFIED 1e-6 /* largest residual of an accepted solution, in units of the greatest torque */
-#define BEGIN 1e3      /* where the interior point method begins, how steep its barrier may be, */
-#define STIFF 1e11     /* and how near it ends: see mpc/interior_point.py */
-#define CLOSE 1e-9
+#define BEGIN 1e3 /* where the interior point method begins, see mpc/interior_point.py */
 
 static real larger(real a, real b) { return a > b ? a : b; }
 static real smaller(real a, real b) { return a < b ? a : b; }
@@ -17,10 +15,10 @@ static real clipped(real x, real low, real high) { return x < low ? low : x > hi
 /* Forward by the law; how many bounds have changed. */
 static int course(struct controller *c)
 {
-  int k, changes = 0, shift = N * c->late;
+  int k, changes = 0, shift = N * LATE;
   real now;
   for (k = 0; k < M; ++k) c->s[k] = 0;
-  for (k = 0; k < c->horizon; ++k) {
+  for (k = 0; k < HORIZON; ++k) {
     real *bounds = c->bounds + 3 * k;
     forward(c->s + M * k, c->A + N * (shift + N * k), c->B + 2 * (shift + N * k), c->law + LAW * k, bounds,
             c->s + M * (k + 1), c->e + k, &now);
@@ -33,16 +31,16 @@ static int course(struct controller *c)
 /* Backward for the law, forward for the torques; how many bounds have changed. */
 static int sweep(struct controller *c)
 {
-  int k, shift = N * c->late;
+  int k, shift = N * LATE;
   real V[2][TRIANGLE] = {{0}}, v[2][M] = {{0}};
-  const real *P = c->tuning + 1;
+  const real *P = TABLE(tuning) + 1;
   V[0][0] = P[0], V[0][1] = P[1], V[0][2] = P[2];
   v[0][0] = P[0] * c->end[0] + P[1] * c->end[1];
   v[0][1] = P[1] * c->end[0] + P[2] * c->end[1];
-  for (k = c->horizon - 1; k >= 0; --k) {
-    int from = (c->horizon - 1 - k) & 1;
+  for (k = HORIZON - 1; k >= 0; --k) {
+    int from = (HORIZON - 1 - k) & 1;
     backward(V[from], v[from], c->A + N * (shift + N * k), c->B + 2 * (shift + N * k), c->data + 2 * k,
-             c->bounds + 3 * k, c->barrier + BARRIER * k, c->tuning, V[!from], v[!from], c->law + LAW * k);
+             c->bounds + 3 * k, c->barrier + BARRIER * k, TABLE(tuning), V[!from], v[!from], c->law + LAW * k);
   }
   return course(c);
 }
@@ -51,7 +49,7 @@ static int sweep(struct controller *c)
 static void follow(struct controller *c, const real *torques)
 {
   int k, i;
-  for (k = 0; k < c->horizon; ++k) {
+  for (k = 0; k < HORIZON; ++k) {
     for (i = 0; i < M; ++i) c->law[LAW * k + i] = 0;
     c->law[LAW * k + M] = torques[k];
   }
@@ -68,24 +66,24 @@ static real number(const struct controller *c, int k, int row)
 /* How far from optimal, in units of the greatest torque; NaN or infinite if there is no saying. */
 static real residual(struct controller *c)
 {
-  int k, i, shift = N * c->late;
+  int k, i, shift = N * LATE;
   real costate[2][M] = {{0}}, slope_e, worst = 0, miss;
-  const real *P = c->tuning + 1, *s = c->s + M * c->horizon;
+  const real *P = TABLE(tuning) + 1, *s = c->s + M * HORIZON;
   costate[0][0] = P[0] * (c->end[0] + s[0]) + P[1] * (c->end[1] + s[1]);
   costate[0][1] = P[1] * (c->end[0] + s[0]) + P[2] * (c->end[1] + s[1]);
-  for (k = c->horizon - 1; k >= 0; --k) {
-    int from = (c->horizon - 1 - k) & 1;
+  for (k = HORIZON - 1; k >= 0; --k) {
+    int from = (HORIZON - 1 - k) & 1;
     const real *bounds = c->bounds + 3 * k, *forces = c->forces + ROWS * k, *fence = c->fence + BARRIER * k;
     real curvature = ROWS > 1 ? c->curvature[k] : c->law[LAW * k + LAW - 1];
     if (!(bounds[1] <= bounds[2])) return INFINITY;
     slope(costate[from], c->s + M * k, c->e + k, c->A + N * (shift + N * k), c->B + 2 * (shift + N * k),
-          c->data + 2 * k, forces, c->tuning, costate[!from], &slope_e);
+          c->data + 2 * k, forces, TABLE(tuning), costate[!from], &slope_e);
     miss = fabs(c->e[k] - clipped(c->e[k] - slope_e / curvature, bounds[1], bounds[2]));
     if (!(miss <= worst)) worst = miss;
     for (i = 1; i < ROWS; ++i) { /* the other intervals, see `Programme.residual` */
-      real scale = c->moved[i], stiff = curvature / (scale * scale), q = number(c, k, i);
-      real up = clipped(forces[i] + stiff * (q - fence[2 * i + 1]), 0, c->prices[i]);
-      real down = clipped(forces[i] + stiff * (q - fence[2 * i]), -c->prices[i], 0);
+      real scale = TABLE(moved)[i], stiff = curvature / (scale * scale), q = number(c, k, i);
+      real up = clipped(forces[i] + stiff * (q - fence[2 * i + 1]), 0, TABLE(prices)[i]);
+      real down = clipped(forces[i] + stiff * (q - fence[2 * i]), -TABLE(prices)[i], 0);
       miss = fabs(up + down - forces[i]) / stiff / scale;
       if (!(miss <= worst)) worst = miss;
     }
@@ -97,12 +95,12 @@ static real residual(struct controller *c)
 static void active_set(struct controller *c)
 {
   int round, k, changes = 1;
-  for (k = 0; k < ROWS * c->horizon; ++k) c->forces[k] = 0;
-  for (round = 0; round < c->rounds && changes; ++round) {
+  for (k = 0; k < ROWS * HORIZON; ++k) c->forces[k] = 0;
+  for (round = 0; round < ROUNDS && changes; ++round) {
     changes = sweep(c);
-    for (k = 0; k < c->horizon; ++k) c->bounds[3 * k] = c->held[k];
+    for (k = 0; k < HORIZON; ++k) c->bounds[3 * k] = c->held[k];
   }
-  for (k = 0; k < c->horizon; ++k) c->curvature[k] = c->law[LAW * k + LAW - 1];
+  for (k = 0; k < HORIZON; ++k) c->curvature[k] = c->law[LAW * k + LAW - 1];
 }
 
 /* Count from now on from where that part of the last sweep ends. */
@@ -110,7 +108,7 @@ static void begin_here(struct controller *c, real length)
 {
   int k;
   const real *s = c->s;
-  for (k = 0; k < c->horizon; ++k, s += M) {
+  for (k = 0; k < HORIZON; ++k, s += M) {
     c->data[2 * k] += length * s[0];
     c->data[2 * k + 1] += length * (c->e[k] - s[N]);
   }
@@ -122,15 +120,15 @@ static void begin_here(struct controller *c, real length)
 static void centred(struct controller *c, real start)
 {
   int j;
-  for (j = 0; j < BARRIER * c->horizon; ++j) {
+  for (j = 0; j < BARRIER * HORIZON; ++j) {
     int k = j / BARRIER, row = j % BARRIER / 2;
-    real gap = (j % 2 ? 1 : -1) * (c->fence[j] - number(c, k, row)), price = c->prices[row], worth = gap * price;
+    real gap = (j % 2 ? 1 : -1) * (c->fence[j] - number(c, k, row)), price = TABLE(prices)[row], worth = gap * price;
     if (price < INFINITY) {
       c->force[j] = 2 * start * (price / (worth + 2 * start + sqrt(worth * worth + 4 * start * start)));
       c->spare[j] = price - c->force[j];
       c->excess[j] = start / c->spare[j];
     } else {
-      c->force[j] = start / larger(gap, row ? c->unit[0] * c->moved[row] : 0);
+      c->force[j] = start / larger(gap, row ? c->unit[0] * TABLE(moved)[row] : 0);
       c->spare[j] = INFINITY;
       c->excess[j] = 0;
     }
@@ -144,8 +142,8 @@ static real step_inside(struct controller *c, real target)
 {
   int j, i;
   real length = INFINITY;
-  for (j = 0; j < BARRIER * c->horizon; j += 2) {
-    real d[2] = {0, 0}, g[2] = {0, 0}, scale = c->moved[j % BARRIER / 2];
+  for (j = 0; j < BARRIER * HORIZON; j += 2) {
+    real d[2] = {0, 0}, g[2] = {0, 0}, scale = TABLE(moved)[j % BARRIER / 2];
     real stiffest = STIFF * (c->curvature[j / BARRIER] / (scale * scale));
     for (i = 0; i < 2; ++i) {
       real force = c->force[j + i], spare = c->spare[j + i], stiff;
@@ -159,7 +157,7 @@ static real step_inside(struct controller *c, real target)
     c->barrier[j + 1] = g[0] + g[1];
   }
   sweep(c);
-  for (j = 0; j < BARRIER * c->horizon; ++j) {
+  for (j = 0; j < BARRIER * HORIZON; ++j) {
     real force = c->force[j], spare = c->spare[j], slack = c->slack[j], excess = c->excess[j], harder, wider, farther;
     if (!(fabs(c->fence[j]) < INFINITY)) continue;
     c->nearer[j] = (j % 2 ? 1 : -1) * number(c, j / BARRIER, j % BARRIER / 2);
@@ -179,9 +177,9 @@ static real left(const struct controller *c, real *mean)
 {
   int j, ends = 0;
   real worst = 0, sum = 0;
-  for (j = 0; j < BARRIER * c->horizon; ++j) {
-    real scale = c->moved[j % BARRIER / 2], slack = c->slack[j], force = c->force[j], product = slack * force;
-    real far = 1 / (c->unit[0] * scale), strong = scale / (c->unit[0] * c->tuning[0]);
+  for (j = 0; j < BARRIER * HORIZON; ++j) {
+    real scale = TABLE(moved)[j % BARRIER / 2], slack = c->slack[j], force = c->force[j], product = slack * force;
+    real far = 1 / (c->unit[0] * scale), strong = scale / (c->unit[0] * TABLE(tuning)[0]);
     if (!(fabs(c->fence[j]) < INFINITY)) continue;
     worst = larger(smaller(slack * far, force * strong), worst);
     ++ends;
@@ -199,7 +197,7 @@ static real left(const struct controller *c, real *mean)
 /* The primal-dual interior point method (see mpc/interior_point.py): the solution, and which torques are at a bound. */
 static void interior_point(struct controller *c)
 {
-  int k, j, round, count = c->horizon;
+  int k, j, round, count = HORIZON;
   real most = 0, mean, centring = 0.1, length, *x = c->inside, *half = c->half, *kept = c->kept;
   memcpy(kept, c->data, 2 * count * sizeof(real));
   memcpy(kept + 2 * count, c->end, 2 * sizeof(real));
@@ -217,7 +215,7 @@ static void interior_point(struct controller *c)
   follow(c, x);
   begin_here(c, 1);
   centred(c, BEGIN * most * c->unit[0]);
-  for (round = 0; round < c->rounds; ++round) {
+  for (round = 0; round < ROUNDS; ++round) {
     if (!(left(c, &mean) > CLOSE)) break;
     length = step_inside(c, centring * mean);
     for (j = 0; j < BARRIER * count; ++j) {
@@ -247,7 +245,7 @@ static void interior_point(struct controller *c)
 }
 
 /* The solution of the programme, certified; its residual, infinite if there is none. */
-real solve(struct controller *c)
+static real solve(struct controller *c)
 {
   real worst;
   active_set(c);

@@ -14,23 +14,23 @@ static int look(struct controller *c, int previewed)
   int k, trouble = 0;
   real speed = 0, numbers[4], angle = c->belief[3];
   real *wanted = c->wanted;
-  for (k = 0; k <= (previewed ? c->horizon : 0); ++k)
+  for (k = 0; k <= (previewed ? HORIZON : 0); ++k)
     if (!isfinite(wanted[k])) trouble = AIMLESS;
   if (trouble) previewed = 0, wanted[0] = angle;
   if (previewed) {
     c->numbers[0] = 0;
     return trouble;
   }
-  preview(c->numbers, wanted, c->tuning + 7, numbers, &speed);
+  preview(c->numbers, wanted, TABLE(tuning) + 7, numbers, &speed);
   memcpy(c->numbers, numbers, sizeof numbers);
-  for (k = 1; k <= c->horizon; ++k) wanted[k] = wanted[0] + speed * k;
+  for (k = 1; k <= HORIZON; ++k) wanted[k] = wanted[0] + speed * k;
   return trouble;
 }
 
 /* The wanted angle at a sample, also beyond the horizon: it goes on at its last speed. */
 static real wanted_at(const struct controller *c, int k)
 {
-  int last = c->horizon;
+  int last = HORIZON;
   return k <= last ? c->wanted[k] : c->wanted[last] + (k - last) * (c->wanted[last] - c->wanted[last - 1]);
 }
 
@@ -39,10 +39,10 @@ static int lead(const struct controller *c, const real *path, const real *limits
 {
   int k, i;
   real jumps = 0, due = 0, three[3], count;
-  for (k = 1; k <= c->horizon && !jumps; ++k) {
+  for (k = 1; k <= HORIZON && !jumps; ++k) {
     for (i = 0; i < 3; ++i) three[i] = wanted_at(c, k - 1 + i);
     count = k;
-    early(path, three, &count, limits, c->tuning + 7, c->model + PARAMETERS - 1, &jumps, &due, change);
+    early(path, three, &count, limits, TABLE(tuning) + 7, TABLE(model) + PARAMETERS - 1, &jumps, &due, change);
   }
   if (jumps && due) return k - 1;
   *change = 0;
@@ -53,9 +53,9 @@ static int lead(const struct controller *c, const real *path, const real *limits
    acceleration. */
 static void aim(struct controller *c, int previewed)
 {
-  int k, i, last = c->horizon, first = 0;
+  int k, i, last = HORIZON, first = 0;
   real limits[2], near, speed, bend, now[2], next[2], three[3], change = 0, *ahead = c->ahead;
-  followable(c->belief + 3, c->load, c->machine, c->tuning, limits, &near);
+  followable(c->belief + 3, c->load, TABLE(machine), TABLE(tuning), limits, &near);
   if (!(c->path[0] && fabs(c->belief[3] - c->path[1]) <= near)) {
     c->path[0] = 1;
     c->path[1] = c->belief[3];
@@ -66,23 +66,26 @@ static void aim(struct controller *c, int previewed)
   for (k = 0; k <= last; ++k) {
     for (i = 0; i < 3; ++i) three[i] = wanted_at(c, first + k + i) - first * change;
     ahead[k] = now[0];
-    govern(now, three, limits, c->soft, c->model + PARAMETERS - 1, next);
+    govern(now, three, limits, TABLE(soft), TABLE(model) + PARAMETERS - 1, next);
     memcpy(now, next, sizeof now);
     if (k == 0) memcpy(c->path + 1, next, sizeof next);
   }
   speed = ahead[last] - ahead[last - 1];
   bend = speed - (ahead[last - 1] - ahead[last - 2]);
-  for (k = 1; k <= c->late + 1; ++k) ahead[last + k] = ahead[last] + speed * k + bend * k * (k + 1) / 2;
+  for (k = 1; k <= LATE + 1; ++k) ahead[last + k] = ahead[last] + speed * k + bend * k * (k + 1) / 2;
 }
 
-/* Whether the load has been beside the governed reference for long: the mean of the squared error over a period of the
-   loop, each counted as no more than twice what is too much, so that it is not said at once and over soon. */
+/* Whether the load has been beside the governed reference for long: the mean over a period of the loop of the squared
+   error, in units of what is admitted, each counted as no more than 2 so that it is not said at once and over soon. */
 static int astray(struct controller *c)
 {
-  real miss = c->ahead[0] - c->belief[3], *mean = c->astray;
-  if (!(*mean >= 0 && *mean <= 2 * c->tuning[9])) *mean = 0;
-  *mean += c->tuning[10] * (smaller(miss * miss, 2 * c->tuning[9]) - *mean);
-  return *mean > c->tuning[9] ? ASTRAY : 0;
+  const real *ahead = c->ahead, *own = TABLE(tuning);
+  real step = TABLE(model)[PARAMETERS - 1] * own[6], *mean = c->astray;
+  real admitted = own[9] + fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step);
+  real miss = (ahead[0] - c->belief[3]) / admitted;
+  if (!(*mean >= 0 && *mean <= 2)) *mean = 0;
+  *mean += own[10] * (smaller(miss * miss, 2) - *mean);
+  return *mean > 1 ? ASTRAY : 0;
 }
 
 /* What friction there will be on the way, and what is known of it by now. A disturbance that had a part of a friction
@@ -91,20 +94,20 @@ static void rubbed(struct controller *c)
 {
   int k, lead;
   real now[5], learnt[LEARNT], disturbance, more, total, before;
-  const real *ahead = c->ahead + c->late;
-  total = c->past[c->late + 1] + c->rubs[c->late + 1];
-  now[0] = c->rubs[1], now[1] = total, now[2] = ahead[0], now[3] = ahead[1], now[4] = c->ahead[c->horizon];
-  learn(c->belief, c->learnt, now, c->model, c->rubbing, c->tuning, learnt, &disturbance);
+  const real *ahead = c->ahead + LATE;
+  total = c->past[LATE + 1] + c->rubs[LATE + 1];
+  now[0] = c->rubs[1], now[1] = total, now[2] = ahead[0], now[3] = ahead[1], now[4] = c->ahead[HORIZON];
+  learn(c->belief, c->learnt, now, TABLE(model), TABLE(rubbing), TABLE(tuning), learnt, &disturbance);
   memcpy(c->learnt, learnt, sizeof learnt);
   more = c->belief[2] - disturbance;
   c->belief[2] = disturbance;
-  for (k = 0; k < c->late + 3; ++k) c->past[k] += more, c->rubs[k] -= more;
-  for (k = 1; k <= c->horizon; ++k) c->plan[k] += more;
-  before = c->rubs[c->late + 1];
-  lead = c->horizon; /* samples until friction is back at zero */
-  if (fabs(before) / c->rubbing[4] < lead) lead = (int)(fabs(before) / c->rubbing[4]);
-  for (k = 0; k < c->horizon; ++k) {
-    rub(ahead + (k + lead < c->horizon ? k + lead : c->horizon - 1), &before, &total, c->learnt, c->model, c->rubbing, c->rub + k);
+  for (k = 0; k < LATE + 3; ++k) c->past[k] += more, c->rubs[k] -= more;
+  for (k = 1; k <= HORIZON; ++k) c->plan[k] += more;
+  before = c->rubs[LATE + 1];
+  lead = HORIZON; /* samples until friction is back at zero */
+  if (fabs(before) / TABLE(rubbing)[4] < lead) lead = (int)(fabs(before) / TABLE(rubbing)[4]);
+  for (k = 0; k < HORIZON; ++k) {
+    rub(ahead + (k + lead < HORIZON ? k + lead : HORIZON - 1), &before, &total, c->learnt, TABLE(model), TABLE(rubbing), c->rub + k);
     before = c->rub[k];
   }
 }
@@ -114,12 +117,12 @@ static void confine(struct controller *c)
 {
   int k, i;
   real memory[2][8], ends[4];
-  const real *ahead = c->ahead + c->late, *dt = c->model + PARAMETERS - 1;
-  enter(c->states + N * c->late, c->soft, memory[0]);
-  for (k = 0; k < c->horizon; ++k) {
-    const real *state = c->states + N * (c->late + k + 1);
+  const real *ahead = c->ahead + LATE, *dt = TABLE(model) + PARAMETERS - 1;
+  enter(c->states + N * LATE, TABLE(soft), memory[0]);
+  for (k = 0; k < HORIZON; ++k) {
+    const real *state = c->states + N * (LATE + k + 1);
     real *fence = c->fence + BARRIER * k;
-    corridor(memory[k & 1], ahead + k, c->soft, dt, memory[!(k & 1)], ends);
+    corridor(memory[k & 1], ahead + k, TABLE(soft), dt, memory[!(k & 1)], ends);
     for (i = 0; i < 4; ++i) fence[4 + i] = ends[i] - state[i / 2];
   }
 }
@@ -127,24 +130,24 @@ static void confine(struct controller *c)
 /* The programme around the course of the model under the guess. */
 static void linearise(struct controller *c)
 {
-  int k, late = c->late, total = late + c->horizon;
-  real both[2], pace, acceleration, disturbance = c->belief[2], dt = c->model[PARAMETERS - 1];
-  real low = c->past[late + 1] + c->rubs[late + 1], high = low, step = c->tuning[8], least, most, before_low, before_high, most_step;
+  int k, late = LATE, total = late + HORIZON;
+  real both[2], pace, acceleration, disturbance = c->belief[2], dt = TABLE(model)[PARAMETERS - 1];
+  real low = c->past[late + 1] + c->rubs[late + 1], high = low, step = TABLE(tuning)[8], least, most, before_low, before_high, most_step;
   real rubbed_before = c->rubs[late + 1];
   const real *ahead = c->ahead + late, *state;
   memcpy(c->states, c->belief + 3, N * sizeof(real));
   for (k = 0; k < total; ++k) {
     both[0] = (k < late ? c->past[k + 2] : c->guess[k - late]) + disturbance;
     both[1] = (k <= late ? c->past[k + 1] : c->guess[k - late - 1]) + disturbance;
-    stage(c->states + N * k, both, c->model, c->states + N * (k + 1), c->A + N * N * k, c->B + 2 * N * k);
+    stage(c->states + N * k, both, TABLE(model), c->states + N * (k + 1), c->A + N * N * k, c->B + 2 * N * k);
   }
   c->unit[0] = 0;
-  for (k = 0; k < c->horizon; ++k) {
+  for (k = 0; k < HORIZON; ++k) {
     real *data = c->data + 2 * k, *bounds = c->bounds + 3 * k, *range = c->range + 2 * k;
     state = c->states + N * (late + k);
     pace = state[1];
     acceleration = (state[N + 1] - state[1]) / dt;
-    reach(&pace, &acceleration, c->machine, range);
+    reach(&pace, &acceleration, TABLE(machine), range);
     least = range[0], most = range[1]; /* what of it can be reached in steps of bounded size */
     before_low = low, before_high = high;
     low = range[0] = smaller(larger(low - step, least), most);
@@ -164,8 +167,8 @@ static void linearise(struct controller *c)
   }
   if (ROWS > 1) confine(c);
   state = c->states + N * total;
-  c->end[0] = state[0] - ahead[c->horizon];
-  c->end[1] = state[1] - (ahead[c->horizon + 1] - ahead[c->horizon - 1]) / (2 * dt);
+  c->end[0] = state[0] - ahead[HORIZON];
+  c->end[1] = state[1] - (ahead[HORIZON + 1] - ahead[HORIZON - 1]) / (2 * dt);
 }
 
 /* Linearise, solve, and go on with the torques found; the residual. */
@@ -173,21 +176,21 @@ static real optimise(struct controller *c)
 {
   int k, pass;
   real worst = INFINITY, most = INFINITY;
-  for (pass = 0; pass < c->passes && (!pass || most > CONVERGED * c->unit[0]); ++pass) {
-    if (pass) memcpy(c->guess, c->plan + 1, c->horizon * sizeof(real));
+  for (pass = 0; pass < PASSES && (!pass || most > CONVERGED * c->unit[0]); ++pass) {
+    if (pass) memcpy(c->guess, c->plan + 1, HORIZON * sizeof(real));
     linearise(c);
     worst = solve(c);
     c->plan[0] = worst <= CERTIFIED;
     most = 0;
     if (!c->plan[0]) { /* the guess, as far as the bounds let it stand */
-      for (k = 0; k < c->horizon; ++k) {
+      for (k = 0; k < HORIZON; ++k) {
         real *bounds = c->bounds + 3 * k;
         bounds[0] = -1;
         bounds[1] = bounds[2] = clipped(0, bounds[1], bounds[2]);
       }
       sweep(c);
     }
-    for (k = 0; k < c->horizon; ++k) {
+    for (k = 0; k < HORIZON; ++k) {
       c->plan[k + 1] = clipped(c->guess[k] + c->e[k], c->range[2 * k], c->range[2 * k + 1]);
       most = larger(most, fabs(c->e[k]));
     }
@@ -202,15 +205,15 @@ static void hold(struct controller *c)
   real nothing = 0, given, margin, preload = c->preload[0], next;
   c->plan[0] = 0;
   c->outcome[2] = INFINITY;
-  for (k = 0; k < c->horizon; ++k) {
-    split(&preload, &nothing, &nothing, &nothing, c->machine, &next, c->torques + 2 * k, &given, &margin);
+  for (k = 0; k < HORIZON; ++k) {
+    split(&preload, &nothing, &nothing, &nothing, TABLE(machine), &next, c->torques + 2 * k, &given, &margin);
     preload = next;
     c->angles[k] = NAN;
     if (k) continue;
     c->preload[0] = preload;
     c->outcome[0] = margin;
-    c->past[c->late + 2] = given;
-    c->rubs[c->late + 2] = 0;
+    c->past[LATE + 2] = given;
+    c->rubs[LATE + 2] = 0;
   }
   c->angles[k] = NAN;
 }
@@ -218,36 +221,36 @@ static void hold(struct controller *c)
 /* Whether a limit of angle or speed is predicted to be broken at a sample. */
 static int broken(const struct controller *c, int k)
 {
-  real angle = c->angles[k], speed = c->states[N * (c->late + k) + 1] + c->s[M * k + 1];
-  return angle < c->soft[0] - c->soft[5] || angle > c->soft[1] + c->soft[5] || fabs(speed) > c->soft[2] + c->soft[6];
+  real angle = c->angles[k], speed = c->states[N * (LATE + k) + 1] + c->s[M * k + 1];
+  return angle < TABLE(soft)[0] - TABLE(soft)[5] || angle > TABLE(soft)[1] + TABLE(soft)[5] || fabs(speed) > TABLE(soft)[2] + TABLE(soft)[6];
 }
 
 /* The torques of the horizon for what was planned. */
 static int plan_ahead(struct controller *c)
 {
-  int k, trouble = 0, beyond = 0, shift = c->late;
-  real dt = c->model[PARAMETERS - 1], given, margin, sum = 0, preload = c->preload[0], next, total;
-  for (k = 0; k < c->horizon; ++k) c->guess[k] = c->plan[0] ? c->plan[k + 2 - (k == c->horizon - 1)] : c->past[shift + 1];
-  for (k = 0; k < c->horizon; ++k)
-    c->bounds[3 * k] = c->plan[0] ? c->bounds[3 * (k + 1 - (k == c->horizon - 1))] : 0;
+  int k, trouble = 0, beyond = 0, shift = LATE;
+  real dt = TABLE(model)[PARAMETERS - 1], given, margin, sum = 0, preload = c->preload[0], next, total;
+  for (k = 0; k < HORIZON; ++k) c->guess[k] = c->plan[0] ? c->plan[k + 2 - (k == HORIZON - 1)] : c->past[shift + 1];
+  for (k = 0; k < HORIZON; ++k)
+    c->bounds[3 * k] = c->plan[0] ? c->bounds[3 * (k + 1 - (k == HORIZON - 1))] : 0;
   c->outcome[2] = optimise(c);
   if (!c->plan[0]) trouble = UNCERTIFIED;
-  for (k = 0; k <= c->horizon; ++k) {
+  for (k = 0; k <= HORIZON; ++k) {
     const real *state = c->states + N * (shift + k), *s = c->s + M * k;
     c->angles[k] = state[0] + s[0];
-    if (k < c->horizon) c->acceleration[k] = (state[N + 1] + s[M + 1] - (state[1] + s[1])) / dt;
+    if (k < HORIZON) c->acceleration[k] = (state[N + 1] + s[M + 1] - (state[1] + s[1])) / dt;
     if (ROWS > 1 && k && broken(c, k)) beyond = BEYOND;
-    if (k < c->horizon) sum += fabs(c->acceleration[k]) + fabs(c->plan[k + 1]) + fabs(c->rub[k]);
+    if (k < HORIZON) sum += fabs(c->acceleration[k]) + fabs(c->plan[k + 1]) + fabs(c->rub[k]);
   }
   if (!isfinite(sum)) {
     hold(c);
     return UNCERTIFIED;
   }
-  c->load[0] = c->plan[1] + c->rub[0] - c->tuning[4] * c->acceleration[0];
+  c->load[0] = c->plan[1] + c->rub[0] - TABLE(tuning)[4] * c->acceleration[0];
   c->outcome[0] = INFINITY;
-  for (k = 0; k < c->horizon; ++k) {
+  for (k = 0; k < HORIZON; ++k) {
     total = c->plan[k + 1] + c->rub[k];
-    split(&preload, &total, c->states + N * (shift + k) + 1, c->acceleration + k, c->machine,
+    split(&preload, &total, c->states + N * (shift + k) + 1, c->acceleration + k, TABLE(machine),
           &next, c->torques + 2 * k, &given, &margin);
     preload = next;
     c->outcome[0] = margin < c->outcome[0] ? margin : c->outcome[0];
@@ -256,15 +259,15 @@ static int plan_ahead(struct controller *c)
     c->rubs[shift + 2] = c->rub[0];
     c->preload[0] = preload;
   }
-  if (c->outcome[0] < -1e-9 * c->machine[1]) trouble |= PARTING;
+  if (c->outcome[0] < -1e-9 * TABLE(machine)[1]) trouble |= PARTING;
   return trouble | beyond;
 }
 
 /* The torques under way move on by a sample. */
 static void move_on(struct controller *c)
 {
-  memmove(c->past, c->past + 1, (c->late + 2) * sizeof(real));
-  memmove(c->rubs, c->rubs + 1, (c->late + 2) * sizeof(real));
+  memmove(c->past, c->past + 1, (LATE + 2) * sizeof(real));
+  memmove(c->rubs, c->rubs + 1, (LATE + 2) * sizeof(real));
 }
 
 /* A sample that was missed: the last torques were held, and nothing was read. */
@@ -272,10 +275,10 @@ static void miss(struct controller *c)
 {
   real readings[3] = {NAN, NAN, NAN}, acted[3] = {0}, code, anew, belief[BELIEF];
   acted[0] = c->past[1], acted[1] = c->past[0];
-  estimate(c->belief, readings, acted, c->model, c->levels, belief, &code, &anew);
+  estimate(c->belief, readings, acted, TABLE(model), TABLE(levels), belief, &code, &anew);
   memcpy(c->belief, belief, sizeof belief);
   move_on(c);
-  memmove(c->plan + 1, c->plan + 2, (c->horizon - 1) * sizeof(real));
+  memmove(c->plan + 1, c->plan + 2, (HORIZON - 1) * sizeof(real));
   c->watched[1] = 0; /* the model that runs free begins anew */
 }
 
@@ -284,11 +287,11 @@ static void miss(struct controller *c)
 static void lapse(struct controller *c)
 {
   int k, missed;
-  real dt = c->model[PARAMETERS - 1], elapsed = c->elapsed[0], shift;
-  memcpy(c->acting, c->model, PARAMETERS * sizeof(real));
+  real dt = TABLE(model)[PARAMETERS - 1], elapsed = c->elapsed[0], shift;
+  memcpy(c->acting, TABLE(model), PARAMETERS * sizeof(real));
   c->elapsed[0] = 0;
   if (!(elapsed > 0 && isfinite(elapsed))) return;
-  if (elapsed > (c->horizon + 0.5) * dt) { /* nothing is known any more */
+  if (elapsed > (HORIZON + 0.5) * dt) { /* nothing is known any more */
     c->belief[0] = c->path[0] = c->plan[0] = c->numbers[0] = 0;
     return;
   }
@@ -305,7 +308,7 @@ static int watched(struct controller *c)
 {
   real acted[3], belief[BELIEF], memory[WATCHED], reading, load_out, motors_out;
   acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->past[1] + c->rubs[1];
-  watch(c->belief, c->readings, c->watched, acted, c->acting, c->watching, belief, &reading, memory, &load_out, &motors_out);
+  watch(c->belief, c->readings, c->watched, acted, c->acting, TABLE(watching), belief, &reading, memory, &load_out, &motors_out);
   memcpy(c->belief, belief, sizeof belief);
   memcpy(c->watched, memory, sizeof memory);
   if (motors_out != 0) c->readings[1] = c->readings[2] = NAN;
@@ -313,16 +316,16 @@ static int watched(struct controller *c)
   return load_out != 0 || motors_out != 0;
 }
 
-int control_step(struct controller *c, double angle, int previewed)
+STEP int control_step(struct controller *c, real angle, int previewed)
 {
   int trouble, out;
   real acted[3], code, anew, belief[BELIEF];
   c->readings[0] = angle; /* and behind it those of the motors */
   lapse(c);
   out = watched(c);
-  acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[6] == 0 ? c->rubbing[3] : 0;
-  estimate(c->belief, c->readings, acted, c->acting, c->levels, belief, &code, &anew);
-  if (anew) begin(c->readings, acted, c->model, c->levels, belief);
+  acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[6] == 0 ? TABLE(rubbing)[3] : 0;
+  estimate(c->belief, c->readings, acted, c->acting, TABLE(levels), belief, &code, &anew);
+  if (anew) begin(c->readings, acted, TABLE(model), TABLE(levels), belief);
   memcpy(c->belief, belief, sizeof belief);
   trouble = (int)code;
   if (out) trouble = (trouble & ~BRIDGED) | CONTRADICTED;

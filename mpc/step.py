@@ -173,12 +173,15 @@ class InterpretedStep:
 
     def _astray(self) -> int:
         """Whether the load has been beside the governed reference for long."""
-        miss, mean, tuning = self._a["ahead"][0] - self._estimator.belief[3], self._a["astray"], self._a["tuning"]
-        if not 0 <= mean[0] <= 2 * tuning[9]:
+        ahead, mean, tuning = self._a["ahead"], self._a["astray"], self._a["tuning"]
+        step = self._dt * tuning[6]
+        admitted = tuning[9] + abs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step)
+        miss = (ahead[0] - self._estimator.belief[3]) / admitted
+        if not 0 <= mean[0] <= 2:
             mean[0] = 0.0
         square = miss * miss
-        mean[0] += tuning[10] * ((square if square < 2 * tuning[9] else 2 * tuning[9]) - mean[0])
-        return Trouble.ASTRAY if mean[0] > tuning[9] else Trouble.NONE
+        mean[0] += tuning[10] * ((square if square < 2 else 2.0) - mean[0])
+        return Trouble.ASTRAY if mean[0] > 1 else Trouble.NONE
 
     def _rubbed(self) -> None:
         """What friction there will be on the way, and what is known of it by now."""

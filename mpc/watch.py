@@ -33,6 +33,7 @@ WINDOW = 8
 _FREE = 2 * WINDOW  # samples for which the model runs free beside a reading that stands, and longer under torque
 _FULL, _SOME = 0.9, 0.5  # of the greatest torque: what counts as full, and as torque at all
 _STUCK = 0.8  # of the greatest torque: friction beyond which a load counts as jammed
+_SANE = 4.0  # of that torque, what acts and what nobody knows together
 _CLEAR = 10.0  # standard deviations
 _SOON = 0.8  # of them, so that the filter does not begin anew before
 
@@ -106,13 +107,15 @@ def watch(predictor: Predictor, motors: bool) -> Any:
     free, free_d = ca.if_else(goes_on, watched[4 : 4 + n], z), ca.if_else(goes_on, watched[4 + n], d)
     ahead, shown = seen(free, free_d)
     stands = ca.logic_and(known, raw == last)
-    same = ca.if_else(stands, same + 1, 0)
+    sane = ca.fabs(acted[0]) + ca.fabs(free_d) <= _SANE * greatest  # else it is the memory that cannot be believed
+    sane = ca.logic_and(ca.logic_and(sane, finite(ahead)), ca.logic_or(goes_on, belief[1] == 0))
+    same = ca.if_else(ca.logic_and(stands, sane), same + 1, 0)
     pushed = ca.if_else(ca.logic_and(stands, whole >= _FULL * greatest), pushed + 1, 0)
     off = ca.fabs(shown - angle)
     stopped = ca.logic_and(same <= _FREE, off > tolerance + brake / 2 * (same * p[-1]) ** 2)
     moves = (1 - _STUCK) * brake / 4 * (pushed * p[-1]) ** 2 > tolerance
     jammed = ca.logic_and(ca.logic_and(pushed >= WINDOW, moves), off > tolerance)
-    frozen = ca.logic_and(stands, ca.logic_and(finite(ahead), ca.logic_or(stopped, jammed)))
+    frozen = ca.logic_and(stands, ca.logic_and(sane, ca.logic_or(stopped, jammed)))
 
     leaves, rest, helped, history = ca.SX(0), ca.SX(0), ca.SX(0), ca.SX(0, 1)
     if motors:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from plant.drive_train import DriveTrain
-from plant.effects import Effect, catalogue
+from plant.effects import Effect, Moment, catalogue
 from plant.effects.effect import Axis, Parameter, parameters_of
 from plant.effects.unnamed import unnamed
 from plant.errors import AntidriveError, BadModelFile
@@ -44,6 +44,22 @@ class ModelFile:
         """False of a model that was fitted to a log which told no parameter; also what is written by hand is known."""
         return not self.source or any(error is not None for error in self.std.values())
 
+    @property
+    def friction_std(self) -> float | None:
+        """Standard error of the dry friction at rest, as a share of it; None where there is none or it is unknown."""
+        names, values, level = self.model.names, self.model.values, _level(self.model)
+        if not level:
+            return None
+        square = 0.0
+        for place, name in enumerate(names):
+            values[place] += (step := 1e-3 * (abs(values[place]) or 1.0))
+            slope = (_level(self.model.bound(values)) - level) / step
+            values[place] -= step
+            if slope and self.std.get(name) is None:
+                return None
+            square += (slope * (self.std.get(name) or 0.0)) ** 2
+        return float(square**0.5 / level)
+
     def to_dict(self) -> dict[str, Any]:
         """The content of the file."""
         model = self.model
@@ -71,6 +87,12 @@ class ModelFile:
         draft = path.with_name(path.name + ".part")
         draft.write_text(json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n")
         draft.replace(path)
+
+
+def _level(model: ServoModel) -> float:
+    """Dry friction at rest, forward [N m]."""
+    levels = model.dry_friction(Moment(torque=1.0, inertia=model.inertia))
+    return float(levels[0]) if levels else 0.0
 
 
 def read_model(path: Path | str, effects: Iterable[type[Effect]] = ()) -> ModelFile:

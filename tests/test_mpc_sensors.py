@@ -137,15 +137,15 @@ def test_a_load_that_sticks_is_no_failure(friction: float) -> None:
 
 
 def test_an_encoder_that_comes_back_is_believed_again() -> None:
-    controller, state, statuses = Controller(RIGID, PAPER), np.zeros(2), []
-    for k in range(400):
-        angle = state[0] if not 150 <= k < 180 else 0.01
-        control = controller.step(float(angle), 0.1 * np.sin(0.01 * k))
+    controller, state, statuses, frozen = Controller(RIGID, PAPER), np.zeros(2), [], 0.0
+    for k in range(600):
+        frozen = frozen if 300 < k < 330 else float(state[0])
+        control = controller.step(frozen, 0.1 * np.sin(0.01 * k))
         state = simulate(RIGID, command=PAPER.follower_torque(control.torques)[None], dt=0.005, state=state)[-1]
         statuses.append(control.status)
-    assert any("contradicted" in status for status in statuses[150:160])
-    assert not any(word in status for status in statuses[200:] for word in ("contradicted", "angle"))
-    assert abs(state[0] - 0.1 * np.sin(4.0)) < 4e-3
+    assert all("contradicted" in status for status in statuses[305:330])
+    assert not any(word in status for status in statuses[350:] for word in ("contradicted", "angle"))
+    assert abs(state[0] - 0.1 * np.sin(6.0)) < 4e-3
 
 
 def test_a_reading_that_wraps_is_put_on_its_turn() -> None:

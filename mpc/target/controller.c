@@ -23,8 +23,17 @@ typedef ${name}_real real;
 
 enum { DRIVES = ${NAME}_DRIVES, HORIZON = ${NAME}_HORIZON, LATE = ${NAME}_LATE, PASSES = ${passes}, ROUNDS = ${rounds} };
 
+#define CERTIFIED ${certified} /* largest residual of an accepted solution, in units of the greatest torque */
+#define STIFF ${stiff} /* how steep the barrier of the interior point method may be, and how near it ends */
+#define CLOSE ${close}
+#define TABLE(name) name
+#define STEP static
+
 ${constants}
-${code}
+${stages}
+${counts}
+
+${loops}
 void ${name}_init(struct controller *c)
 {
   memset(c, 0, sizeof *c);

@@ -1,0 +1,69 @@
+"""What is chosen for a machine has margins, whatever its size, its encoder and its lateness."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mpc import Controller, analyse_loop, closed_loop
+from mpc.tuning import Tuning
+from plant import GearTrain, Rig, ServoModel
+from plant.effects import ActuatorLag, CoulombFriction, Effect, InputDelay, SensorLag, StribeckFriction
+
+PAPER = GearTrain.paper()
+
+
+@pytest.mark.parametrize("sample_time", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("inertia", [1e-4, 1e-2, 1.0, 20.0])
+def test_the_peak_sensitivity_is_below_two(inertia: float, sample_time: float) -> None:
+    model = ServoModel(inertia=inertia, gravity=0.1 * inertia, viscous_friction=0.1 * inertia)
+    controller = Controller(model, PAPER, sample_time=sample_time)
+    loop = analyse_loop(controller)
+    assert loop.peak_sensitivity < 2.0
+    assert loop.delay_margin > sample_time
+    assert controller.horizon * sample_time >= 0.25 / controller.bandwidth - 1e-9
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        (InputDelay(time=0.002),),
+        (InputDelay(time=0.013), CoulombFriction(torque=0.3)),
+        (ActuatorLag(time_constant=0.02), StribeckFriction(coulomb=0.2, excess=0.2, velocity=0.05)),
+        (SensorLag(time_constant=0.01),),
+    ],
+    ids=["delay", "delay, friction", "lag, friction", "sensor"],
+)
+@pytest.mark.parametrize("velocity", [0.0, 0.3])
+def test_so_it_is_with_friction_and_lateness_at_rest_and_moving(effects: tuple[Effect, ...], velocity: float) -> None:
+    loop = analyse_loop(Controller(ServoModel(effects=effects), PAPER), angle=0.3, velocity=velocity)
+    assert loop.peak_sensitivity < 2.0
+
+
+def test_a_bandwidth_that_is_wanted_brings_the_rest() -> None:
+    told = Controller(ServoModel(), PAPER, bandwidth=1.5)
+    chosen = Tuning.of(ServoModel(), sample_time=0.005, noise=1e-5, least=0.1, greatest=2.0, bandwidth=1.5)
+    assert (told.bandwidth, told.horizon) == (1.5, chosen.horizon) == (1.5, 34)
+    assert analyse_loop(told).peak_sensitivity < 2.0
+    assert Controller(ServoModel(), PAPER, horizon=12, disturbance_rate=0.0).disturbance_rate == 0.0
+
+
+def test_a_better_encoder_and_more_preload_make_it_faster() -> None:
+    plain, sharp, pressed, late = (
+        Controller(model, PAPER, **options).bandwidth  # type: ignore[arg-type]
+        for model, options in (
+            (ServoModel(), {}),
+            (ServoModel(), {"encoder_resolution": 1e-6, "encoder_noise": 1e-6}),
+            (ServoModel(), {"min_torque": 0.05}),
+            (ServoModel(effects=(InputDelay(time=0.02),)), {}),
+        )
+    )
+    assert late < plain < pressed < sharp
+
+
+def test_the_teeth_of_the_paper_stay_together() -> None:
+    rig = Rig.paper_like()
+    model = ServoModel(inertia=rig.total_inertia, gravity=0.5, viscous_friction=0.8)
+    loop = closed_loop(Controller(model, PAPER), rig, lambda t: 0.2 * (1 - np.cos(2 * np.pi * 0.25 * t)), 2.0, seed=0)
+    assert loop.least_flank_torque > 0
+    assert loop.degraded == 0
