@@ -161,7 +161,8 @@ def reference(package: str) -> str:
     module = importlib.import_module(package)
     parts = [f"# {package}", module.__doc__ or ""]
     for name in module.__all__:
-        if home := getattr(getattr(module, name), "__module__", None):  # where it stands: a module may share its name
+        home = getattr(getattr(module, name), "__module__", "")  # where it stands: a module may share its name
+        if home.split(".")[0] == package:  # and no alias of a type
             parts.append(f"::: {home}.{name}\n    options:\n      heading: {package}.{name}\n      toc_label: {name}")
     return "\n\n".join(parts) + "\n"
 
@@ -184,7 +185,7 @@ def commands() -> str:
     """What `--help` says of each command."""
     parts = ["# Commands", "Exit code 0: done; 2: bad input, told in one sentence on stderr; 1: anything else."]
     for command in app.registered_commands:
-        name = command.callback.__name__  # type: ignore[union-attr]
+        name = command.name or command.callback.__name__  # type: ignore[union-attr]
         said = io.StringIO()
         with contextlib.redirect_stdout(said):
             main([name, "--help"])

