@@ -8,10 +8,11 @@ from diagnosis.experiment import Experiment
 from diagnosis.explanation import Explanation, explain
 from diagnosis.explanation.summary import headline, sentences
 from diagnosis.result import Findings
+from plant.presented import Presented
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Diagnosis(Findings):
+class Diagnosis(Presented, Findings):
     """The answer to "what does this model get wrong, and why?"."""
 
     def explain(self, experiment: Experiment | None = None) -> Explanation:

@@ -92,8 +92,8 @@ def gave_way(before: tuple[Addition, ...], after: tuple[Addition, ...]) -> list[
     left = {addition.effect for addition in after}
     gone = [addition.fit.model.effect(addition.effect) for addition in before if addition.effect not in left]
     return [
-        f"{effect.title.capitalize()} is rejected: a smooth function of angle, velocity and torque explains as much. To "
-        "decide, record a log that reaches the same angles and velocities by other motions."
+        f"{effect.title.capitalize()} is rejected: a smooth function of angle, velocity and torque explains as much. "
+        "To decide, record a log that reaches the same angles and velocities by other motions."
         for effect in gone
         if effect is not None
     ]

@@ -1,6 +1,6 @@
 """Draw docs/pictures/demo.png: what the report of the demo shows.
 
-    antidrive demo && python docs/picture.py antidrive-out
+antidrive demo && python docs/picture.py antidrive-out
 """
 
 from __future__ import annotations

@@ -12,7 +12,6 @@ from front_door import TRUTH, antidrive, columns, write_csv, write_model
 from test_friction_test import PLAIN, SWEEP, driven
 
 import antidrive as ad
-from antidrive import presentation
 from antidrive.changes import Change, Comparison
 from identification.friction_test import friction_test
 from plant import BadParameter, drive_table
@@ -99,7 +98,7 @@ def test_tables_hold_the_numbers(log, fitted, diagnosed):
     assert table.attrs["units"]["command"] == "N m"
     found = fitted.to_frame()
     assert found.loc["inertia", "value"] == fitted["inertia"].value
-    causes = presentation.to_frame(diagnosed)
+    causes = diagnosed.to_frame()
     assert causes.loc["coulomb_friction", "value"] == pytest.approx(0.4, rel=0.02)
 
 
@@ -112,10 +111,10 @@ def test_a_result_writes_its_page(name, results, tmp_path):
 
 
 def test_a_diagnosis_is_drawn_and_written(diagnosed, tmp_path):
-    axes = presentation.plot(diagnosed)
+    axes = diagnosed.plot()
     assert len(axes[0].lines) == 3
-    assert "<h1>" in presentation.report(diagnosed, tmp_path / "x.html").read_text(encoding="utf-8")
-    assert "coulomb_friction" in presentation.to_frame(diagnosed).to_html()
+    assert "<h1>" in diagnosed.report(tmp_path / "x.html").read_text(encoding="utf-8")
+    assert "coulomb_friction" in diagnosed._repr_html_()
     matplotlib.pyplot.close("all")
 
 
