@@ -79,12 +79,12 @@ static void aim(struct controller *c, int previewed)
    error, in units of what is admitted, each counted as no more than 2 so that it is not said at once and over soon. */
 static int astray(struct controller *c)
 {
-  const real *ahead = c->ahead, *tuning = c->tuning;
-  real step = c->model[PARAMETERS - 1] * tuning[6], *mean = c->astray;
-  real admitted = tuning[9] + fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step);
+  const real *ahead = c->ahead;
+  real step = c->model[PARAMETERS - 1] * c->tuning[6], *mean = c->astray;
+  real admitted = c->tuning[9] + fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step);
   real miss = (ahead[0] - c->belief[3]) / admitted;
   if (!(*mean >= 0 && *mean <= 2)) *mean = 0;
-  *mean += tuning[10] * (smaller(miss * miss, 2) - *mean);
+  *mean += c->tuning[10] * (smaller(miss * miss, 2) - *mean);
   return *mean > 1 ? ASTRAY : 0;
 }
 
