@@ -143,9 +143,7 @@ def main() -> None:
     """All of it, in an hour or two of one core; or, short, 17 bit at 5 ms."""
     warnings.simplefilter("ignore")  # python-control on poles near the unit circle
     table, begin, short = Table(), time.perf_counter(), "--short" in sys.argv
-    table.say(
-        f"Friction axes{', short form' if short else ''}: everything chosen by mpc.tuning, friction_std at its default; J [kg m^2], Ts [ms]"
-    )
+    table.say(f"Friction axes{', short form' if short else ''}: all chosen by mpc.tuning; J [kg m^2], Ts [ms]")
     table.say()
     times = (0.005,) if short else SAMPLE_TIMES
     right = knowledge(table, axes(times, (17,)), "17 bit")

@@ -77,8 +77,8 @@ def calls(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bool
     """How often each stage runs in one step: at most, or usually, when two sweeps find the bounds that are active."""
     N, passes = sizes["horizon"], sizes["passes"]
     sweeps, certificates = _sweeps(functions, sizes, worst), 2 if worst else 1
-    once = {"estimate": 1, "begin": int(worst), "preview": 1, "early": N * int(worst), "followable": 1, "govern": N + 1, "split": N}
-    once |= {"learn": 1, "rub": N}
+    once = {"estimate": 1, "begin": int(worst), "preview": 1, "followable": 1, "govern": N + 1, "split": N}
+    once |= {"early": N * worst, "learn": 1, "rub": N}  # the first of a reference that is known ahead
     courses = sweeps + 2 * worst  # the interior point method follows its first and its last torques
     each = {"stage": sizes["late"] + N, "reach": N, "backward": N * sweeps, "forward": N * courses}
     if rows(functions) > 1:

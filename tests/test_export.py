@@ -152,6 +152,7 @@ def test_the_worst_case_is_counted(name: str, tmp_path: Path) -> None:
     told = json.loads(gzip.decompress(next(tmp_path.glob("*antidrive_controller*.json.gz")).read_bytes()))
     counts = {entry["name"]: entry["execution_count"] for file in told["files"] for entry in file["functions"]}
     expected = effort.calls(used._machine_code.stages, used._sizes, worst=True)
+    assert counts["early"] <= expected.pop("early")  # of a reference that is known ahead, and then there is no preview
     assert {stage: counts[stage] for stage in expected} == expected
 
 
