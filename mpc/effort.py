@@ -62,7 +62,7 @@ _LINEARISE, _RESIDUAL, _CENTRAL, _AHEAD = Effort(40, 1), Effort(8, 1), Effort(9)
 _FENCE, _FORCES, _END = Effort(8), Effort(54, 9), Effort(54, 15)  # of other intervals, and of each end of an interval
 
 
-_FRAMES = 4096  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
+_FRAMES = 4608  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
 
 
 def of(function: Any) -> Effort:
