@@ -23,7 +23,7 @@ _HORIZON = 0.25
 _LEAST = 10
 """Samples looked ahead at least."""
 
-_PER_SAMPLE = 0.03
+_PER_SAMPLE = 0.05
 """Of a period of the bandwidth a sample may be: the estimator then moves by about its own time constant."""
 
 _LATE = 0.25
