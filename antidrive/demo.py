@@ -37,7 +37,7 @@ _MOTION = Scenario(
     duration=8.0,
     sample_time=SAMPLE_TIME,
     reference={"kind": "sine", "amplitude": 0.5, "frequency": 0.15},
-    rig={**HIDDEN, "encoder_noise": ENCODER_NOISE},
+    rig={**HIDDEN, "encoder_noise": ENCODER_NOISE, "inertia": Rig.paper_like().inertia},
     controller={**_LIMITS, "encoder_noise": ENCODER_NOISE},
 )
 

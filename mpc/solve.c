@@ -245,7 +245,7 @@ static void interior_point(struct controller *c)
 }
 
 /* The solution of the programme, certified; its residual, infinite if there is none. */
-static real solve(struct controller *c)
+STEP real solve(struct controller *c)
 {
   real worst;
   active_set(c);

@@ -14,6 +14,7 @@ from typing import Any
 import casadi as ca
 
 from plant.code_dialects import Dialect
+from plant.symbolic import one_at_a_time
 
 _BOOLEAN = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!=", ca.OP_AND: "&&", ca.OP_OR: "||"}
 _INFIX = {ca.OP_ADD: ("+", 1), ca.OP_SUB: ("-", 1), ca.OP_MUL: ("*", 2), ca.OP_DIV: ("/", 2)}
@@ -45,6 +46,7 @@ class Text:
     results: dict[str, str]
 
 
+@one_at_a_time
 def text_of(expressions: Mapping[str, Any], symbols: list[Any], dialect: Dialect) -> Text:
     """Scalar expressions of scalar symbols, which are called by their own names.
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from four_hertz import four_hertz
 from machine import Array, Machine, record
 
 from mpc import Controller
@@ -71,7 +72,7 @@ def track(
     **options: Any,
 ) -> Tracking:
     """A controller of the model follows a reference on the machine, whose clock shows `begin` [s] at the start."""
-    controller = Controller(model, GEARS, max_torque=MAX_TORQUE, encoder_noise=noise, **options)
+    controller = four_hertz(model, GEARS, max_torque=MAX_TORQUE, encoder_noise=noise, **options)
     dt = controller.sample_time
     wanted = reference(np.arange(round(duration / dt) + controller.horizon) * dt)
     loop = Pinions(controller=controller, wanted=wanted)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from plant.effects.moment import Expression, Moment
 from plant.effects.motion import Array
 from plant.errors import BadParameter
+from plant.symbolic import one_at_a_time
 
 
 class _Law(Protocol):
@@ -26,6 +27,7 @@ class _Law(Protocol):
     def reading(self, angle: Expression, state: Expression) -> Expression: ...
 
 
+@one_at_a_time
 def characteristic(law: _Law) -> tuple[str, Any]:
     """The one variable that an effect depends on, and its curve over that as a CasADi function; "" and None if none."""
     x, v, torque, time = symbols = [ca.SX.sym(name) for name in ("angle", "velocity", "torque", "time")]

@@ -1,9 +1,9 @@
 """Models on validation logs, in other simulators: how far each is from what was measured, beside our own simulation.
 
-    python benchmarks/simulators.py [FOLDER OF THE DATA SETS]
+    python benchmarks/other_simulators.py [FOLDER OF THE DATA SETS]
 
 A model is identified on one part of the data and played over the other from the command alone, in one piece. Writes
-results/simulators.txt.
+results/other_simulators.txt.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def main() -> None:
     head = f"Validation logs in other simulators (MuJoCo {version('mujoco')}, FMPy {version('fmpy')})"
     lines = [head, *(text for name, case in cases(data).items() for text in line(name, *case))]
     print("\n".join(lines))
-    (HERE / "results" / "simulators.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (HERE / "results" / "other_simulators.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
