@@ -131,6 +131,7 @@ def test_kscale_bus_faults_are_masked_and_said():
     assert all(label.endswith("rep 0") for label in labels)
 
 
+@pytest.mark.long
 def test_kscale_limits_the_speed_of_its_goal():
     """At every gain the firmware's goal goes 5 rad/s; what has been published errs by 0.0309 rad and more.
 
@@ -181,6 +182,7 @@ def test_ur10e_current_drives_the_joint(joint):
         assert abs(beside) < 0.02 * alpha
 
 
+@pytest.mark.long
 def test_ur10e_put_down_no_load_where_its_sweep_begins():
     """Before the sweep joint 3 moves as it never does later: a payload change fits, but nobody would believe it.
 

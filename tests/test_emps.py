@@ -80,6 +80,7 @@ def steady_force(model, velocity):
     return float(np.mean(forces))
 
 
+@pytest.mark.long
 def test_the_diagnosis_names_the_friction_and_the_screw(emps):
     """Among ten causes; `benchmarks/real_logs.py` asks the whole catalogue, which takes twice as long."""
     few = ["asymmetric_friction", "coulomb_friction", "stribeck_friction", "presliding_hysteresis", "quadratic_drag"]
