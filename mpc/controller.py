@@ -11,16 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from allocation import Bounds, PerDrive
+from mpc.bumpless_transfer import Running
 from mpc.compiled import CompiledStep
 from mpc.control import Control
+from mpc.controller_state import Remembering
 from mpc.corridor import SoftLimits, corridor, enter, moved, prices
 from mpc.drive import DriveInverse
+from mpc.encoder_faults import numbers as watching
+from mpc.encoder_faults import watch, watched_of
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
 from mpc.friction import Frictionless, friction_numbers, learn, rigid_contacts, rub
 from mpc.governor import Governor, early, followable, governed
-from mpc.handover import Running
 from mpc.layout import laid_out
-from mpc.memory import Remembering
 from mpc.prediction import Predictor
 from mpc.preview import preview
 from mpc.riccati import ALL_ROWS, TORQUE_ALONE, backward, forward, slope
@@ -28,8 +30,6 @@ from mpc.split import machine, reach, split
 from mpc.step import InterpretedStep
 from mpc.trouble import sentence
 from mpc.tuning import OBSERVER, Tuning
-from mpc.watch import numbers as watching
-from mpc.watch import watch, watched_of
 from mpc.weights import rate_weight, terminal_weight
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter

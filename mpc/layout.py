@@ -25,7 +25,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "preload": 1,  # lambda of the last sample
         "load": 1,  # torque that the load takes without accelerating
         "learnt": LEARNT,  # see `mpc.friction`
-        "watched": watched,  # see `mpc.watch`
+        "watched": watched,  # see `mpc.encoder_faults`
         "astray": 1,  # mean square of what the load is off its reference, in units of what is admitted
         "rubs": late + 3,  # torques against friction, beside those of past
     }

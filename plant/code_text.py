@@ -14,6 +14,9 @@ from typing import Any
 import casadi as ca
 
 from plant.code_dialects import Dialect
+from plant.effects.curve import Unnamed
+from plant.effects.effect import Parameter
+from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
 
 _BOOLEAN = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!=", ca.OP_AND: "&&", ca.OP_OR: "||"}
@@ -44,6 +47,36 @@ class Text:
 
     between: tuple[Named, ...]
     results: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Symbolic:
+    """A model's numbers as parameters of a text, but for those of effects without a name, which stay numbers.
+
+    Attributes:
+        values: (P,) to bind the model to.
+        symbols: those of them that are parameters.
+        parameters: of each the name in the text, what it is, and its value.
+    """
+
+    values: list[Any]
+    symbols: list[Any]
+    parameters: list[tuple[str, Parameter, float]]
+
+    @classmethod
+    def of(cls, model: ServoModel) -> Symbolic:
+        """Of a model."""
+        nameless = {effect.name for effect in model.effects if isinstance(effect, Unnamed)}
+        found = cls(values=[], symbols=[], parameters=[])
+        for spec, value in zip(model.parameters, model.values, strict=True):
+            if spec.name.split(".")[0] in nameless:
+                found.values.append(float(value))
+                continue
+            name = spec.name.replace(".", "_")
+            found.values.append(ca.SX.sym(name))
+            found.symbols.append(found.values[-1])
+            found.parameters.append((name, spec, float(value)))
+        return found
 
 
 @one_at_a_time

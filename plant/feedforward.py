@@ -10,8 +10,7 @@ from typing import Any
 import casadi as ca
 
 from plant.code_dialects import Dialect, c99, structured_text
-from plant.code_text import Text, text_of
-from plant.effects.curve import Unnamed
+from plant.code_text import Symbolic, Text, text_of
 from plant.effects.parameter import Parameter
 from plant.errors import BadParameter
 from plant.inverse import InverseEquations, inverse_equations, lead, left_out, moving, strength, torque_unit
@@ -105,26 +104,17 @@ class _Code:
     def of(cls, original: ServoModel, single: bool, name: str) -> _Code:
         """Named parameters stay symbols, so that they can be read and changed; knots of a curve are numbers."""
         model = original.without_clock()
-        numbers = {effect.name for effect in model.effects if isinstance(effect, Unnamed)}
-        values: list[Any] = []
-        symbols, parameters = [], []
-        for spec, value in zip(model.parameters, model.values, strict=True):
-            if spec.name.split(".")[0] in numbers:
-                values.append(float(value))
-                continue
-            values.append(ca.SX.sym(spec.name.replace(".", "_")))
-            symbols.append(values[-1])
-            parameters.append((spec.name.replace(".", "_"), spec, float(value)))
-        equations = inverse_equations(model.bound(values))
+        own = Symbolic.of(model)
+        equations = inverse_equations(model.bound(own.values))
         needed = ca.vertcat(*equations.shares.values(), *equations.after)
-        used = [ca.depends_on(needed, symbol) for symbol in symbols]
+        used = [ca.depends_on(needed, symbol) for symbol in own.symbols]
         return cls(
             model=model,
             name=name,
             single=single,
             equations=equations,
-            symbols=symbols,
-            parameters=[entry for entry, is_used in zip(parameters, used, strict=True) if is_used],
+            symbols=own.symbols,
+            parameters=[entry for entry, is_used in zip(own.parameters, used, strict=True) if is_used],
             notes=left_out(original),
         )
 

@@ -14,10 +14,9 @@ from typing import Any
 import casadi as ca
 
 from plant.code_dialects import modelica
-from plant.code_text import text_of
+from plant.code_text import Symbolic, text_of
 from plant.effects import Effect, Moment, Stage, State
 from plant.effects.actuator_lag import ActuatorLag
-from plant.effects.curve import Unnamed
 from plant.errors import BadParameter
 from plant.inverse import moving, strength, torque_unit
 from plant.servo import ServoModel
@@ -74,20 +73,13 @@ class _Equations:
 def _text(model: ServoModel, name: str, notes: Iterable[str]) -> str:
     units, entering = moving(model), strength(model)
     place = next(iter(units))
-    numbers = {effect.name for effect in model.effects if isinstance(effect, Unnamed)}
-    values: list[Any] = []
-    symbols: list[Any] = []
-    parameters = []
-    for spec, value in zip(model.parameters, model.values, strict=True):
-        own = spec.name.replace(".", "_")
-        if spec.name.split(".")[0] in numbers:
-            values.append(float(value))
-            continue
-        values.append(ca.SX.sym(own))
-        symbols.append(values[-1])
-        parameters.append(f'  parameter Real {own}(unit="{_unit(spec.unit)}") = {float(value)!r} "{spec.meaning}";')
-    found = _equations(model.bound(values), place)
-    text = text_of(found.right, [*found.symbols, *symbols], modelica())
+    own = Symbolic.of(model)
+    parameters = [
+        f'  parameter Real {given}(unit="{_unit(spec.unit)}") = {value!r} "{spec.meaning}";'
+        for given, spec, value in own.parameters
+    ]
+    found = _equations(model.bound(own.values), place)
+    text = text_of(found.right, [*found.symbols, *own.symbols], modelica())
     late = f"delay({entering}, input_delay_time)" if model.effect("input_delay") else entering
     width = f'parameter Real friction_width(unit="{_unit(units["velocity"])}") = {_WIDTH!r}'
     return "\n".join(

@@ -8,13 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import atan2, ceil, cos, hypot, sin
-from typing import Any
 
 import casadi as ca
 
 from plant.code_dialects import python
-from plant.code_text import text_of
-from plant.effects.curve import Unnamed
+from plant.code_text import Symbolic, text_of
 from plant.servo import ServoModel
 from plant.simulator_parts import Beyond, Native, beyond, native_part
 from plant.symbolic import one_at_a_time
@@ -149,28 +147,17 @@ def _mjcf(native: Native, timestep: float, name: str, *, own_delay: bool) -> str
 
 def _function(model: ServoModel, native: Native, name: str) -> str:
     """The Python beside the MJCF; empty where nothing is left to it."""
-    symbols: list[Any] = []
-    values: list[Any] = []
-    parameters = []
-    nameless = {effect.name for effect in model.effects if isinstance(effect, Unnamed)}
-    for spec, value in zip(model.parameters, model.values, strict=True):
-        own = spec.name.replace(".", "_")
-        if spec.name.split(".")[0] in nameless:
-            values.append(float(value))
-            continue
-        values.append(ca.SX.sym(own))
-        symbols.append(values[-1])
-        parameters.append((own, spec, float(value)))
-    rest = beyond(model.bound(values))
+    own = Symbolic.of(model)
+    rest = beyond(model.bound(own.values))
     if not rest.effects and ca.is_equal(rest.reading, rest.symbols[0], 5):
         return ""
     results = {"motor": rest.motor, "load": rest.load, "friction": rest.friction}
     after = dict(zip((f"next_{r}" for r in rest.remembered), map(ca.SX, rest.after), strict=True))
-    text = text_of(results | after, [*rest.symbols, *symbols], python())
+    text = text_of(results | after, [*rest.symbols, *own.symbols], python())
     needed = ca.vertcat(*results.values(), *after.values(), rest.reading)
-    used = [entry for entry, s in zip(parameters, symbols, strict=True) if ca.depends_on(needed, s)]
-    constants = "\n".join(f"{own} = {value!r}  # {spec.unit}: {spec.meaning}" for own, spec, value in used)
-    shown = text_of({"shown": rest.reading}, [rest.symbols[0], *symbols], python())
+    used = [entry for entry, s in zip(own.parameters, own.symbols, strict=True) if ca.depends_on(needed, s)]
+    constants = "\n".join(f"{given} = {value!r}  # {spec.unit}: {spec.meaning}" for given, spec, value in used)
+    shown = text_of({"shown": rest.reading}, [rest.symbols[0], *own.symbols], python())
     return _TEMPLATE.format(
         name=name,
         what=", ".join(effect.title for effect in rest.effects) or "what the sensor shows",

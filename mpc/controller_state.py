@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from mpc.handover import Running, hand_over
+from mpc.bumpless_transfer import Running, hand_over
 from plant.errors import BadParameter
 
 Array = NDArray[np.float64]
