@@ -13,13 +13,13 @@ from typing import Annotated, Any
 import typer
 
 from antidrive import __version__, completion
-from antidrive.common_words import OUT, Force, Json, Out, Quiet, Seed
+from antidrive.cli_drive_options import DRIVES, LIMITS, TUNING, with_options
+from antidrive.cli_fit_options import Bounds, Candidates, Effects, Exclude, Fixed, PerRun, Prior, fit_options
+from antidrive.cli_log_options import with_log
+from antidrive.cli_options import OUT, Force, Json, Out, Quiet, Seed
 from antidrive.compare_command import compare
-from antidrive.drive_words import DRIVES, LIMITS, TUNING, with_words
-from antidrive.examples import told
-from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, PerRun, Prior, fit_options
 from antidrive.friction_command import friction
-from antidrive.log_words import with_log
+from antidrive.help_examples import examples_of
 from antidrive.plan_command import plan
 from antidrive.program import run
 from antidrive.table_command import table
@@ -48,15 +48,15 @@ def everything(
     """From the log of a geared servo to what its model gets wrong, by name, and to the controller."""
 
 
-@app.command(epilog=told("demo"))
+@app.command(epilog=examples_of("demo"))
 def demo(context: typer.Context, out: Out = OUT, seed: Seed = 0, quiet: Quiet = False, json: Json = False) -> None:
     """The whole chain on a synthetic log: identify, diagnose, extend, design, close the loop, report."""
     from antidrive import commands
 
-    commands.demo(out=out, seed=seed, voice=commands.Voice(quiet=quiet, json=json, words=context.obj))
+    commands.demo(out=out, seed=seed, console=commands.Console(quiet=quiet, json=json, words=context.obj))
 
 
-@app.command(epilog=told("identify"))
+@app.command(epilog=examples_of("identify"))
 @with_log
 def identify(
     context: typer.Context,
@@ -76,12 +76,12 @@ def identify(
     """Fit a model to a log: model.json, fit.json, report.html."""
     from antidrive import commands
 
-    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
+    console = commands.Console(quiet=quiet, json=json, words=context.obj)
     known = fit_options(fixed=fixed, bounds=bounds, prior=prior, per_run=per_run, effects=effects)
-    commands.identify(log, base=base, known=known, force=force, out=out, seed=seed, voice=voice)
+    commands.identify(log, base=base, known=known, force=force, out=out, seed=seed, console=console)
 
 
-@app.command(epilog=told("diagnose"))
+@app.command(epilog=examples_of("diagnose"))
 @with_log
 def diagnose(
     context: typer.Context,
@@ -103,14 +103,14 @@ def diagnose(
     """Name what the model misses: diagnosis.json, model.json (extended), report.html."""
     from antidrive import commands
 
-    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
+    console = commands.Console(quiet=quiet, json=json, words=context.obj)
     known = fit_options(
         fixed=fixed, bounds=bounds, prior=prior, candidates=candidates, exclude=exclude, effects=effects
     )
-    commands.diagnose(log, base=base, known=known, force=force, out=out, seed=seed, voice=voice)
+    commands.diagnose(log, base=base, known=known, force=force, out=out, seed=seed, console=console)
 
 
-@app.command("inspect", epilog=told("inspect"))
+@app.command("inspect", epilog=examples_of("inspect"))
 @with_log
 def inspect_log(
     context: typer.Context,
@@ -123,10 +123,10 @@ def inspect_log(
     """Show what is understood of a log: columns, units, runs, faults; log.toml, report.html."""
     from antidrive import commands
 
-    commands.inspect(log, out=out, voice=commands.Voice(quiet=quiet, json=json, words=context.obj))
+    commands.inspect(log, out=out, console=commands.Console(quiet=quiet, json=json, words=context.obj))
 
 
-@app.command(epilog=told("predict"))
+@app.command(epilog=examples_of("predict"))
 @with_log
 def predict(
     context: typer.Context,
@@ -146,12 +146,14 @@ def predict(
     """Simulate a log from its command alone (free-run), with a model."""
     from antidrive import commands
 
-    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.predict(model, log, effects=effects, window=window, measured=measured, page=report, out=out, voice=voice)
+    console = commands.Console(quiet=quiet, json=json, words=context.obj)
+    commands.predict(
+        model, log, effects=effects, window=window, measured=measured, page=report, out=out, console=console
+    )
 
 
-@app.command(epilog=told("simulate"))
-@with_words(DRIVES, LIMITS, TUNING)
+@app.command(epilog=examples_of("simulate"))
+@with_options(DRIVES, LIMITS, TUNING)
 def simulate(
     context: typer.Context,
     scenario: Annotated[
@@ -176,11 +178,11 @@ def simulate(
     """Run a closed loop, or an experiment of the paper, on the rig: trajectory.csv, summary.json, report.html."""
     from antidrive import commands
 
-    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.simulate(scenario, said, model=model, effects=effects, out=out, seed=seed, voice=voice)
+    console = commands.Console(quiet=quiet, json=json, words=context.obj)
+    commands.simulate(scenario, said, model=model, effects=effects, out=out, seed=seed, console=console)
 
 
-@app.command(epilog=told("effects"))
+@app.command(epilog=examples_of("effects"))
 def effects(
     context: typer.Context,
     name: Annotated[
@@ -196,12 +198,12 @@ def effects(
     """List what a model may lack, and draw it: gallery.html."""
     from antidrive import commands
 
-    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.effects(name, out=out if name is not None else out or OUT, voice=voice)
+    console = commands.Console(quiet=quiet, json=json, words=context.obj)
+    commands.effects(name, out=out if name is not None else out or OUT, console=console)
 
 
-@app.command(context_settings={"ignore_unknown_options": True}, epilog=told("allocate"))
-@with_words(DRIVES, LIMITS)
+@app.command(context_settings={"ignore_unknown_options": True}, epilog=examples_of("allocate"))
+@with_options(DRIVES, LIMITS)
 def allocate(
     torques: Annotated[list[float], typer.Argument(metavar="TORQUE...", help="Torques on the load [N m].")],
     said: Any,
@@ -213,12 +215,12 @@ def allocate(
     """Share torques on the load between its drives, with margin and heat."""
     from antidrive import commands, drive_commands
 
-    voice = commands.Voice(quiet=quiet, json=json)
-    drive_commands.allocate(torques, said, model=model, effects=effects, voice=voice)
+    console = commands.Console(quiet=quiet, json=json)
+    drive_commands.allocate(torques, said, model=model, effects=effects, console=console)
 
 
-@app.command(epilog=told("capability"))
-@with_words(DRIVES, LIMITS)
+@app.command(epilog=examples_of("capability"))
+@with_options(DRIVES, LIMITS)
 def capability(
     context: typer.Context,
     said: Any,
@@ -234,12 +236,12 @@ def capability(
     """What two drives can do with teeth that stay together: capability.csv, report.html."""
     from antidrive import commands, drive_commands
 
-    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    drive_commands.capability(said, inertia=inertia, model=model, effects=effects, out=out, voice=voice)
+    console = commands.Console(quiet=quiet, json=json, words=context.obj)
+    drive_commands.capability(said, inertia=inertia, model=model, effects=effects, out=out, console=console)
 
 
-@app.command(epilog=told("export"))
-@with_words(DRIVES, LIMITS, TUNING)
+@app.command(epilog=examples_of("export"))
+@with_options(DRIVES, LIMITS, TUNING)
 def export(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model that the controller works with.")],
     said: Any,
@@ -263,16 +265,18 @@ def export(
     """Write the controller as C99 for a target, with driver, CMakeLists.txt, README.txt; or as FMU with its plant."""
     from antidrive import commands, drive_commands, model_commands
 
-    voice = commands.Voice(quiet=quiet, json=json)
+    console = commands.Console(quiet=quiet, json=json)
     given = {"feedforward": feedforward, "mujoco": mujoco, "urdf": urdf, "modelica": modelica, "plant": plant}
     if form := model_commands.chosen(given, fmu=fmu):
-        model_commands.export_model(model, form, said, name=name, single=single, effects=effects, out=out, voice=voice)
+        model_commands.export_model(
+            model, form, said, name=name, single=single, effects=effects, out=out, console=console
+        )
         return
-    drive_commands.export(model, said, name=name, single=single, fmu=fmu, effects=effects, out=out, voice=voice)
+    drive_commands.export(model, said, name=name, single=single, fmu=fmu, effects=effects, out=out, console=console)
 
 
 for _command in (compare, table, friction, plan):
-    app.command(epilog=told(_command.__name__))(_command)
+    app.command(epilog=examples_of(_command.__name__))(_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

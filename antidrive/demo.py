@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from allocation import Bounds, least_effort
+from antidrive.closed_loop_run import ClosedLoopRun
 from antidrive.fitted_model import model_file
 from antidrive.scenario import Scenario
 from antidrive.simulation import REPETITIONS, run_scenario
-from antidrive.trial import Trial
 from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation.summary import headline
@@ -56,11 +56,11 @@ class Demo:
     log: Log
     validation: Log
     diagnosis: Diagnosis
-    base: Trial
-    extended: Trial
+    base: ClosedLoopRun
+    extended: ClosedLoopRun
 
     @property
-    def trials(self) -> tuple[Trial, Trial]:
+    def trials(self) -> tuple[ClosedLoopRun, ClosedLoopRun]:
         """Both loops."""
         return self.base, self.extended
 
@@ -166,7 +166,7 @@ def write_log(log: Log, path: Path) -> None:
     pd.concat(map(pd.DataFrame, columns)).to_csv(path, index=False, float_format="%.10g")
 
 
-def _tracking(trial: Trial) -> tuple[float, float]:
+def _tracking(trial: ClosedLoopRun) -> tuple[float, float]:
     """Root mean square of the tracking error of a trial, and its standard deviation over its runs [rad]."""
     return trial.result.tracking_rms, trial.scatter()["tracking_rms"]
 

@@ -19,7 +19,7 @@ def drives(said: Mapping[str, Any], known: ModelFile | None = None) -> tuple[Dri
     """The drive train, and what of it was assumed, in sentences.
 
     Args:
-        said: what was typed, see `antidrive.drive_words.DRIVES`.
+        said: what was typed, see `antidrive.cli_drive_options.DRIVES`.
         known: the model, whose log may have been read with its gears.
 
     Raises:

@@ -12,14 +12,14 @@ from plotly.subplots import make_subplots
 
 from allocation import CapabilityMap
 from antidrive.capability import ROTARY, Units
-from antidrive.page import printed
-from antidrive.thinning import thin
-from diagnosis.explanation.contest import Contest
-from diagnosis.explanation.evidence_picture import Gathered, Shown
-from diagnosis.explanation.wording import acting, measured
+from antidrive.downsampling import downsample
+from antidrive.html_page import printed
+from diagnosis.explanation.cumulative_evidence import CumulativeEvidence, ResidualOverVariable
+from diagnosis.explanation.hypothesis_comparison import HypothesisComparison
+from diagnosis.explanation.wording import measured, torque_or_force
 from diagnosis.holdout import GainErrors
-from diagnosis.missing_torque import Curve, MissingTorque
-from diagnosis.odds import CLEAR
+from diagnosis.model_probability import CLEAR
+from diagnosis.residual_torque import Curve, ResidualTorque
 from diagnosis.result import Gain, Replay
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def replay_figure(replay: Replay, unit: str, *, extended: bool) -> go.Figure:
     return finish(figure, 460)
 
 
-def missing_over_time(missing: MissingTorque) -> go.Figure:
+def residual_figure(missing: ResidualTorque) -> go.Figure:
     """The torque that a model lacks, over the log, with its 95 % band."""
     figure = go.Figure()
     for run in np.unique(missing.run):
@@ -65,9 +65,9 @@ def missing_over_time(missing: MissingTorque) -> go.Figure:
         time, torque, band = missing.time[rows], missing.torque[rows], missing.band[rows]
         first = bool(run == missing.run[0])
         figure.add_traces(_band(time, torque - band, torque + band, BEFORE, "95 % band", legend=first))
-        figure.add_trace(line(time, torque, f"missing {acting(missing.unit)}", BEFORE, legend=first))
+        figure.add_trace(line(time, torque, f"missing {torque_or_force(missing.unit)}", BEFORE, legend=first))
     figure.update_xaxes(title_text="time [s]")
-    figure.update_yaxes(title_text=f"missing {acting(missing.unit)} [{missing.unit}]")
+    figure.update_yaxes(title_text=f"missing {torque_or_force(missing.unit)} [{missing.unit}]")
     return finish(figure, 300)
 
 
@@ -80,11 +80,11 @@ def curve_figure(before: Curve, after: Curve | None, unit: str) -> go.Figure:
         figure.add_traces(_band(curve.centre, low, high, colour, "95 % band", legend=False))
         figure.add_trace(line(curve.centre, curve.mean, name, colour))
     figure.update_xaxes(title_text=f"{before.variable} [{before.unit}]")
-    figure.update_yaxes(title_text=f"missing {acting(unit)} [{unit}]")
+    figure.update_yaxes(title_text=f"missing {torque_or_force(unit)} [{unit}]")
     return finish(figure, 270)
 
 
-def contest_figure(contest: Contest, names: Mapping[str, str], labels: Mapping[str, str]) -> go.Figure:
+def hypothesis_figure(contest: HypothesisComparison, names: Mapping[str, str], labels: Mapping[str, str]) -> go.Figure:
     """How far the rivals are behind the leader, in log odds; those far behind run out of the picture.
 
     Args:
@@ -106,7 +106,7 @@ def contest_figure(contest: Contest, names: Mapping[str, str], labels: Mapping[s
     return finish(figure, 110 + 34 * len(rows), legend=False).update_layout(margin_r=64)
 
 
-def gathered_figure(grown: Gathered) -> go.Figure:
+def evidence_figure(grown: CumulativeEvidence) -> go.Figure:
     """Evidence as it grew along the log, beside even growth."""
     figure = go.Figure()
     ends = [0, grown.time.size - 1]
@@ -118,7 +118,7 @@ def gathered_figure(grown: Gathered) -> go.Figure:
     return finish(figure, 270)
 
 
-def shown_figure(seen: Shown) -> go.Figure:
+def cause_figure(seen: ResidualOverVariable) -> go.Figure:
     """Missing torque over the telling variable without and with a cause, and what the cause says is missing."""
     figure = go.Figure()
     low, high = seen.before - seen.band, seen.before + seen.band
@@ -128,7 +128,7 @@ def shown_figure(seen: Shown) -> go.Figure:
     said = line(seen.centre, seen.predicted, "what it predicts", SECOND, width=2.4)
     figure.add_trace(said.update(line_dash="dash"))
     figure.update_xaxes(title_text=f"{seen.variable} [{seen.unit}]")
-    figure.update_yaxes(title_text=f"missing {acting(seen.torque_unit)} [{seen.torque_unit}]")
+    figure.update_yaxes(title_text=f"missing {torque_or_force(seen.torque_unit)} [{seen.torque_unit}]")
     return finish(figure, 270)
 
 
@@ -251,7 +251,7 @@ def capability_figure(found: CapabilityMap, units: Units = ROTARY) -> go.Figure:
 
 def line(time: Array, values: Array, name: str, colour: str, *, width: float = 1.6, legend: bool = True) -> Any:
     """A curve, thinned to what a screen can show."""
-    kept = thin(values)
+    kept = downsample(values)
     return go.Scatter(
         x=time[kept],
         y=values[kept],
@@ -264,7 +264,7 @@ def line(time: Array, values: Array, name: str, colour: str, *, width: float = 1
 
 
 def _band(x: Array, low: Array, high: Array, colour: str, name: str, *, legend: bool) -> list[Any]:
-    kept = np.union1d(thin(low, 1000), thin(high, 1000))
+    kept = np.union1d(downsample(low, 1000), downsample(high, 1000))
     red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
     common = {"mode": "lines", "line": {"width": 0}, "hoverinfo": "skip", "legendgroup": name}
     return [

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from antidrive.page import figure_json, page
+from antidrive.html_page import figure_json, page
 from antidrive.provenance import Provenance
 from identification.friction_test import FrictionTest
 

@@ -12,12 +12,12 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from antidrive import figures
+from antidrive.collinearity import absorbed_share, collinear_share
 from antidrive.equations import forms, typeset
-from antidrive.likeness import mistaken, swallowed
-from antidrive.page import figure_json, page
+from antidrive.html_page import figure_json, page
 from antidrive.provenance import Provenance
 from antidrive.signature import Signature, signature
-from diagnosis.explanation.wording import listed, percent, sentence_case
+from diagnosis.explanation.wording import joined_words, percent, sentence_case
 from plant.effects import Effect, Parameter, Stage, catalogue
 
 _FLOWS = {"torque": "N m", "angle": "rad", "velocity": "rad/s", "time": "s"}
@@ -109,7 +109,7 @@ def _with_code(text: str) -> Markup:
 
 def units(kind: type[Effect], spec: Parameter) -> str:
     """The unit of a parameter, on either axis if they differ."""
-    return listed(list(dict.fromkeys(spec.unit_on(axis) for axis in kind.axes)), "or")
+    return joined_words(list(dict.fromkeys(spec.unit_on(axis) for axis in kind.axes)), "or")
 
 
 def _axis(kind: type[Effect]) -> Any:
@@ -133,13 +133,13 @@ def _entry(kind: type[Effect], effects: Mapping[str, type[Effect]]) -> dict[str,
         "contains": [(name, effects[name].title) for name in kind.contains if name in effects],
         "neighbours": [_neighbour(kind, effects[name]) for name in kind.confused_with if name in effects],
         "size": "" if found is None else _size(found),
-        "swallowed": "" if found is None else percent(swallowed(found.effect, found.bench)),
+        "swallowed": "" if found is None else percent(absorbed_share(found.effect, found.excitation)),
         "pictures": () if found is None else _pictures(found),
     }
 
 
 def _neighbour(kind: type[Effect], other: type[Effect]) -> dict[str, str]:
-    share = mistaken(kind, other)
+    share = collinear_share(kind, other)
     return {
         "name": other.name,
         "title": sentence_case(other.title),
@@ -150,12 +150,13 @@ def _neighbour(kind: type[Effect], other: type[Effect]) -> dict[str, str]:
 
 def _size(found: Signature) -> str:
     """The size at which an effect is drawn, and on what."""
-    specs, axis = found.effect.parameters(), found.bench.model.axis
+    specs, axis = found.effect.parameters(), found.excitation.model.axis
     values = [
         f"{spec.name.replace('_', ' ')} {value:.3g} {spec.unit_on(axis)}".removesuffix(" -")
         for spec, value in zip(specs, found.effect.values, strict=True)
     ]
-    return f"{listed(values)}, on a {'position servo' if found.bench.servo_gain else 'servo that is given a torque'}"
+    servo = "position servo" if found.excitation.servo_gain else "servo that is given a torque"
+    return f"{joined_words(values)}, on a {servo}"
 
 
 def _pictures(found: Signature) -> Sequence[tuple[Any, str]]:

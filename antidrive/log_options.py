@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from antidrive.fit_options import FitOptions
-from antidrive.time_left import Parts, Tell
+from antidrive.remaining_time import Parts, Tell
 from identification.log import Log
 from identification.reading.reading_options import Reading
 from plant.errors import BadParameter

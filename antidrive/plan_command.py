@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from antidrive.common_words import Json, Quiet
+from antidrive.cli_options import Json, Quiet
 
 
 def plan(
@@ -28,11 +28,11 @@ def plan(
     json: Json = False,
 ) -> None:
     """Write the first experiment to record, within a drive's limits, before there is a log."""
+    from antidrive.console import Console
     from antidrive.output import whole_file
-    from antidrive.voice import Voice
     from plant.first_experiment import first_experiment
 
-    voice = Voice(quiet=quiet, json=json, words=context.obj)
+    console = Console(quiet=quiet, json=json, words=context.obj)
     table = first_experiment(_limits(limits), rate=rate)
     with whole_file(out) as draft:
         table.to_csv(draft, index=False, float_format="%.9g")
@@ -46,7 +46,7 @@ def plan(
     )
     content: dict[str, Any] = {"schema": 1, "file": str(out), "rate": rate, "duration": len(table) / rate}
     content["parts"] = [{"part": name, "start": begin, "duration": length} for name, begin, length in blocks]
-    voice.result("\n".join([*lines, f"Written: {out}"]), content)
+    console.result("\n".join([*lines, f"Written: {out}"]), content)
 
 
 def _limits(typed: str) -> Any:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antidrive.time_left import Parts, Tell
+from antidrive.remaining_time import Parts, Tell
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.run import Run

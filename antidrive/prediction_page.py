@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from antidrive.page import figure_json, page
+from antidrive.html_page import figure_json, page
 from antidrive.provenance import Provenance
 from identification.log import Log
 from identification.run import Run

@@ -9,27 +9,27 @@ import numpy as np
 
 from antidrive import figures
 from antidrive.capability import ROTARY, Units
-from antidrive.curves import picture_figure
 from antidrive.equations import model_equations
+from antidrive.experiment_figures import picture_figure
 from antidrive.experiments.outcome import Outcome
+from antidrive.html_page import figure_json, page
 from antidrive.inspection import Inspection, inspection_figures
-from antidrive.page import figure_json, page
 from antidrive.provenance import Provenance
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation, Reason
 from diagnosis.explanation.summary import headline, sentences
-from diagnosis.explanation.wording import acting, effect_of, measured, percent, sentence_case, size, title_of
+from diagnosis.explanation.wording import effect_of, measured, percent, sentence_case, size, title_of, torque_or_force
 from diagnosis.holdout import gain_errors
-from diagnosis.odds import NONE
+from diagnosis.model_probability import NONE
 from diagnosis.result import Cause, Gain
-from identification.certainty import bandwidth_std
 from identification.fit_result import Fit, FittedParameter, correlations
+from identification.standard_errors import bandwidth_std
 from plant.effects.effect import Array
 
 if TYPE_CHECKING:
     from allocation import CapabilityMap
+    from antidrive.closed_loop_run import ClosedLoopRun
     from antidrive.demo import Demo
-    from antidrive.trial import Trial
 
 _SAID = {"least_preload_margin": "least flank torque", "heat": "mean of the squared torques"}
 _RUNS_DRAWN = 3  # held-out runs that are drawn; the rest is in the numbers
@@ -101,9 +101,9 @@ def experiment_page(found: Outcome, provenance: Provenance) -> str:
     return page("experiment", provenance, found.title, experiment=content)
 
 
-def trial_page(trial: Trial, provenance: Provenance) -> str:
+def closed_loop_page(trial: ClosedLoopRun, provenance: Provenance) -> str:
     """The page of a closed loop."""
-    return page("trial", provenance, trial.title, trials=[_trial(trial)])
+    return page("closed_loop", provenance, trial.title, trials=[_trial(trial)])
 
 
 def capability_page(found: CapabilityMap, told: Sequence[str], provenance: Provenance, units: Units = ROTARY) -> str:
@@ -131,14 +131,14 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
     """What the template of a diagnosis shows."""
     extended = diagnosis.extended is not diagnosis.base
     unit = diagnosis.base.log.measured_unit
-    after = {curve.variable: curve for curve in diagnosis.missing_after.curves} if extended else {}
+    after = {curve.variable: curve for curve in diagnosis.residual_after.curves} if extended else {}
     curves = [
         (
             curve.variable,
             percent(max(curve.share, 0.0), curve.share_std),
-            figure_json(figures.curve_figure(curve, after.get(curve.variable), diagnosis.missing_before.unit)),
+            figure_json(figures.curve_figure(curve, after.get(curve.variable), diagnosis.residual_before.unit)),
         )
-        for curve in diagnosis.missing_before.curves
+        for curve in diagnosis.residual_before.curves
     ]
     replays = sorted(diagnosis.replays, key=lambda r: -_rms((r.measured - r.before)[r.valid]))[:_RUNS_DRAWN]
     gain = diagnosis.gain
@@ -156,8 +156,8 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
             (replay.label, figure_json(figures.replay_figure(replay, unit, extended=extended))) for replay in replays
         ],
         "others": len(diagnosis.replays) - len(replays),
-        "acting": acting(diagnosis.missing_before.unit),
-        "missing": figure_json(figures.missing_over_time(diagnosis.missing_before)),
+        "acting": torque_or_force(diagnosis.residual_before.unit),
+        "missing": figure_json(figures.residual_figure(diagnosis.residual_before)),
         "curves": curves,
         "causes": [_cause(diagnosis, c, r) for c, r in zip(diagnosis.causes, explanation.reasons, strict=False)],
         "nameless": [] if diagnosis.causes else [_reason(diagnosis, reason) for reason in explanation.reasons],
@@ -209,13 +209,16 @@ def _reason(diagnosis: Diagnosis, reason: Reason, odds: Mapping[str, float] | No
         known = {c.effect: c.probability for c in (contest.leader, *contest.rivals)} | dict(odds or {})
         names = {c.effect: _explanation(diagnosis, c.effect) for c in (contest.leader, *contest.rivals)}
         labels = {name: percent(share) for name, share in known.items()}
-        drawn.append((figures.contest_figure(contest, names, labels), "How far the others are behind."))
-    if reason.gathered is not None:
-        drawn.append((figures.gathered_figure(reason.gathered), "When the evidence came together along the log."))
-    if reason.shown is not None:
-        told = figures.shown_figure(reason.shown)
-        what = f"{acting(reason.shown.torque_unit)} missing without it, with it, and what it predicts"
-        drawn.append((told, f"Over {reason.shown.variable}: {what}."))
+        drawn.append((figures.hypothesis_figure(contest, names, labels), "How far the others are behind."))
+    if reason.cumulative_evidence is not None:
+        drawn.append(
+            (figures.evidence_figure(reason.cumulative_evidence), "When the evidence came together along the log.")
+        )
+    if reason.residual_over_variable is not None:
+        told = figures.cause_figure(reason.residual_over_variable)
+        quantity = torque_or_force(reason.residual_over_variable.torque_unit)
+        what = f"residual {quantity} without it and with it, and what it predicts"
+        drawn.append((told, f"Over {reason.residual_over_variable.variable}: {what}."))
     pictures = [(figure_json(figure), caption) for figure, caption in drawn]
     return {"title": reason.title, "sentences": reason.sentences, "pictures": pictures}
 
@@ -238,7 +241,7 @@ def _parameter(p: FittedParameter) -> dict[str, str]:
     }
 
 
-def _trial(trial: Trial) -> dict[str, Any]:
+def _trial(trial: ClosedLoopRun) -> dict[str, Any]:
     told = trial.sentences()
     return {
         "title": trial.title,

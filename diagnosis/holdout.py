@@ -11,7 +11,7 @@ from diagnosis.jackknife import BLOCKS, jackknife
 from diagnosis.measured_motion import reading_noise
 from diagnosis.result import Findings, Gain, Replay, TorqueError, Unexplained
 from identification.fit_result import Fit
-from identification.inverse import torque_misses
+from identification.inverse import torque_error_samples
 from identification.log import Log
 from identification.run import Run
 from identification.simulation import free_simulation
@@ -222,7 +222,7 @@ def inverse_errors(estimation: Log, held_out: Log, before: ServoModel, after: Se
 
 def _inverse_error(log: Log, model: ServoModel, cutoff: float) -> tuple[float, float]:
     """Relative error of the inverse model over a log, and its standard error."""
-    squares = [record**2 for record in torque_misses(log, model, cutoff=cutoff)]
+    squares = [record**2 for record in torque_error_samples(log, model, cutoff=cutoff)]
 
     def relative(missed: float, torque: float) -> float:
         if torque > 0.0:

@@ -15,7 +15,7 @@ import numpy as np
 
 from diagnosis.linear import response
 from diagnosis.measured_motion import MeasuredMotion
-from diagnosis.screen import Screen
+from diagnosis.score_test import Screen
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects import Motion

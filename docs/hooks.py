@@ -17,9 +17,9 @@ from mkdocs.structure.files import File, Files
 
 import antidrive
 from antidrive.cli import app, main
+from antidrive.collinearity import absorbed_share, collinear_share
 from antidrive.equations import typeset
 from antidrive.gallery import bounds, paragraphs, units
-from antidrive.likeness import mistaken, swallowed
 from antidrive.signature import Signature, signature
 from diagnosis.explanation.wording import percent, sentence_case
 from plant.effects import Effect, Stage, catalogue
@@ -87,8 +87,12 @@ def effect(kind: type[Effect]) -> str:
     )
     if found is not None:
         lines.append(f"![{kind.title}: what the model lacks, and what changes](gallery/{kind.name}.svg)")
-        lines.append(f"A refit of the model takes over {percent(swallowed(found.effect, found.bench))} of its mark.")
-    near = [(catalogue[name], mistaken(kind, catalogue[name])) for name in kind.confused_with if name in catalogue]
+        lines.append(
+            f"A refit of the model takes over {percent(absorbed_share(found.effect, found.excitation))} of its mark."
+        )
+    near = [
+        (catalogue[name], collinear_share(kind, catalogue[name])) for name in kind.confused_with if name in catalogue
+    ]
     said = [f"[{k.title}](#{k.name})" + (f" ({percent(share)})" if share is not None else "") for k, share in near]
     if said:
         lines.append(f"Confused with, and how much of the rest that could take over: {', '.join(said)}.")

@@ -14,8 +14,8 @@ from typing import Any
 import casadi as ca
 
 from plant.code_dialects import Dialect
-from plant.effects.curve import Unnamed
 from plant.effects.effect import Parameter
+from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
 
@@ -66,7 +66,7 @@ class Symbolic:
     @classmethod
     def of(cls, model: ServoModel) -> Symbolic:
         """Of a model."""
-        nameless = {effect.name for effect in model.effects if isinstance(effect, Unnamed)}
+        nameless = {effect.name for effect in model.effects if isinstance(effect, Nonparametric)}
         found = cls(values=[], symbols=[], parameters=[])
         for spec, value in zip(model.parameters, model.values, strict=True):
             if spec.name.split(".")[0] in nameless:

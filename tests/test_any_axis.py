@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmu_instance import Slave
 from front_door import antidrive, write_model
-from slave import Slave
 from target import PAPER, RIGID, built
 
 from allocation import Allocator
@@ -83,7 +83,7 @@ def test_a_linear_axis_is_controlled_by_the_same_numbers() -> None:
 
 @needs_gcc
 @pytest.mark.parametrize("name", TRAINS)
-def test_exported_code_hands_out_the_torques_of_python_for_any_drives(name: str, tmp_path: Path) -> None:
+def test_exported_code_gives_the_torques_of_python(name: str, tmp_path: Path) -> None:
     train = TRAINS[name]
     axis = "linear" if name == "signed" else "rotary"
     model = ServoModel(inertia=2.0, gravity=0.0, viscous_friction=1.5, axis=axis)  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ from front_door import antidrive, listing
 
 from allocation import Allocator, capability_map
 from antidrive.figures import capability_figure
-from antidrive.page import printed
+from antidrive.html_page import printed
 from plant.gears import GearTrain
 
 MOST = 161 / 20 * (0.25 - 0.01)

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from front_door import antidrive, columns, write_csv
 from machine import Machine, excitation, record
-from test_unknown import Windage
+from test_unknown_causes import Windage
 
-from antidrive.page import printed
+from antidrive.html_page import printed
 from diagnosis import Diagnosis, Experiment, diagnose
 from diagnosis.experiment.signal_families import Signal
-from diagnosis.explanation.contest import AGAIN, NOTICED, Contest, contest_of
+from diagnosis.explanation.cumulative_evidence import cumulative_evidence, residual_over_variable
 from diagnosis.explanation.detectable import detectable
-from diagnosis.explanation.evidence_picture import gathered, shown
+from diagnosis.explanation.hypothesis_comparison import AGAIN, NOTICED, HypothesisComparison, comparison_of
 from diagnosis.explanation.wording import measured, percent, power
 from diagnosis.holdout import gain_errors
-from diagnosis.odds import NONE, probabilities
+from diagnosis.model_probability import NONE, probabilities
 from diagnosis.result import Candidate
 from identification.log import Log
 from plant import ServoModel
@@ -85,7 +85,7 @@ def test_the_margin_is_that_of_the_round() -> None:
     assert shares / shares.sum() == pytest.approx(told, rel=1e-6)
 
 
-def test_a_name_without_a_rival_stands_against_none_and_a_better_rival_is_admitted() -> None:
+def test_a_lone_effect_is_tested_against_none() -> None:
     found = friction()
     (cause,) = found.causes
     alone = replace(found, candidates=tuple(c for c in found.candidates if c.effect == "coulomb_friction"))
@@ -100,7 +100,7 @@ def test_a_name_without_a_rival_stands_against_none_and_a_better_rival_is_admitt
     assert "as Stribeck friction pays 7 more" in said
     assert "e^4 (55) to 1 for Coulomb friction" in said
     weighed = replace(cause, evidence=123.0, probability=0.8, alternatives=(("stribeck_friction", 0.2),))
-    again = contest_of(replace(found, causes=(weighed,)), weighed)
+    again = comparison_of(replace(found, causes=(weighed,)), weighed)
     assert again.round == AGAIN
     said = replace(found, causes=(weighed,)).explain().short[0]
     assert numbers(said) == pytest.approx([123.0, np.log(4.0)], rel=0.01)
@@ -117,7 +117,7 @@ def test_size_gain_and_rest_are_the_numbers_of_the_diagnosis() -> None:
     assert f"cut by {percent(gain.cut, error.cut)}, from {before} to {after} rms" in told
     floor = gain.noise_floor
     assert f"{measured(gain.held_out_rms_after / floor, error.after / floor)} times the noise floor" in told
-    missing = found.missing_before
+    missing = found.residual_before
     assert f"lacks a torque of {measured(missing.rms, missing.rms_std, 'N m')} rms" in told
     assert f"{percent(found.whiteness)} can still be predicted" in told
     worse = replace(gain, held_out_rms_after=1.5 * gain.held_out_rms_before)
@@ -128,14 +128,14 @@ def test_the_evidence_adds_up_and_its_moments_are_told() -> None:
     found = friction()
     (reason,) = found.explain().reasons
     total = found.extended.log_likelihood - found.base.log_likelihood
-    assert reason.gathered is not None
-    assert reason.gathered.evidence[-1] == pytest.approx(total, rel=1e-3)
-    assert reason.gathered.densest[0] < 0.2
+    assert reason.cumulative_evidence is not None
+    assert reason.cumulative_evidence.evidence[-1] == pytest.approx(total, rel=1e-3)
+    assert reason.cumulative_evidence.densest[0] < 0.2
     assert "comes from the whole log" in str(found.explain())
     extended, base = found.extended, found.base
-    moment = (reason.gathered.time > 9.0) & (reason.gathered.time < 10.0)
+    moment = (reason.cumulative_evidence.time > 9.0) & (reason.cumulative_evidence.time < 10.0)
     lone = replace(base, innovations=np.where(moment, 4.0, 1.0) * extended.innovations, noise_std=extended.noise_std)
-    share, when = gathered(lone, extended).densest
+    share, when = cumulative_evidence(lone, extended).densest
     assert share > 0.5
     assert when == pytest.approx(9.5, abs=1.5)
     assert "look there for a fault of the data" in str(replace(found, base=lone).explain())
@@ -143,7 +143,7 @@ def test_the_evidence_adds_up_and_its_moments_are_told() -> None:
 
 def test_the_missing_torque_shows_the_jump_that_was_hidden() -> None:
     found = friction()
-    seen = found.explain().reasons[0].shown
+    seen = found.explain().reasons[0].residual_over_variable
     assert seen is not None
     assert (seen.variable, seen.unit, seen.torque_unit) == ("velocity", "rad/s", "N m")
     np.testing.assert_allclose(seen.predicted, seen.before - seen.after, atol=1e-12)
@@ -154,13 +154,13 @@ def test_the_missing_torque_shows_the_jump_that_was_hidden() -> None:
 
 
 def test_a_model_that_leaves_more_torque_missing_shows_nothing() -> None:
-    assert shown(friction().base, friction().extended) is not None
-    assert shown(friction().extended, friction().base) is None
+    assert residual_over_variable(friction().base, friction().extended) is not None
+    assert residual_over_variable(friction().extended, friction().base) is None
 
 
 def test_what_lags_or_bends_shows_over_no_variable() -> None:
     (reason,) = late().explain().reasons
-    assert reason.shown is None
+    assert reason.residual_over_variable is None
     assert "shows it over no single variable" in " ".join(reason.sentences)
 
 
@@ -172,15 +172,15 @@ def test_each_of_several_causes_is_weighed_beside_the_others() -> None:
         assert reason.effect == cause.effect
         assert reason.contest is not None
         assert not {c.effect for c in reason.contest.rivals} & {other.effect for other in found.causes}
-        assert reason.gathered is not None
-        assert 100.0 < reason.gathered.evidence[-1] < together - 10.0
+        assert reason.cumulative_evidence is not None
+        assert 100.0 < reason.cumulative_evidence.evidence[-1] < together - 10.0
         costs = re.search(r"costs ([\d.]+) in log-likelihood", " ".join(reason.sentences))
         if reason.contest.round != AGAIN:
             assert costs is not None
-            assert float(costs[1]) == pytest.approx(reason.gathered.evidence[-1], rel=0.01)
+            assert float(costs[1]) == pytest.approx(reason.cumulative_evidence.evidence[-1], rel=0.01)
 
 
-def test_rivals_that_the_log_cannot_tell_apart_are_told_with_their_marks_and_the_experiment() -> None:
+def test_competing_hypotheses_come_with_signature_and_experiment() -> None:
     found = late()
     assert found.verdict == "ambiguous"
     experiment = Experiment(
@@ -208,7 +208,7 @@ def test_rivals_that_the_log_cannot_tell_apart_are_told_with_their_marks_and_the
     assert "does not tell" not in str(friction().explain())
 
 
-def test_sizes_that_could_hide_are_those_at_which_something_begins_to_be_noticed() -> None:
+def test_hidden_sizes_are_those_at_the_detection_threshold() -> None:
     found = clean()
     sizes = detectable(found.base, [c for c in found.candidates if c.round == 1])
     assert set(sizes) == {"torque_offset", "quadratic_drag"}
@@ -229,7 +229,7 @@ def test_names_that_are_not_believed_are_told_with_their_odds() -> None:
     assert found.verdict == "unknown"
     (reason,) = found.explain().reasons
     assert reason.effect is None
-    contest = Contest.of_round(found.candidates, 1)
+    contest = HypothesisComparison.of_round(found.candidates, 1)
     assert contest.something == pytest.approx(np.log(1 / contest_none(contest) - 1), rel=1e-6)
     if contest.something < NOTICED:
         assert f"are {power(contest.something)} to 1, and {power(NOTICED)} to 1 is needed" in reason.sentences[0]
@@ -238,7 +238,7 @@ def test_names_that_are_not_believed_are_told_with_their_odds() -> None:
     assert "did not hold up" in replace(found, candidates=dearer).explain().short[0]
 
 
-def contest_none(contest: Contest) -> float:
+def contest_none(contest: HypothesisComparison) -> float:
     return next(c.probability for c in (contest.leader, *contest.rivals) if c.effect == NONE)
 
 
@@ -285,7 +285,7 @@ def test_odds_in_words(log_odds: float, said: str) -> None:
     assert power(12345.6) == "e^12346"
 
 
-def test_the_command_prints_the_margin_and_the_report_explains_it_all(monkeypatch, tmp_path) -> None:
+def test_the_report_explains_the_margin_that_is_printed(monkeypatch, tmp_path) -> None:
     found = friction()
     monkeypatch.setattr(import_module("diagnosis.diagnose"), "diagnose", lambda *_, **__: found)
     log = write_csv(tmp_path / "log.csv", columns(duration=4.0))
@@ -305,11 +305,11 @@ def test_the_command_prints_the_margin_and_the_report_explains_it_all(monkeypatc
     ]
 
 
-def test_overwhelming_and_absent_evidence_are_told_without_overflow() -> None:
+def test_extreme_evidence_is_reported_without_overflow() -> None:
     found = friction()
     for score in (5000.0, -5000.0):
         sure = replace(found.candidates[0], effect="coulomb_friction", evidence=score, score=score, visible=score)
-        contest = Contest.of_round((sure,), sure.round)
+        contest = HypothesisComparison.of_round((sure,), sure.round)
         assert contest.leader.effect == ("coulomb_friction" if score > 0 else "none")
         odds = probabilities({"coulomb_friction": score}, {"coulomb_friction": score})
         assert odds["coulomb_friction"] == pytest.approx(1.0 if score > 0 else 0.0, abs=1e-12)

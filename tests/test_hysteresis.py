@@ -10,15 +10,15 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import diagnose
-from diagnosis.screen import Screen
+from diagnosis.score_test import Screen
 from identification.fit import fit
 from identification.log import Log
 from identification.problem import Problem
 from plant import Effect, ServoModel, simulate
 from plant.effects import PreslidingHysteresis, Stage, State
-from plant.effects.curve import HEIGHTS
 from plant.effects.effect import Expression, Moment, parameter
 from plant.effects.hysteresis import Hysteresis
+from plant.effects.nonparametric_curve import HEIGHTS
 
 KNOTS = np.linspace(-1.0, 1.0, len(HEIGHTS))
 
@@ -43,7 +43,7 @@ def test_its_trace_holds_that_of_dahls_friction() -> None:
         assert own.columns @ -KNOTS == pytest.approx(dahl.columns[:, 0], abs=1e-9)
 
 
-def test_dahls_friction_that_may_not_be_named_is_unknown_and_its_gain_is_had() -> None:
+def test_excluded_dahl_friction_is_unknown_but_modelled() -> None:
     """Friction that differs between the directions stood in for it, and left most of it to an observer."""
     hidden = {"presliding_hysteresis": {"torque": 0.3, "stiffness": 8.1}}
     log, held_out = (

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from sample_pages import HOSTILE, sample_diagnosis, sample_fit
 
+from antidrive.downsampling import LIMIT, downsample
+from antidrive.html_page import printed
 from antidrive.output import to_json
-from antidrive.page import printed
 from antidrive.provenance import Provenance
 from antidrive.report import diagnosis_page, fit_page
-from antidrive.thinning import LIMIT, thin
 from diagnosis.explanation.summary import headline, sentences
 from diagnosis.explanation.wording import measured, percent
 from identification import free_simulation
@@ -140,9 +140,9 @@ def test_numbers_keep_the_digits_that_their_error_leaves():
 
 
 def test_a_linear_axis_lacks_a_force(diagnosis):
-    lacked = replace(diagnosis.missing_before, unit="N")
+    lacked = replace(diagnosis.residual_before, unit="N")
     for unit, there, absent in (("N m", "torque", "force"), ("N", "force", "torque")):
-        told = replace(diagnosis, missing_before=replace(lacked, unit=unit), missing_after=replace(lacked, unit=unit))
+        told = replace(diagnosis, residual_before=replace(lacked, unit=unit), residual_after=replace(lacked, unit=unit))
         lives = sections(diagnosis_page(told, Provenance.now(["antidrive"])))["Where it lives"]
         assert f"missing {there} [{unit}]" in lives
         assert f"of the missing {there}" in lives
@@ -201,13 +201,13 @@ def test_every_section_shows_its_own_numbers(diagnosis):
     assert [odds.count(f'"{share} %"') for share in (97, 2, 1)] == [1, 1, 1]
 
 
-def test_curves_are_drawn_before_and_after_only_where_there_is_an_after(diagnosis):
+def test_curves_after_are_drawn_only_if_there_is_an_extension(diagnosis):
     extended = sections(diagnosis_page(diagnosis, Provenance.now(["antidrive"])))
     alone = replace(diagnosis, extended=diagnosis.base)
     before = sections(diagnosis_page(alone, Provenance.now(["antidrive"])))
     assert "Parameters of the base model" in before
     named = '"name":"after naming"'
-    assert extended["Where it lives"].count(named) == len(diagnosis.missing_after.curves) > 0
+    assert extended["Where it lives"].count(named) == len(diagnosis.residual_after.curves) > 0
     assert named not in before["Where it lives"]
 
 
@@ -317,7 +317,7 @@ def test_nothing_is_certain_and_nothing_impossible():
 def test_thinning_keeps_ends_and_spikes(values, data):
     place = data.draw(st.integers(0, values.size - 1))
     values[place] = data.draw(st.sampled_from([-5.0, 7.0]))
-    kept = thin(values)
+    kept = downsample(values)
     assert kept.size <= LIMIT
     assert kept[0] == 0
     assert kept[-1] == values.size - 1
@@ -328,7 +328,7 @@ def test_thinning_keeps_ends_and_spikes(values, data):
 def test_thinning_keeps_a_long_gap_open():
     values = np.sin(np.linspace(0.0, 50.0, 100_000))
     values[40_000:60_000] = np.nan
-    kept = thin(values)
+    kept = downsample(values)
     inside = kept[(kept > 41_000) & (kept < 59_000)]
     assert inside.size > 0
     assert np.isnan(values[inside]).all()
@@ -343,7 +343,7 @@ def test_json_is_strict_whatever_the_numbers(content):
     json.loads(to_json({"content": content, "array": np.array([1.0, np.nan, np.inf])}), parse_constant=refuse)
 
 
-def test_printed_it_says_what_the_command_line_says_and_as_a_value_it_is_one_line(fitted, diagnosis):
+def test_str_is_the_command_line_text_and_repr_is_one_line(fitted, diagnosis):
     first, *others = str(diagnosis).splitlines()
     assert first == headline(diagnosis)
     assert [line.strip() for line in others] == [*sentences(diagnosis), *diagnosis.warnings]

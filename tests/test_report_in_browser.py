@@ -9,9 +9,9 @@ from browser import Reader, chromium
 from sample_pages import sample_diagnosis, sample_fit
 
 from antidrive.gallery import gallery_page
-from antidrive.plans import read_plan
 from antidrive.provenance import Provenance
 from antidrive.report import diagnosis_page, experiment_page, fit_page
+from antidrive.scenario_file import read_scenario_file
 from identification import free_simulation
 from plant.effects import Cogging, CoulombFriction
 
@@ -53,7 +53,7 @@ def pages(tmp_path_factory):
     written = {
         "diagnosis": diagnosis_page(sample_diagnosis(fitted), how),
         "fit": fit_page(fitted, free_simulation(fitted.log, fitted.model), how),
-        "experiment": experiment_page(read_plan("figure6").run(None, 0), how),
+        "experiment": experiment_page(read_scenario_file("figure6").run(None, 0), how),
         "gallery": gallery_page(how, {kind.name: kind for kind in (Cogging, CoulombFriction)}),
     }
     for name, text in written.items():

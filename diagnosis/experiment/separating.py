@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.experiment.pace import pace
 from diagnosis.experiment.separation import Rival
 from diagnosis.experiment.signal_design import Design, Found, Limits
 from diagnosis.experiment.signal_families import Signal
-from diagnosis.odds import CLEAR
+from diagnosis.experiment.time_scale import time_scale
+from diagnosis.model_probability import CLEAR
 from diagnosis.result import Findings
 from identification.fit_result import Fit
 from identification.problem import Problem
@@ -180,7 +180,7 @@ def separating_experiment(
 
 def durations(sample_time: float) -> tuple[float, ...]:
     """Those that are tried where none is given [s]."""
-    return tuple(length * pace(sample_time) for length in _DURATIONS)
+    return tuple(length * time_scale(sample_time) for length in _DURATIONS)
 
 
 def _shortest(lasting: Callable[[float], Design], ladder: tuple[float, ...], seed: int) -> Found:
@@ -237,6 +237,6 @@ def rivals_of(diagnosis: Findings) -> tuple[Fit, Fit] | None:
         fit = diagnosis.extended
         model = fit.model.without_effect(cause.effect).with_effect(rival)
         # A descent only ever lowers the bandwidth, and a rival may need one where the leader needs none.
-        start = replace(fit, bandwidth=max(fit.bandwidth, _WIDE / pace(fit.log.sample_time)))
+        start = replace(fit, bandwidth=max(fit.bandwidth, _WIDE / time_scale(fit.log.sample_time)))
         return fit, Problem.of(fit.log, model, known=fit.known).descend(start)
     return None

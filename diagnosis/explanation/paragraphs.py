@@ -8,10 +8,10 @@ import numpy as np
 
 from diagnosis.experiment import Experiment
 from diagnosis.explanation.reasons import Reason, reason_for, reason_for_none
-from diagnosis.explanation.wording import acting, change, listed, measured, percent
+from diagnosis.explanation.wording import change, joined_words, measured, percent, torque_or_force
 from diagnosis.holdout import gain_errors
 from diagnosis.result import Findings
-from identification.certainty import bandwidth_std
+from identification.standard_errors import bandwidth_std
 
 _CARRIES = 0.1  # share of the missing torque's variance from which it is said to depend on a variable
 
@@ -54,11 +54,11 @@ def explain(diagnosis: Findings, experiment: Experiment | None = None) -> Explan
 
 def _missing(diagnosis: Findings) -> tuple[str, ...]:
     """What was missing and where it shows."""
-    lacked, base, extended = diagnosis.missing_before, diagnosis.base, diagnosis.extended
+    lacked, base, extended = diagnosis.residual_before, diagnosis.base, diagnosis.extended
     noise, inertia = float(lacked.band.mean()) / 1.96, base["inertia"]
     doubt = np.sqrt(0.5 / base.samples + (0.0 if not inertia.std else inertia.std / base.model.inertia) ** 2)
     lines = [
-        f"Below {lacked.cutoff:.2g} Hz the base model lacks a {acting(lacked.unit)} of "
+        f"Below {lacked.cutoff:.2g} Hz the base model lacks a {torque_or_force(lacked.unit)} of "
         f"{measured(lacked.rms, lacked.rms_std, lacked.unit)} rms; measurement noise alone would make "
         f"{measured(noise, noise * doubt, lacked.unit)} of it."
     ]
@@ -101,7 +101,7 @@ def _outcome(diagnosis: Findings) -> tuple[str, ...]:
         std = gain_errors(diagnosis).share if gain is not None else None
         lines.append(f"Of the error power above the {gain.floor_name} {percent(left.share, std)} remains.")
     if left.depends_on:
-        lines.append(f"What has no name depends on {listed(left.depends_on)}.")
+        lines.append(f"What has no name depends on {joined_words(left.depends_on)}.")
     known = diagnosis.whiteness
     # of a squared multiple correlation from n samples (Olkin and Finn 1995)
     past = percent(known, 2.0 * np.sqrt(known / diagnosis.extended.samples) * (1.0 - known))

@@ -5,11 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from diagnosis.experiment import Experiment
-from diagnosis.explanation.contest import AGAIN, NOTICED, Contest, contest_of
+from diagnosis.explanation.cumulative_evidence import (
+    CumulativeEvidence,
+    ResidualOverVariable,
+    cumulative_evidence,
+    residual_over_variable,
+    without_cause,
+)
 from diagnosis.explanation.detectable import detectable
-from diagnosis.explanation.evidence_picture import Gathered, Shown, gathered, shown, without
-from diagnosis.explanation.wording import acting, effect_of, listed, percent, power, sentence_case, size, title_of
-from diagnosis.odds import CLEAR, NONE
+from diagnosis.explanation.hypothesis_comparison import AGAIN, NOTICED, HypothesisComparison, comparison_of
+from diagnosis.explanation.wording import (
+    effect_of,
+    joined_words,
+    percent,
+    power,
+    sentence_case,
+    size,
+    title_of,
+    torque_or_force,
+)
+from diagnosis.model_probability import CLEAR, NONE
 from diagnosis.result import Cause, Findings
 
 _ONE_MOMENT = 0.5  # share of the evidence from one tenth of the log that calls for a look at it
@@ -32,9 +47,9 @@ class Reason:
     title: str
     effect: str | None
     sentences: tuple[str, ...]
-    contest: Contest | None = None
-    gathered: Gathered | None = None
-    shown: Shown | None = None
+    contest: HypothesisComparison | None = None
+    cumulative_evidence: CumulativeEvidence | None = None
+    residual_over_variable: ResidualOverVariable | None = None
 
 
 def reason_for(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> Reason:
@@ -45,10 +60,10 @@ def reason_for(diagnosis: Findings, cause: Cause, experiment: Experiment | None)
         cause: one of its causes.
         experiment: that has been designed to tell its rivals apart, if any.
     """
-    contest, extended = contest_of(diagnosis, cause), diagnosis.extended
+    contest, extended = comparison_of(diagnosis, cause), diagnosis.extended
     alone = len(extended.model.effects) - len(diagnosis.base.model.effects) == 1
-    other = diagnosis.base if alone else without(extended, cause.effect)
-    grown, seen = gathered(other, extended), shown(other, extended)
+    other = diagnosis.base if alone else without_cause(extended, cause.effect)
+    grown, seen = cumulative_evidence(other, extended), residual_over_variable(other, extended)
     lines = [_margin(diagnosis, cause, contest), *_field(diagnosis, cause, contest)]
     if not alone and contest.round != AGAIN:
         lost = extended.log_likelihood - other.log_likelihood
@@ -63,12 +78,12 @@ def reason_for(diagnosis: Findings, cause: Cause, experiment: Experiment | None)
         effect=cause.effect,
         sentences=tuple(lines),
         contest=contest,
-        gathered=grown,
-        shown=seen,
+        cumulative_evidence=grown,
+        residual_over_variable=seen,
     )
 
 
-def _margin(diagnosis: Findings, cause: Cause, contest: Contest) -> str:
+def _margin(diagnosis: Findings, cause: Cause, contest: HypothesisComparison) -> str:
     """By how much a name is ahead of the runner-up, and how much of that is charge and not likelihood."""
     name, lead, second = title_of(cause.effect, diagnosis), contest.leader, contest.runner_up
     charge = lead.evidence - lead.score
@@ -100,7 +115,7 @@ def _margin(diagnosis: Findings, cause: Cause, contest: Contest) -> str:
     )
 
 
-def _field(diagnosis: Findings, cause: Cause, contest: Contest) -> list[str]:
+def _field(diagnosis: Findings, cause: Cause, contest: HypothesisComparison) -> list[str]:
     """Who else was in the race."""
     lines = []
     if contest.leader.effect != cause.effect:
@@ -109,10 +124,13 @@ def _field(diagnosis: Findings, cause: Cause, contest: Contest) -> list[str]:
     alike = [title_of(name, diagnosis) for name in contest.alike if name != cause.effect]
     if alike:
         fit = "fits as well but says" if len(alike) == 1 else "fit as well but say"
-        lines.append(f"{sentence_case(listed(alike))} {fit} no more: what sets them apart came out as nothing or open.")
+        lines.append(
+            f"{sentence_case(joined_words(alike))} {fit} no more: what sets them apart came out as nothing or open."
+        )
     if strange := [title_of(name, diagnosis) for name in contest.strange]:
         lines.append(
-            f"{sentence_case(listed(strange))} came out with values that such a cause hardly ever has, and pays for it."
+            f"{sentence_case(joined_words(strange))}: such a cause hardly ever has the fitted values, "
+            "so its probability is lowered."
         )
     if contest.screened:
         best = contest.screened[0]
@@ -123,12 +141,12 @@ def _field(diagnosis: Findings, cause: Cause, contest: Contest) -> list[str]:
     return lines
 
 
-def _over(diagnosis: Findings, cause: Cause, seen: Shown | None) -> str:
+def _over(diagnosis: Findings, cause: Cause, seen: ResidualOverVariable | None) -> str:
     """Where it shows, beside what its file says of its trace."""
     kind = effect_of(diagnosis, cause.effect)
     expected = f"Its mark: {kind.trace}. " if kind is not None else ""
     if seen is None:
-        lacked = acting(diagnosis.missing_before.unit)
+        lacked = torque_or_force(diagnosis.residual_before.unit)
         return f"{expected}The filtered missing {lacked} shows it over no single variable; the predictions tell it."
     weak = "" if seen.standing_out else ": the predictions tell it, not this picture"
     return (
@@ -137,7 +155,7 @@ def _over(diagnosis: Findings, cause: Cause, seen: Shown | None) -> str:
     )
 
 
-def _along(grown: Gathered) -> str:
+def _along(grown: CumulativeEvidence) -> str:
     """Whether the evidence rests on one moment."""
     share, moment = grown.densest
     if share < _ONE_MOMENT:
@@ -152,7 +170,7 @@ def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> l
     """Why the data cannot tell, and what could."""
     kind = effect_of(diagnosis, cause.effect)
     rivals = [name for name, share in cause.alternatives if share > _OPEN]
-    names = listed([title_of(name, diagnosis) for name in (cause.effect, *rivals)])
+    names = joined_words([title_of(name, diagnosis) for name in (cause.effect, *rivals)])
     needed = f"{CLEAR / (1.0 - CLEAR):.2g} to 1"
     lines = []
     if rivals:
@@ -177,7 +195,7 @@ def reason_for_none(diagnosis: Findings) -> Reason:
     rounds = sorted({c.round for c in diagnosis.candidates})
     if not rounds:
         return Reason(title="Why no name is given", effect=None, sentences=("No effect was asked.",))
-    first = Contest.of_round(diagnosis.candidates, rounds[0])
+    first = HypothesisComparison.of_round(diagnosis.candidates, rounds[0])
     if diagnosis.verdict == "nothing_missing":
         lines = [_not_needed(diagnosis, first), *_could_hide(diagnosis, first)]
         return Reason(title="Why nothing is named", effect=None, sentences=tuple(lines), contest=first)
@@ -187,13 +205,20 @@ def reason_for_none(diagnosis: Findings) -> Reason:
         base, extended = diagnosis.base, diagnosis.extended
         carried = [effect.title for effect in extended.model.effects if base.model.effect(effect.name) is None]
         rise = power(extended.log_likelihood - base.log_likelihood)
-        grown, seen = gathered(base, extended), shown(base, extended)
-        lines += [f"A {listed(carried)} without a name makes them {rise} times likelier.", _along(grown)]
+        grown, seen = cumulative_evidence(base, extended), residual_over_variable(base, extended)
+        lines += [f"A {joined_words(carried)} without a name makes them {rise} times likelier.", _along(grown)]
     title = "Why no name is believed"
-    return Reason(title=title, effect=None, sentences=tuple(lines), contest=first, gathered=grown, shown=seen)
+    return Reason(
+        title=title,
+        effect=None,
+        sentences=tuple(lines),
+        contest=first,
+        cumulative_evidence=grown,
+        residual_over_variable=seen,
+    )
 
 
-def _not_needed(diagnosis: Findings, contest: Contest) -> str:
+def _not_needed(diagnosis: Findings, contest: HypothesisComparison) -> str:
     best = contest.best
     if best is None:
         return f"{contest.asked} effects were asked, and none says more than the model does."
@@ -203,16 +228,19 @@ def _not_needed(diagnosis: Findings, contest: Contest) -> str:
     )
 
 
-def _could_hide(diagnosis: Findings, contest: Contest) -> list[str]:
+def _could_hide(diagnosis: Findings, contest: HypothesisComparison) -> list[str]:
     """How large an effect could have gone unnoticed."""
     sizes = detectable(diagnosis.base, (*contest.effects, *contest.screened))
     told = [f"{title_of(name, diagnosis)} {e.value:.2g} {e.unit}".removesuffix(" -") for name, e in sizes.items()]
     if not told:
         return []
-    return [f"Less could hide: one time in two this log would show {listed(told, 'or')}, and half as much hardly ever."]
+    return [
+        f"Smaller effects may be hidden. This log would show {joined_words(told, 'or')} one time in two; "
+        "half as much hardly ever."
+    ]
 
 
-def _not_believed(diagnosis: Findings, contest: Contest) -> str:
+def _not_believed(diagnosis: Findings, contest: HypothesisComparison) -> str:
     best = contest.best
     if best is None:
         return "Nothing that was asked explains what is missing."

@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 from diagnosis.explanation.paragraphs import Explanation
-from diagnosis.explanation.wording import acting, change, listed, measured, percent, sentence_case, size, title_of
+from diagnosis.explanation.wording import (
+    change,
+    joined_words,
+    measured,
+    percent,
+    sentence_case,
+    size,
+    title_of,
+    torque_or_force,
+)
 from diagnosis.holdout import gain_errors
-from diagnosis.odds import CLEAR
+from diagnosis.model_probability import CLEAR
 from diagnosis.repeated_runs import repeated_pairs
 from diagnosis.result import Cause, Findings
 
@@ -31,8 +40,8 @@ def headline(diagnosis: Findings) -> str:
         )
     named = [title_of(cause.effect) for cause in causes if cause.probability >= CLEAR]
     open_ones = [" or ".join(map(title_of, (c.effect, *_rivals(c)))) for c in causes if c.probability < CLEAR]
-    known = f"The model misses {listed(named)}" if named else ""
-    unclear = f"misses {listed(open_ones)}, and this log does not tell which" if open_ones else ""
+    known = f"The model misses {joined_words(named)}" if named else ""
+    unclear = f"misses {joined_words(open_ones)}, and this log does not tell which" if open_ones else ""
     if known and unclear:
         return f"{known}; it also {unclear}."
     return f"{known}." if known else f"The model {unclear}."
@@ -59,7 +68,8 @@ def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> li
     inverse = diagnosis.torque_error
     shares = {name: percent(getattr(inverse, name), std) for name, std in inverse.std.items()}
     lines.append(
-        f"Relative {acting(diagnosis.missing_before.unit)} error of the inverse model (below {inverse.cutoff:.3g} Hz): "
+        f"Relative {torque_or_force(diagnosis.residual_before.unit)} error of the inverse model "
+        f"(below {inverse.cutoff:.3g} Hz): "
         f"{shares['estimation_before']} -> {shares['estimation_after']} on the estimation data, "
         f"{shares['held_out_before']} -> {shares['held_out_after']} held out."
     )

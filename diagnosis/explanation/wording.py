@@ -73,7 +73,7 @@ def size(parameters: Iterable[tuple[str, Estimate]]) -> str:
     )
 
 
-def acting(unit: str) -> str:
+def torque_or_force(unit: str) -> str:
     """What acts along an axis of that unit of the command."""
     return {"N m": "torque", "N": "force"}.get(unit, "command")
 
@@ -83,7 +83,7 @@ def sentence_case(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def listed(names: Sequence[str], last: str = "and") -> str:
+def joined_words(names: Sequence[str], last: str = "and") -> str:
     """A, B and C."""
     return f" {last} ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else ""
 
