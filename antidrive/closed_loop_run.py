@@ -141,7 +141,7 @@ class ClosedLoopRun:
         ]
         margin = s["least_preload_margin"]
         if margin is not None:
-            held = "the teeth never parted" if margin > 0.0 else "the teeth parted"
+            held = "contact was never lost" if margin > 0.0 else "contact was lost"
             while_both = "" if self.scenario.drive_loss is None else " while both drives worked"
             least = told["least_preload_margin"]
             lines.append(f"Least flank torque on the rig{while_both}: {least} at the follower; {held}.")
@@ -196,7 +196,8 @@ class ClosedLoopRun:
 
     def figure(self) -> Any:
         """Reference and angle, error, pinion torques, flank torques."""
-        from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, THIRD, traces_figure
+        from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
+        from antidrive.figures import traces_figure
 
         r, (angle, rad, torque, newton) = self.result, self.words
         angles = [("reference", MEASURED, r.reference), (angle, AFTER, r.angle)]

@@ -1,4 +1,4 @@
-"""The gallery: each effect with its equation, parameters, picture and neighbours, all from the effect itself."""
+"""The gallery: each effect with its equation, parameters, picture and confused effects, all from the effect itself."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from markupsafe import Markup, escape
 from antidrive import figures
 from antidrive.collinearity import absorbed_share, collinear_share
 from antidrive.equations import forms, typeset
-from antidrive.html_page import figure_json, page
+from antidrive.html_page import page
 from antidrive.provenance import Provenance
 from antidrive.signature import Signature, signature
 from diagnosis.explanation.wording import joined_words, percent, sentence_case
@@ -65,7 +65,7 @@ def facts(kind: type[Effect]) -> dict[str, Any]:
 
 
 def table(effects: Mapping[str, type[Effect]] = catalogue) -> str:
-    """Name, stage and mark of each effect, one a line."""
+    """Name, stage and signature of each effect, one a line."""
     rows = [(kind.name, kind.stage.value, kind.trace) for kind in effects.values()]
     wide = [max(len(row[place]) for row in rows) for place in (0, 1)]
     left = sum(wide) + 4
@@ -131,14 +131,14 @@ def _entry(kind: type[Effect], effects: Mapping[str, type[Effect]]) -> dict[str,
         ],
         "forms": "" if found is None else forms(found.effect),
         "contains": [(name, effects[name].title) for name in kind.contains if name in effects],
-        "neighbours": [_neighbour(kind, effects[name]) for name in kind.confused_with if name in effects],
+        "confused": [_confused(kind, effects[name]) for name in kind.confused_with if name in effects],
         "size": "" if found is None else _size(found),
-        "swallowed": "" if found is None else percent(absorbed_share(found.effect, found.excitation)),
+        "absorbed": "" if found is None else percent(absorbed_share(found.effect, found.excitation)),
         "pictures": () if found is None else _pictures(found),
     }
 
 
-def _neighbour(kind: type[Effect], other: type[Effect]) -> dict[str, str]:
+def _confused(kind: type[Effect], other: type[Effect]) -> dict[str, str]:
     share = collinear_share(kind, other)
     return {
         "name": other.name,
@@ -167,11 +167,11 @@ def _pictures(found: Signature) -> Sequence[tuple[Any, str]]:
     rms = float(np.sqrt(np.mean(found.change**2)))
     return (
         (
-            figure_json(figures.signature_figure(found, f"{variable} [{_FLOWS[variable]}]", lacking)),
+            figures.signature_figure(found, f"{variable} [{_FLOWS[variable]}]", lacking),
             f"{what}, over {variable}.",
         ),
         (
-            figure_json(figures.change_figure(found)),
+            figures.change_figure(found),
             f"The reading without it and with it, and the difference: {rms:.2g} rad rms.",
         ),
     )

@@ -15,18 +15,7 @@ from antidrive.provenance import Provenance
 
 def page(template: str, provenance: Provenance, title: str, **content: Mapping[str, Any] | Sequence[Any]) -> str:
     """The template of that name, filled in."""
-    from plotly.offline import get_plotlyjs
-
-    return (
-        _environment()
-        .get_template(f"{template}.html.j2")
-        .render(title=title, provenance=provenance, plotly=Markup(get_plotlyjs()), **content)
-    )
-
-
-def figure_json(figure: Any) -> Markup:
-    """A figure as JSON that is safe inside a script element."""
-    return Markup(figure.to_json().replace("<", "\u003c"))
+    return _environment().get_template(f"{template}.html.j2").render(title=title, provenance=provenance, **content)
 
 
 _UNIT = re.compile(r"(?<=\d) (?=(?:[µmk]?(?:rad|m|s|N|W|A|V|Hz|g)|arcmin)\b|%)|(?<=\bN) (?=m\b)")

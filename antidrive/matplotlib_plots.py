@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from antidrive.figures import AFTER, BEFORE, MEASURED
+from antidrive.chart import AFTER, BEFORE, MEASURED
 from antidrive.model_comparison import Comparison
 from diagnosis.diagnosis import Diagnosis
 from identification.fit_result import Fit

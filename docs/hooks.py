@@ -66,9 +66,9 @@ def gallery() -> str:
     parts = [
         "# Gallery of effects",
         "Each effect is simulated on the paper's servo, without noise and at a size that shows, while a slow chirp, "
-        "steps and a fast chirp are played into it. How much of its mark a refit of the model takes over, and how much "
-        "of the rest a neighbour could take over with its best shape, is to first order. `antidrive effects` makes "
-        "this page with pictures that zoom.",
+        "steps and a fast chirp are played into it. Two shares are given, to first order: how much of its signature a "
+        "refit of the other parameters absorbs, and how much of the rest a confused effect could absorb. "
+        "`antidrive effects` makes this page with pictures that zoom.",
     ]
     for stage in Stage:
         kinds = [kind for kind in catalogue.values() if kind.stage is stage]
@@ -77,7 +77,7 @@ def gallery() -> str:
 
 
 def effect(kind: type[Effect]) -> str:
-    """One effect: equation, words, parameters, picture, neighbours."""
+    """One effect: equation, words, parameters, picture, confused effects."""
     found = signature(kind)
     lines = [f"### {sentence_case(kind.title)} {{ #{kind.name} }}", f"<div>{typeset(kind.equation)}</div>"]
     lines += [str(escape(part)).replace("&#39;", "'") for part in paragraphs(kind)]
@@ -88,14 +88,14 @@ def effect(kind: type[Effect]) -> str:
     if found is not None:
         lines.append(f"![{kind.title}: what the model lacks, and what changes](gallery/{kind.name}.svg)")
         lines.append(
-            f"A refit of the model takes over {percent(absorbed_share(found.effect, found.excitation))} of its mark."
+            f"A refit of the model absorbs {percent(absorbed_share(found.effect, found.excitation))} of its signature."
         )
     near = [
         (catalogue[name], collinear_share(kind, catalogue[name])) for name in kind.confused_with if name in catalogue
     ]
     said = [f"[{k.title}](#{k.name})" + (f" ({percent(share)})" if share is not None else "") for k, share in near]
     if said:
-        lines.append(f"Confused with, and how much of the rest that could take over: {', '.join(said)}.")
+        lines.append(f"Confused with, and how much of the rest that could absorb: {', '.join(said)}.")
     return "\n\n".join(lines)
 
 

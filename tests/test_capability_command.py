@@ -58,13 +58,13 @@ def test_words_and_page_say_the_same(tmp_path):
 def test_the_figure_leaves_out_what_is_out_of_reach():
     allocator = Allocator(GearTrain.paper(), min_torque=0.02, max_torque=0.3)
     found = capability_map(allocator, inertia=2.0, acceleration=[-1.0, 0.0, 1.0], load_torque=[-1.0, 0.0, 2.0])
-    drawn = capability_figure(found).data
+    drawn = [row["map"] for row in capability_figure(found).to_dict()["rows"]]
     assert len(drawn) == 3
     for trace, values in zip(drawn, (found.least_preload, found.margin, found.heat), strict=True):
-        expected = np.where(found.reachable, values, np.nan).T
-        np.testing.assert_allclose(np.asarray(trace.z, dtype=float), expected, rtol=1e-5)
+        expected = np.where(found.reachable, values, np.nan)
+        np.testing.assert_allclose(np.asarray(trace["z"], dtype=float), expected, rtol=1e-3)
         assert np.isnan(expected[2, 2])
-        assert list(trace.x) == [-1.0, 0.0, 1.0]
+        assert trace["x"] == [-1.0, 0.0, 1.0]
 
 
 @pytest.mark.parametrize(

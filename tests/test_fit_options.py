@@ -179,7 +179,7 @@ def test_an_effect_of_ones_own_is_named(place, tmp_path) -> None:
     words = ("--base", place / "plain.json", "--effects", OWN, "--candidates", "windage,coulomb_friction")
     spoken = antidrive("diagnose", place / "log.csv", *words, "--out", tmp_path / "out")
     assert spoken.code == 0, spoken.err
-    assert "Windage: > 99.9 % sure" in spoken.out
+    assert "Windage: probability > 99.9 %" in spoken.out
     assert "windage" in (tmp_path / "out" / "report.html").read_text()
 
 

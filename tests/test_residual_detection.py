@@ -35,9 +35,10 @@ def test_a_first_name_in_doubt_is_told_with_its_doubt() -> None:
     assert cause.effect == "torque_offset"
     assert cause.missing == pytest.approx(asked(diagnosis, 1))
     assert headline(diagnosis) == (
-        f"The model probably misses torque offset; that anything is missing at all is {100 * cause.missing:.3g} % sure."
+        "The model probably lacks torque offset. "
+        f"The probability that any effect is missing is {100 * cause.missing:.3g} %."
     )
-    assert f"That nothing is missing at all has {100 * (1 - cause.missing):.3g} %" in str(diagnosis.explain())
+    assert f"The probability that no effect is missing is {100 * (1 - cause.missing):.3g} %" in str(diagnosis.explain())
 
 
 def test_below_the_bar_nothing_is_told() -> None:

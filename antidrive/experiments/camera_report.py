@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
 from antidrive.experiments.camera_tracking import CameraSettings, Tracked, experiment
 from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
 from antidrive.experiments.preload_laws import LAWS, ONE, PLANNED, SHAPED, SIZED, WARM
 from antidrive.experiments.targets import TARGETS
-from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, THIRD
 from antidrive.remaining_time import Tell
 from diagnosis.explanation.wording import measured
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
 from antidrive.experiments.outcome import Curve, Outcome, Picture
 from antidrive.experiments.reversal_dwell import ONE, PLANNED, DwellSettings, experiment
-from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, THIRD
 from antidrive.remaining_time import Tell
 
 PAPER = (35, 12)
