@@ -27,9 +27,19 @@ from antidrive.table_command import table
 app = typer.Typer()
 
 Holdout = Annotated[
-    list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Log to validate on; may be repeated.")
+    list[Path] | None,
+    typer.Option(
+        "--holdout",
+        metavar="LOG",
+        help="Validation log. May be repeated. Without it a part of the log is kept for validation.",
+    ),
 ]
-Base = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model to start from, instead of eqs. (4)+(6).")]
+Base = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="MODEL.json", help="Model to start from, in place of inertia, gravity, viscous friction and dead zone."
+    ),
+]
 DesignModel = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model of the machine.")]
 
 
@@ -42,15 +52,15 @@ def _say_version(wanted: bool) -> None:
 @app.callback()
 def everything(
     version: Annotated[
-        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version, and end.")
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """From the log of a geared servo to what its model gets wrong, by name, and to the controller."""
+    """Find the missing physical effects in the model of a geared servo from its log, and design its controller."""
 
 
 @app.command(epilog=examples_of("demo"))
 def demo(context: typer.Context, out: Out = OUT, seed: Seed = 0, quiet: Quiet = False, json: Json = False) -> None:
-    """The whole chain on a synthetic log: identify, diagnose, extend, design, close the loop, report."""
+    """Run the whole chain on a synthetic log: identify, diagnose, design a controller, close the loop."""
     from antidrive import commands
 
     commands.demo(out=out, seed=seed, console=commands.Console(quiet=quiet, json=json, words=context.obj))
@@ -73,7 +83,7 @@ def identify(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Fit a model to a log: model.json, fit.json, report.html."""
+    """Fit inertia, gravity, friction and dead zone to a log. Writes model.json, fit.json, report.html."""
     from antidrive import commands
 
     console = commands.Console(quiet=quiet, json=json, words=context.obj)
@@ -100,7 +110,7 @@ def diagnose(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Name what the model misses: diagnosis.json, model.json (extended), report.html."""
+    """Find the effects that the model lacks. Writes diagnosis.json, the extended model.json, report.html."""
     from antidrive import commands
 
     console = commands.Console(quiet=quiet, json=json, words=context.obj)
@@ -120,7 +130,7 @@ def inspect_log(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Show what is understood of a log: columns, units, runs, faults; log.toml, report.html."""
+    """Show how a log is read: columns, units, runs, faults. Writes log.toml, report.html."""
     from antidrive import commands
 
     commands.inspect(log, out=out, console=commands.Console(quiet=quiet, json=json, words=context.obj))
@@ -133,17 +143,21 @@ def predict(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model to simulate.")],
     log: Any,
     effects: Effects = None,
-    window: Annotated[float | None, typer.Option(metavar="S", help="Restart every S seconds.")] = None,
-    measured: Annotated[bool, typer.Option("--measured", help="Add what was measured as a last column.")] = False,
-    report: Annotated[Path | None, typer.Option(metavar="PAGE.html", help="Page with both drawn.")] = None,
-    out: Annotated[Path, typer.Option(metavar="FILE.csv", help="File for run, time, angle or position.")] = Path(
-        "antidrive-out/prediction.csv"
-    ),
+    window: Annotated[
+        float | None, typer.Option(metavar="S", help="Restart the simulation every S seconds (multi-step prediction).")
+    ] = None,
+    measured: Annotated[bool, typer.Option("--measured", help="Add the measured values as a last column.")] = False,
+    report: Annotated[
+        Path | None, typer.Option(metavar="PAGE.html", help="Report with measured and simulated drawn.")
+    ] = None,
+    out: Annotated[
+        Path, typer.Option(metavar="FILE.csv", help="File for the columns run, time and angle or position.")
+    ] = Path("antidrive-out/prediction.csv"),
     seed: Seed = 0,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Simulate a log from its command alone (free-run), with a model."""
+    """Simulate a log in open loop, from its command alone."""
     from antidrive import commands
 
     console = commands.Console(quiet=quiet, json=json, words=context.obj)
@@ -167,7 +181,7 @@ def simulate(
     ],
     said: Any,
     model: Annotated[
-        Path | None, typer.Option(metavar="MODEL.json", help="Of the controller, and of the machine it is tried on.")
+        Path | None, typer.Option(metavar="MODEL.json", help="Model for the controller and for the simulated machine.")
     ] = None,
     effects: Effects = None,
     out: Out = OUT,
@@ -175,7 +189,7 @@ def simulate(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Run a closed loop, or an experiment of the paper, on the rig: trajectory.csv, summary.json, report.html."""
+    """Run a closed loop or an experiment in the test-bench simulation. Writes a trajectory, a summary, a report."""
     from antidrive import commands
 
     console = commands.Console(quiet=quiet, json=json, words=context.obj)
@@ -190,12 +204,12 @@ def effects(
         typer.Argument(metavar="[NAME]", help="Only this effect, in words.", autocompletion=completion.effects),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for gallery.html; antidrive-out, or none with a NAME.")
+        Path | None, typer.Option(help="Folder for gallery.html. With a NAME nothing is written unless it is given.")
     ] = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """List what a model may lack, and draw it: gallery.html."""
+    """List the effects that a model may lack, and draw their signatures. Writes gallery.html."""
     from antidrive import commands
 
     console = commands.Console(quiet=quiet, json=json, words=context.obj)
@@ -212,7 +226,7 @@ def allocate(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Share torques on the load between its drives, with margin and heat."""
+    """Allocate load torques to the drives, with margin and copper-loss index."""
     from antidrive import commands, drive_commands
 
     console = commands.Console(quiet=quiet, json=json)
@@ -225,7 +239,10 @@ def capability(
     context: typer.Context,
     said: Any,
     inertia: Annotated[
-        float | None, typer.Option(help="Of load and rotors, seen from the load [kg m^2]; that of the model, else 2.")
+        float | None,
+        typer.Option(
+            help="Inertia of load and rotors, seen from the load [kg m^2]. Default: that of the model, else 2."
+        ),
     ] = None,
     model: DesignModel = None,
     effects: Effects = None,
@@ -233,7 +250,7 @@ def capability(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """What two drives can do with teeth that stay together: capability.csv, report.html."""
+    """Map what two preloaded drives can do without losing contact. Writes capability.csv, report.html."""
     from antidrive import commands, drive_commands
 
     console = commands.Console(quiet=quiet, json=json, words=context.obj)
@@ -246,23 +263,26 @@ def export(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model that the controller works with.")],
     said: Any,
     name: Annotated[
-        str, typer.Option(metavar="NAME", help="Before every symbol and file, so that several fit in one program.")
+        str,
+        typer.Option(
+            metavar="NAME", help="Prefix of all symbols and files, so that several controllers fit in one program."
+        ),
     ] = "antidrive",
-    single: Annotated[bool, typer.Option("--single", help="Calculate in single precision.")] = False,
-    fmu: Annotated[bool, typer.Option("--fmu", help="Write controller and plant as FMUs instead.")] = False,
+    single: Annotated[bool, typer.Option("--single", help="Use single precision.")] = False,
+    fmu: Annotated[bool, typer.Option("--fmu", help="Write controller and plant as FMUs.")] = False,
     feedforward: Annotated[
-        bool, typer.Option("--feedforward", help="Write the inverse model instead, as C99 and Structured Text.")
+        bool, typer.Option("--feedforward", help="Write the feed-forward (inverse model) as C99 and Structured Text.")
     ] = False,
-    mujoco: Annotated[bool, typer.Option("--mujoco", help="Write the model for MuJoCo instead.")] = False,
-    urdf: Annotated[bool, typer.Option("--urdf", help="Write the model as a joint in URDF instead.")] = False,
-    modelica: Annotated[bool, typer.Option("--modelica", help="Write the model as a Modelica class instead.")] = False,
-    plant: Annotated[bool, typer.Option("--plant", help="Write the model as an FMU with one torque instead.")] = False,
+    mujoco: Annotated[bool, typer.Option("--mujoco", help="Write the model for MuJoCo.")] = False,
+    urdf: Annotated[bool, typer.Option("--urdf", help="Write the model as a URDF joint.")] = False,
+    modelica: Annotated[bool, typer.Option("--modelica", help="Write the model as a Modelica class.")] = False,
+    plant: Annotated[bool, typer.Option("--plant", help="Write the model as an FMU with one torque as input.")] = False,
     effects: Effects = None,
     out: Out = OUT,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write the controller as C99 for a target, with driver, CMakeLists.txt, README.txt; or as FMU with its plant."""
+    """Export the controller as C99, or the model for drives and simulators (see the options)."""
     from antidrive import commands, drive_commands, model_commands
 
     console = commands.Console(quiet=quiet, json=json)

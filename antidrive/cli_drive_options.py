@@ -15,69 +15,77 @@ Number = float | None
 DRIVES: dict[str, Any] = {
     "gears": Annotated[
         Text,
-        typer.Option(metavar="N1,N2:N", help="Teeth of both pinions and of the gear that they drive: 20,20:161."),
+        typer.Option(metavar="N1,N2:N", help="Teeth of both pinions and of the output gear: 20,20:161."),
     ],
     "ratio": Annotated[
         Text,
         typer.Option(
             metavar="RATIO",
-            help="Instead of teeth, torque on the load for 1 N m of each drive: 8.05, or one each: 8.05,-8.05; on a "
-            "linear axis the force (N).",
+            help="Reduction in place of teeth: 8.05, or one for each drive, 8.05,-8.05. On a linear axis the force [N] "
+            "for 1 N m.",
         ),
     ],
-    "one_drive": Annotated[bool, typer.Option("--one-drive", help="There is one drive, of that ratio: no preload.")],
+    "one_drive": Annotated[bool, typer.Option("--one-drive", help="The machine has one drive, so no preload.")],
     "pre_reduction": Annotated[
-        Text, typer.Option(metavar="RATIO", help="Turns of a motor for one of its pinion; one for both, or one each.")
+        Text,
+        typer.Option(metavar="RATIO", help="Turns of the motor for one of its pinion: for both drives, or one each."),
     ],
 }
 """What the machine is, by name in Python, and how it is typed."""
 
 LIMITS: dict[str, Any] = {
-    "min_torque": Annotated[Text, typer.Option(metavar="NM", help="Least torque of each drive (N m); or one each.")],
-    "max_torque": Annotated[Text, typer.Option(metavar="NM", help="Greatest torque of each drive (N m); likewise.")],
+    "min_torque": Annotated[
+        Text, typer.Option(metavar="NM", help="Minimum torque of a drive [N m]: for both, or one each.")
+    ],
+    "max_torque": Annotated[
+        Text, typer.Option(metavar="NM", help="Maximum torque of a drive [N m]: for both, or one each.")
+    ],
     "rotor_inertia": Annotated[
-        Text, typer.Option(metavar="KGM2", help="Of each motor, at its shaft (kg m^2); likewise.")
+        Text, typer.Option(metavar="KGM2", help="Rotor inertia at the motor shaft [kg m^2]: for both, or one each.")
     ],
     "motor_friction": Annotated[
-        Text, typer.Option(metavar="NM", help="Dry friction of each motor, at its shaft (N m); likewise.")
+        Text, typer.Option(metavar="NM", help="Dry friction at the motor shaft [N m]: for both, or one each.")
     ],
 }
 """What its drives may do."""
 
 TUNING: dict[str, Any] = {
-    "sample_time": Annotated[Number, typer.Option(metavar="S", help="Seconds between two steps of the controller.")],
-    "horizon": Annotated[int | None, typer.Option(metavar="N", help="Samples looked ahead.")],
-    "bandwidth": Annotated[Number, typer.Option(metavar="HZ", help="Of the closed loop.")],
-    "encoder_resolution": Annotated[Number, typer.Option(metavar="RAD", help="Step of the load's encoder.")],
-    "encoder_noise": Annotated[Number, typer.Option(metavar="RAD", help="Standard deviation of its noise.")],
+    "sample_time": Annotated[Number, typer.Option(metavar="S", help="Sample time of the controller [s].")],
+    "horizon": Annotated[int | None, typer.Option(metavar="N", help="Prediction horizon, in samples.")],
+    "bandwidth": Annotated[Number, typer.Option(metavar="HZ", help="Closed-loop bandwidth.")],
+    "encoder_resolution": Annotated[Number, typer.Option(metavar="RAD", help="Resolution of the load encoder.")],
+    "encoder_noise": Annotated[
+        Number, typer.Option(metavar="RAD", help="Standard deviation of the load encoder's noise.")
+    ],
     "encoder_range": Annotated[
-        Number, typer.Option(metavar="RAD", help="Angle after which it begins again: 6.2832 of a single turn.")
+        Number, typer.Option(metavar="RAD", help="Angle at which the load encoder wraps: 6.2832 if it is single-turn.")
     ],
     "torque_noise": Annotated[
-        Number, typer.Option(metavar="NM", help="What the model misses from sample to sample, standard deviation.")
+        Number,
+        typer.Option(
+            metavar="NM", help="Standard deviation of the torque that the model does not explain, per sample."
+        ),
     ],
     "disturbance_rate": Annotated[
-        Number, typer.Option(metavar="RATE", help="How fast the unknown torque may wander (N m/sqrt(s)).")
+        Number, typer.Option(metavar="RATE", help="Random-walk rate of the disturbance torque [N m/sqrt(s)].")
     ],
     "motor_resolution": Annotated[
-        Number, typer.Option(metavar="RAD", help="Step of the motors' encoders; without it there are none.")
+        Number, typer.Option(metavar="RAD", help="Resolution of the motor encoders. Without it there are none.")
     ],
     "motor_noise": Annotated[
-        Number, typer.Option(metavar="RAD", help="What else they err by, teeth included, at the load.")
+        Number, typer.Option(metavar="RAD", help="Other errors of the motor encoders, seen at the load.")
     ],
     "friction_std": Annotated[
-        Number, typer.Option(metavar="SHARE", help="Standard error of the model's dry friction, as a share of it.")
+        Number, typer.Option(metavar="SHARE", help="Relative standard error of the model's dry friction.")
     ],
-    "torque_rate": Annotated[
-        Number, typer.Option(metavar="RATE", help="Greatest change of the torque on the load (N m/s).")
-    ],
-    "preload_rate": Annotated[Number, typer.Option(metavar="RATE", help="Greatest change of the preload (N m/s).")],
+    "torque_rate": Annotated[Number, typer.Option(metavar="RATE", help="Maximum rate of the load torque [N m/s].")],
+    "preload_rate": Annotated[Number, typer.Option(metavar="RATE", help="Maximum rate of the preload [N m/s].")],
     "angle_limits": Annotated[
-        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Lowest and highest angle of the load (rad).")
+        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Lowest and highest angle of the load [rad].")
     ],
-    "speed_limit": Annotated[Number, typer.Option(metavar="SPEED", help="Greatest speed of the load (rad/s).")],
+    "speed_limit": Annotated[Number, typer.Option(metavar="SPEED", help="Maximum speed of the load [rad/s].")],
     "sqp_iterations": Annotated[
-        int | None, typer.Option(metavar="N", help="Quadratic programs solved in a sample, at most.")
+        int | None, typer.Option(metavar="N", help="Maximum number of quadratic programs in a sample.")
     ],
 }
 """What else its controller is told: the attributes of `mpc.Controller`, whose own values stand where none is typed."""

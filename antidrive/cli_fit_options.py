@@ -11,11 +11,11 @@ from antidrive import completion
 
 Fixed = Annotated[
     list[str] | None,
-    typer.Option("--fixed", metavar="NAME[=VALUE]", help="Parameter that is not fitted; may be repeated."),
+    typer.Option("--fixed", metavar="NAME[=VALUE]", help="Parameter to keep at its value. May be repeated."),
 ]
 Bounds = Annotated[
     list[str] | None,
-    typer.Option("--bounds", metavar="NAME=LOW:HIGH", help="Range of a parameter: inertia=0.1:0.3."),
+    typer.Option("--bounds", metavar="NAME=LOW:HIGH", help="Bounds of a parameter: inertia=0.1:0.3."),
 ]
 Prior = Annotated[
     list[str] | None,
@@ -23,15 +23,25 @@ Prior = Annotated[
 ]
 PerRun = Annotated[
     list[str] | None,
-    typer.Option("--per-run", metavar="NAME", help="Parameter with a value of its own in each run: inertia."),
+    typer.Option("--per-run", metavar="NAME", help="Parameter that is fitted for each run separately: inertia."),
 ]
 Exclude = Annotated[
     list[str] | None,
-    typer.Option("--exclude", metavar="EFFECT", help="Effect not to name.", autocompletion=completion.effects),
+    typer.Option(
+        "--exclude",
+        metavar="EFFECT",
+        help="Effect that is not tried. May be repeated.",
+        autocompletion=completion.effects,
+    ),
 ]
 Candidates = Annotated[
     list[str] | None,
-    typer.Option("--candidates", metavar="EFFECT", help="Effects to ask alone.", autocompletion=completion.effects),
+    typer.Option(
+        "--candidates",
+        metavar="EFFECT",
+        help="Try these effects only. May be repeated.",
+        autocompletion=completion.effects,
+    ),
 ]
 Effects = Annotated[
     Path | None, typer.Option("--effects", metavar="FILE.py", help="Python file with effects of your own.")

@@ -24,33 +24,43 @@ WORDS: dict[str, Any] = {
         ),
     ],
     "mapping": Annotated[
-        Words, typer.Option("--map", metavar="COLUMN=NAME", help="Name, or number from 1, of a column in the file.")
+        Words,
+        typer.Option("--map", metavar="COLUMN=NAME", help="Where a quantity stands: angle=qm, or by number angle=3."),
     ],
     "unit": Annotated[
         Words,
-        typer.Option("--unit", metavar="COLUMN=UNIT", help="Unit of a column: angle=deg, of counts angle=turn/131072."),
+        typer.Option(
+            "--unit", metavar="COLUMN=UNIT", help="Unit of a column: angle=deg; of encoder counts angle=turn/131072."
+        ),
     ],
-    "scale": Annotated[Words, typer.Option("--scale", metavar="COLUMN=FACTOR", help="Factor on a column.")],
-    "rate": Annotated[float | None, typer.Option(metavar="HZ", help="Samples per second, of a file without a time.")],
+    "scale": Annotated[
+        Words,
+        typer.Option("--scale", metavar="COLUMN=FACTOR", help="Factor by which a column is multiplied: torque=35.15."),
+    ],
+    "rate": Annotated[
+        float | None, typer.Option(metavar="HZ", help="Samples per second, for a file without time stamps.")
+    ],
     "gears": Annotated[
         str | None,
-        typer.Option(metavar="N1,N2:N", help="Teeth of the two pinions and of the gear that they drive: 20,20:161."),
+        typer.Option(metavar="N1,N2:N", help="Two drives: teeth of both pinions and of the output gear, 20,20:161."),
     ],
     "ratio": Annotated[
         str | None,
-        typer.Option(metavar="RATIO", help="Reduction from two motors to the load, 8.05, or one each: 8.05,-8.05."),
+        typer.Option(
+            metavar="RATIO", help="Two drives: reduction from the motors to the load, 8.05, or one each, 8.05,-8.05."
+        ),
     ],
     "torque_constant": Annotated[
-        float | None, typer.Option(metavar="KT", help="Torque per current, of a log of a current [N m/A].")
+        float | None, typer.Option(metavar="KT", help="Torque constant, for a log of a current [N m/A].")
     ],
-    "kp": Annotated[float | None, typer.Option(help="Gain of a position servo, of a log of its set-point [N m/rad].")],
-    "kd": Annotated[float | None, typer.Option(help="Its gain on the velocity [N m s/rad].")],
-    "joint": Annotated[str | None, typer.Option(metavar="NAME", help="Joint, of a log that has several.")],
+    "kp": Annotated[float | None, typer.Option(help="Position gain, for a log of position set-points [N m/rad].")],
+    "kd": Annotated[float | None, typer.Option(help="Velocity gain of the same position servo [N m s/rad].")],
+    "joint": Annotated[str | None, typer.Option(metavar="NAME", help="Joint to read, if the log has several.")],
     "dataset": Annotated[
         str | None,
-        typer.Option(help=f"Known data set: {', '.join(completion.DATASETS)}.", autocompletion=completion.datasets),
+        typer.Option(help=f"Public data set: {', '.join(completion.DATASETS)}.", autocompletion=completion.datasets),
     ],
-    "data": Annotated[Path | None, typer.Option(metavar="FOLDER", help="Folder of the data set.")],
+    "data": Annotated[Path | None, typer.Option(metavar="FOLDER", help="Folder where the data set lies.")],
 }
 """Name of each option in Python, and how it is typed."""
 

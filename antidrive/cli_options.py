@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 Out = Annotated[Path, typer.Option(help="Folder for the results.")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON, and nothing else.")]
-Force = Annotated[bool, typer.Option("--force", help="Go on with a log that contradicts every machine.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print errors only.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON only.")]
+Force = Annotated[bool, typer.Option("--force", help="Use the log although it contradicts every machine.")]
 OUT = Path("antidrive-out")

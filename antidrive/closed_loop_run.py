@@ -170,8 +170,8 @@ class ClosedLoopRun:
         if self.again:
             count = 1 + len(self.again)
             lines.append(
-                f"± is the standard deviation over {count} runs with other noise of the encoders; what stands without "
-                "it is the same in all of them."
+                f"± is the standard deviation over {count} runs with different encoder noise; numbers without "
+                "it are the same in all runs."
             )
         return lines
 

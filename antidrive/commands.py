@@ -92,7 +92,7 @@ def diagnose(
     known = options.fit.merged(known)
     if known.per_run:
         raise BadParameter(
-            "per_run is for identify: a diagnosis knows of runs that differ by columns such as payload_inertia alone."
+            "per_run is for identify. In a diagnosis runs may differ by columns of the log alone, as payload_inertia."
         )
     own = known.own_effects()
     start = _base(base, own)
@@ -116,7 +116,7 @@ def diagnose(
         model_file(found.extended, options.reading().gears).write(draft / "model.json")
         content, files, experiment, said = found.to_dict(), "diagnosis.json, model.json", None, []
         if found.verdict == "ambiguous":
-            with console.progress("designing an experiment that tells the rivals apart") as progress:
+            with console.progress("designing an experiment that separates the competing effects") as progress:
                 experiment, sentence = _separating(found, seed, progress)
             said.append(sentence)
             if experiment is not None and experiment.separable:
@@ -139,7 +139,7 @@ def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Exp
 
     rivals = rivals_of(found)
     if rivals is None:
-        return None, "No experiment was designed: no rival that was fitted is likelier than that nothing is missing."
+        return None, "No experiment was designed: no competing effect is likelier than that no effect is missing."
     try:
         experiment = separating_experiment(*rivals, Limits.of(found.base.log), seed=seed, progress=progress)
     except BadParameter as refusal:

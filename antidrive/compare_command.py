@@ -26,7 +26,7 @@ def compare(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Say what has changed since a model was identified: comparison.json, comparison.csv, model.json, report.html."""
+    """Show which parameters have changed since a model was identified. Writes comparison.json, .csv, report.html."""
     from antidrive.comparison_page import changes_page
     from antidrive.console import Console
     from antidrive.fitted_model import model_file

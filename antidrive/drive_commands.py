@@ -76,9 +76,9 @@ def capability(
     if inertia is None:
         inertia = INERTIA if known is None else float(known.model.inertia)
         if known is None:
-            assumed.append(f"Assumed: an inertia of {INERTIA:g} kg m^2; say --inertia or --model.")
+            assumed.append(f"Assumed: an inertia of {INERTIA:g} kg m^2; give --inertia or --model.")
     if train.drives == 1:
-        raise BadParameter("A single drive has no preload, so there is no price of it to map; leave --one-drive out.")
+        raise BadParameter("The map is of the preload, and a single drive has none; leave --one-drive out.")
     units = told.Units.of(train, "rotary" if known is None else known.model.axis)
     allocator = Allocator(train, **{**LIMITS, **controller_numbers(said)})
     with whole_folder(out) as draft:

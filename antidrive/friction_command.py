@@ -14,7 +14,7 @@ from antidrive.cli_options import OUT, Force, Json, Out, Quiet
 def friction(
     context: typer.Context, log: Any, force: Force = False, out: Out = OUT, quiet: Quiet = False, json: Json = False
 ) -> None:
-    """Friction over speed from a staircase or slow sweeps: friction.csv, friction.json, model.json, report.html."""
+    """Measure friction over speed from a staircase or slow sweeps. Writes friction.csv, model.json, report.html."""
     from antidrive.console import Console
     from antidrive.friction_page import friction_page
     from antidrive.output import whole_folder, write_json, written

@@ -161,7 +161,7 @@ def _size(found: Signature) -> str:
 
 def _pictures(found: Signature) -> Sequence[tuple[Any, str]]:
     sensor = found.effect.stage is Stage.SENSOR
-    lacking = "error of the reading [rad]" if sensor else "missing torque [N m]"
+    lacking = "error of the reading [rad]" if sensor else "residual torque [N m]"
     variable = found.variable
     what = "The error of the reading" if sensor else "The torque that the model lacks without it"
     rms = float(np.sqrt(np.mean(found.change**2)))

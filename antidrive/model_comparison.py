@@ -53,7 +53,7 @@ class Change:
     def __str__(self) -> str:
         """In a line."""
         if self.after is None:
-            return f"{self.name}: not told by this log (it was {self.before:.4g} {self.unit})"
+            return f"{self.name}: this log does not determine it (it was {self.before:.4g} {self.unit})"
         change = "" if not self.before else f"{100.0 * (self.after / self.before - 1.0):+.2g} %"
         size = abs(self.errors or 0.0)
         errors = "" if self.errors is None else f"{size:.{0 if size >= 10.0 else 1}f} standard errors"
@@ -95,15 +95,19 @@ class Comparison(Presented):
         causes = {cause.effect: cause for cause in self.diagnosis.causes}
         lines += [f"New: {title_of(name)}, probability {_share(causes[name].probability)}" for name in self.new]
         if not self.new:
-            lines.append("No effect is new." if self.diagnosis.verdict != "unknown" else "Something new has no name.")
-        lines += [f"Gone: {title_of(name)}, of which a new effect takes the place" for name in self.gone]
+            lines.append(
+                "No effect is new."
+                if self.diagnosis.verdict != "unknown"
+                else "There is a new model error that no effect explains."
+            )
+        lines += [f"Gone: {title_of(name)}, replaced by a new effect" for name in self.gone]
         lines += [f"As before: {change}" for change in self.changes if not change.moved]
         lines.append(
-            f"Simulated over this log the known model errs by {self.error_before:.3g} {self.unit} rms, "
-            f"the new one by {self.error_after:.3g} {self.unit}."
+            f"In simulation of this log the error of the known model is {self.error_before:.3g} {self.unit} rms, "
+            f"of the new one {self.error_after:.3g} {self.unit} rms."
         )
         if all(change.before_std is None for change in self.changes):
-            lines.append("The known model has no standard errors: it is taken as exact.")
+            lines.append("The known model has no standard errors; its parameters are taken as exact.")
         return lines
 
     def __str__(self) -> str:

@@ -95,7 +95,7 @@ def write_prediction(
 def _simulated(log: Log, model: ServoModel, window: float | None, done: Callable[[int], None] | None) -> list[Array]:
     simulated = free_simulation(log, model, window=window, after=done)
     if not all(np.isfinite(output).all() for output in simulated):
-        raise BadParameter("Simulated over this log, the model runs away to infinity; use another model.")
+        raise BadParameter("In simulation of this log the model diverges; use another model.")
     return simulated
 
 

@@ -36,7 +36,9 @@ def prediction_page(log: Log, simulated: Sequence[Array], provenance: Provenance
         seen = np.where(run.valid, run.measured, np.nan)
         figure = fit_figure(run.time, seen, output, unit)
         pictures.append((figure, f"{run.label}: rms error {rms_error(run, output):.4g} {unit}."))
-    told = ["Open-loop simulation from the command alone; the start of each run is found from its first 0.2 s."]
+    told = [
+        "Open-loop simulation from the command alone. The initial state of each run is estimated from its first 0.2 s."
+    ]
     if len(runs) > _DRAWN:
         told += [f"Drawn are the {_DRAWN} of {len(runs)} runs with the largest errors."]
     return page(

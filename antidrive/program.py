@@ -64,5 +64,5 @@ def _failed(error: Exception, words: list[str]) -> int:
         print_error(error.format_message() if isinstance(error, UsageError) else str(error))
         return 2
     traceback.print_exception(error)
-    print_error(f"this is a fault of the program, not of the input; {left()}.")
+    print_error(f"this is a fault of the program and not of the input; {left()}.")
     return 1

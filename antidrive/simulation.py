@@ -108,7 +108,9 @@ def _played(scenario: Scenario, rig: Rig, design: ServoModel, seed: int, done: C
             controller(), rig, wanted, pushes, drive=2, time=0.0, seed=seed, after_sample=done
         )
     if not np.all(np.isfinite(result.angle)):
-        raise BadParameter(f"{scenario.name}: the rig ran away; give the controller a model that fits the rig.")
+        raise BadParameter(
+            f"{scenario.name}: the simulated machine diverged; give the controller a model that fits it."
+        )
     return ClosedLoopRun(
         title=scenario.title,
         scenario=scenario,

@@ -22,7 +22,7 @@ def table(
             help=f"{', '.join(completion.TABLES[:-1])} or {completion.TABLES[-1]}.",
         ),
     ],
-    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model that the table is of.")],
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model whose effects are tabulated.")],
     points: Annotated[int, typer.Option(help="Rows of the table.")] = 64,
     reach: Annotated[
         str | None, typer.Option("--range", metavar="LOW:HIGH", help="First and last velocity, angle or torque.")
@@ -33,7 +33,7 @@ def table(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write friction, cogging and the like as a table for a drive: KIND.csv and C arrays."""
+    """Write a compensation table for a drive, as CSV and C arrays."""
     from antidrive.console import Console
     from antidrive.output import whole_folder, written
     from antidrive.own_effects import read_identified

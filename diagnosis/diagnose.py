@@ -38,7 +38,7 @@ from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
 
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
-_TELLING = 0.2  # share of the missing torque's variance from which a variable is said to carry it
+_TELLING = 0.2  # share of the residual torque's variance from which a variable is said to carry it
 _MENTION = 1e-4  # probability from which a rival is listed
 
 
@@ -93,43 +93,43 @@ def diagnose(
     log, held_out = null.log, evenly_timed(held_out) if null.log.evenly_timed else held_out
     warnings = [*log.warnings, *log.repairs, *log.notes, *said]
     if null.unidentifiable:
-        warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
+        warnings.append(f"This log does not determine {', '.join(null.unidentifiable)} of the base model.")
     outcome = forward_selection(null, effects, progress=progress)
     near = curves_explain_far_more(outcome)
     outcome = replace(outcome, additions=()) if near else reselected(outcome, progress)
     null = outcome.base
     if null.log.colour:
         warnings.append(
-            f"The noise of the reading is not white, it lasts for about {outcome.fit.noise_memory:.2g} s; "
-            "all fits and odds allow for that."
+            f"The measurement noise is coloured, with a memory of about {outcome.fit.noise_memory:.2g} s; "
+            "fits and probabilities account for it."
         )
 
     for name in outcome.random_walk_like:
         warnings.append(
-            f"{effects[name].title.capitalize()} would fit, but no better than a load torque that wanders at random; "
-            "a longer log or a repeated run would tell."
+            f"{effects[name].title.capitalize()} is rejected: a random-walk disturbance torque explains as much. "
+            "To decide, record a longer log or repeat a run."
         )
     warnings.extend(
-        f"{effects[name].title.capitalize()} would fit, but only mends the observer that the model needs to follow the "
-        "log; it explains no motion."
+        f"{effects[name].title.capitalize()} is rejected: it only changes the observer that follows the log, and "
+        "explains no motion."
         for name in outcome.filters
     )
     warnings.extend(
-        f"{effects[name].title.capitalize()} would fit, but the parts of the log disagree about it; the model lacks "
-        "something else."
+        f"{effects[name].title.capitalize()} is rejected: parts of the log contradict each other about it. The model "
+        "lacks another effect."
         for name in outcome.inconsistent
     )
-    tell("looking for what has no name")
+    tell("fitting non-parametric curves")
     surely = beside_gaussian_process(outcome.additions, null, progress)
     warnings.extend(displaced_sentences(outcome.additions, surely))
     outcome, beside, doubts = supported_effects(replace(outcome, additions=surely))
     warnings.extend(doubts)
     warnings.extend(
-        f"{effects[name].title.capitalize()} would fit, but only with values that such a cause hardly has."
+        f"{effects[name].title.capitalize()} is rejected: such a cause hardly ever has the fitted values."
         for name in outcome.strange
     )
     if outcome.fit.model.chaotic:
-        tell("asking parts of the log how sure the gap is")
+        tell("estimating the standard error of the gap from parts of the log")
         outcome, beside = _with_scatter(outcome, beside)
     missing = residual_torque(outcome.fit)
     again = repeats(outcome.fit)
@@ -140,7 +140,7 @@ def diagnose(
         or (again is not None and again.deterministic)
     )
     path = [null, *(addition.fit for addition in outcome.additions), *beside.path]
-    tell("measuring the gain on held-out data")
+    tell("measuring the gain on validation data")
     gain, squares, replays = measure_gain(held_out, path)
     final = path[-1]
     warnings.extend(blind_spots(null, final))
@@ -150,7 +150,7 @@ def diagnose(
     if (refuted := falsified_sentence(predicted[0], predicted[-1])) is not None:
         warnings.append(" ".join(filter(None, (refuted, further))))
     found = _causes(outcome, final, squares)
-    # Judged by the fits of the names alone: beside a curve that has no name, what a name is worth is not known.
+    # Judged by the fits with effects alone: beside a non-parametric curve the value of an effect is not known.
     judged = _causes(outcome, outcome.fit, predicted)
     kept, why_not = withdrawn_causes(
         judged, log, refuted=further is None and error_rises(predicted[0], predicted[len(outcome.additions)])
@@ -164,7 +164,7 @@ def diagnose(
         warnings.append(formula)
     opinions = holdout_differences(final, held_out)
     if opinions:
-        warnings.append(f"Fitted to the held-out data alone, the model has {'; '.join(map(str, opinions))}.")
+        warnings.append(f"Fitted to the validation data alone, the model has {'; '.join(map(str, opinions))}.")
     return Diagnosis(
         verdict=_verdict(outcome, causes, unnamed or len(causes) < len(found)),
         causes=causes,

@@ -121,9 +121,9 @@ def _several(
         return replace(outcome, additions=()), ResidualModel(path=alone, seen=()), []
     titles = [effect.title for effect in alone[-1].model.effects if outcome.base.model.effect(effect.name) is None]
     explain = "explains" if len(titles) == 1 else "explain"
-    told = f"{' and '.join(titles)} alone {explain} as much as these names together"
+    told = f"{' and '.join(titles)} alone {explain} as much as these effects together"
     additions = tuple(with_lower_probability(addition, sure) for addition in outcome.additions)
-    said = f"{told[0].upper()}{told[1:]}; a log with other motion would tell."
+    said = f"{told[0].upper()}{told[1:]}; a log with a different motion would decide."
     return replace(outcome, additions=additions), beside, [said]
 
 

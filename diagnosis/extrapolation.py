@@ -24,8 +24,8 @@ def extrapolation_warning(held_out: Log, seen: Log) -> str | None:
         outside = float(np.mean((asked < low - margin) | (asked > high + margin)))
         if outside > _MUCH:
             return (
-                f"{100.0 * outside:.0f} % of them lie at {name} outside {low:.3g} to {high:.3g} {size}, which is all "
-                "that the log has come by; a log that covers them would tell."
+                f"{100.0 * outside:.0f} % of them lie at {name} outside {low:.3g} to {high:.3g} {size}, the range "
+                "of the estimation log. Record a log that covers them."
             )
     return None
 

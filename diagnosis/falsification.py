@@ -25,8 +25,8 @@ def falsified_sentence(before: Array, after: Array) -> str | None:
     if not error_rises(before, after):
         return None
     return (
-        f"The held-out data speak against what was added: with it the one-step error rises there ("
-        f"{change(*cut(before, after))}). A name that they refute is not to be relied upon."
+        f"The validation data contradict the extension: with it the one-step error rises there ("
+        f"{change(*cut(before, after))}). Do not rely on the effects that were added."
     )
 
 
@@ -88,7 +88,7 @@ def _why_not(cause: Cause, log: Log, *, refuted: bool) -> str | None:
     if beyond:
         return f"its {_said(beyond)} is beyond all that the log commands, {most:.3g} {log.command_unit}"
     if refuted and cause.gain <= _SURELY * cause.gain_std:
-        return "it brings nothing on the held-out data, which refute what was added"
+        return "it brings no gain on the validation data, which contradict the extension"
     return None
 
 

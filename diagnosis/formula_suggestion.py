@@ -77,8 +77,8 @@ def suggested_formula(fit: Fit) -> str | None:
     beside = f", beside {dry}viscous friction" if curve.over in _TAKEN_OVER else ""
     law = f"{formula} [{fit.log.command_unit}]{beside}"
     return (
-        f"Over {over} {_SYMBOL[curve.over]} the {torque} that is missing looks like {law}. "
-        "That is a suggestion from the curve, no finding."
+        f"Over {over} {_SYMBOL[curve.over]} the {torque} that the model lacks looks like {law}. "
+        "This is a suggestion from the curve, not a finding."
     )
 
 

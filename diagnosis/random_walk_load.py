@@ -45,7 +45,7 @@ def without_random_walk_artefacts(
     if not may_be_random_walk(final):
         return additions
     if progress is not None:
-        progress("or does the load only wander?")
+        progress("comparing with a random-walk disturbance torque")
     needed = {addition.effect: 1.0 for addition in additions}
     beside = with_random_walk(final)
     at_hand = max(final, beside, key=lambda fit: fit.log_likelihood)

@@ -1,4 +1,4 @@
-"""The missing torque: what a fitted model would have needed besides the command to follow the measurement.
+"""The residual torque: what a fitted model would have needed besides the command to follow the measurement.
 
 It is what the measured motion needs less what the model has, both behind the same zero-phase low pass, whose cutoff
 is set by the noise: above it the second derivative of the encoder's noise would be larger than the torque to see. The
@@ -25,13 +25,13 @@ _BINS = 24
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curve:
-    """The missing torque as a function of one variable.
+    """The residual torque as a function of one variable.
 
     Attributes:
         variable: "velocity", "angle", "torque" or "time"; on a linear axis "position" and "force".
         unit: of the variable.
-        centre, mean, band: (B,) middle of each bin, mean missing torque in it and half width of its 95 % band [N m].
-        share: of the missing torque's variance that this variable alone explains, less what chance would [-], and
+        centre, mean, band: (B,) middle of each bin, mean residual torque in it and half width of its 95 % band [N m].
+        share: of the residual torque's variance that this variable alone explains, less what chance would [-], and
             share_std its standard error.
     """
 
@@ -83,14 +83,14 @@ class ResidualTorque:
 
     @property
     def excess(self) -> float:
-        """Missing torque above what the encoder's noise makes of it, as a share of the rms torque command [-]."""
+        """Residual torque above what the encoder's noise makes of it, as a share of the rms torque command [-]."""
         noise = float(np.mean((self.band / 1.96) ** 2))
         level = float(np.mean(self.command**2))
         return float(np.sqrt(max(self.rms**2 - noise, 0.0) / level)) if level > 0.0 else 0.0
 
     @property
     def rms(self) -> float:
-        """Root mean square of the missing torque [N m]."""
+        """Root mean square of the residual torque [N m]."""
         return float(np.sqrt(np.mean(self.torque**2)))
 
     @property

@@ -56,7 +56,7 @@ def beside_gaussian_process(
         for place in sorted(range(len(asked)), key=lambda place: asked[place].evidence):
             addition = asked[place]
             if progress is not None:
-                progress(f"or is it not {addition.effect.replace('_', ' ')} but any smooth function of the state?")
+                progress(f"comparing {addition.effect.replace('_', ' ')} with a smooth function of the state")
             beside = at_hand if stays[place] else _with(addition, at_hand)
             again, after = _once_more(addition, beside) if beside is not None else (None, at_hand)
             at_hand = after if again is not None or stays[place] else at_hand
@@ -93,7 +93,7 @@ def displaced_sentences(before: tuple[Addition, ...], after: tuple[Addition, ...
     gone = [addition.fit.model.effect(addition.effect) for addition in before if addition.effect not in left]
     return [
         f"{effect.title.capitalize()} is rejected: a smooth function of angle, velocity and torque explains as much. "
-        "To decide, record a log that reaches the same angles and velocities by other motions."
+        "To decide, record a log with the same angles and velocities in a different motion."
         for effect in gone
         if effect is not None
     ]

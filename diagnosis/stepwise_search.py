@@ -33,7 +33,7 @@ class Outcome:
         refused: names for which the log speaks loudly, but whose models did not hold up.
         random_walk_like: names that did no better than a load that wanders.
         filters: names that only mended the observer.
-        inconsistent: names about which the parts of the log disagree: what is missing is something else.
+        inconsistent: names about which the parts of the log disagree: what is missing is another effect.
         strange: names whose causes hardly ever have the values that came out.
     """
 

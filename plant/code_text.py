@@ -202,7 +202,7 @@ class _Written:
         return template.format(*(self.number(part, least) for part in parts)), _ATOM, False
 
     def _choice(self, first: int, second: int) -> str:
-        """Both halves of an `if_else`, which CasADi adds up, as one; empty where they are something else."""
+        """Both halves of an `if_else`, which CasADi adds up, as one; empty where they are another effect."""
         here, there = self.nodes[first], self.nodes[second]
         if here.operation == there.operation == ca.OP_IF_ELSE_ZERO and max(self.used[first], self.used[second]) == 1:
             opposite = self.nodes[there.parts[0]]

@@ -73,8 +73,8 @@ def test_the_figure_leaves_out_what_is_out_of_reach():
         (("--inertia", "0"), "inertia"),
         (("--inertia", "nan"), "inertia"),
         (("--min-torque", "1"), "min_torque"),
-        (("--min-torque", "0.3"), "takes all the torque"),
-        (("--motor-friction", "5"), "takes all the torque"),
+        (("--min-torque", "0.3"), "takes all of max_torque"),
+        (("--motor-friction", "5"), "takes all of max_torque"),
         (("--rotor-inertia", "-1"), "rotor_inertia"),
     ],
 )

@@ -184,7 +184,7 @@ def test_a_model_that_runs_away_predicts_nothing(monkeypatch, log, tmp_path):
     model = write_model(tmp_path / "model.json")
     spoken = antidrive("predict", model, log, "--out", tmp_path / "out.csv")
     assert spoken.code == 2
-    assert "runs away" in spoken.err
+    assert "the model diverges" in spoken.err
     assert list(tmp_path.iterdir()) == [model]
 
 

@@ -229,5 +229,5 @@ def test_the_drive_that_is_left_keeps_its_limit() -> None:
 
 def test_a_rig_that_runs_away_is_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(antidrive.simulation, "closed_loop", lambda *_, **__: result(angle=np.full(COUNT, np.nan)))
-    with pytest.raises(BadParameter, match="short: the rig ran away"):
+    with pytest.raises(BadParameter, match="short: the simulated machine diverged"):
         run_scenario(SHORT)

@@ -50,6 +50,6 @@ def test_a_diagnosis_refuted_by_extrapolation_says_so(monkeypatch: pytest.Monkey
     few = ["coulomb_friction"]
     assert "Refuted." in diagnose(log, None, near, candidates=few).warnings
     assert any(
-        warning.startswith("Refuted. ") and "that the log has come by" in warning
+        warning.startswith("Refuted. ") and "of the estimation log" in warning
         for warning in diagnose(log, None, far, candidates=few).warnings
     )

@@ -37,7 +37,11 @@ def cause(value: float, std: float | None, unit: str = "N m", **gain: float) -> 
         (cause(0.0005, 0.001), False, "Coulomb friction is not told: its torque (0.0005 ± 0.0010 N m) is zero within"),
         (cause(18.4, 0.1), False, "is beyond all that the log commands, 2 N m."),
         (cause(18.4, 0.1, unit="rad"), False, None),  # an angle may be anywhere
-        (cause(0.4, 0.01, gain=-0.2), True, "it brings nothing on the held-out data, which refute what was added."),
+        (
+            cause(0.4, 0.01, gain=-0.2),
+            True,
+            "it brings no gain on the validation data, which contradict the extension.",
+        ),
         (cause(0.4, 0.01, gain=-0.2), False, None),
         (cause(0.4, 0.01), True, None),
     ],
@@ -83,9 +87,9 @@ def with_rest(after: int) -> Log:
 
 def test_the_held_out_part_moves_like_the_rest():
     kept, held, sentence = split(LOG)
-    assert sentence.startswith("Held out: the last 30 % of the only run, from 8.4 s on")
+    assert sentence.startswith("Validation data: the last 30 % of the only run, from 8.4 s on")
     kept, held, sentence = split(with_rest(900))
-    assert "its idle ends are left out" in sentence
+    assert "standstill at its ends is left out" in sentence
     assert kept.runs[0].duration + held.runs[0].duration < 12.3
     assert held.runs[0].duration == pytest.approx(3.4, abs=0.4)
     assert np.ptp(held.runs[0].output) > 0.1 * np.ptp(LOG.runs[0].output)
@@ -99,7 +103,9 @@ def test_runs_that_stand_still_are_not_held_out():
     assert len(kept.runs) == 2
     _, held, said = parts(LOG, replace(LOG, runs=(still,)))
     assert held.runs[0].label.endswith("from 8.4 s")
-    assert said[0].startswith("The held-out part stands still, so another is taken. Held out:")
+    assert said[0].startswith(
+        "The load stands still in that part, so another part is used for validation. Validation data:"
+    )
     _, held, said = parts(LOG, replace(LOG, runs=(LOG.runs[0], still)))
     assert held.runs == (LOG.runs[0],)
     assert said == ["The held-out part stands still in still, which is left out."]

@@ -65,7 +65,7 @@ def test_an_excluded_drag_is_suggested_from_its_curve() -> None:
     assert "Over velocity v" in said
     assert "looks like -0." in said
     assert " v |v| [N m], beside viscous friction" in said
-    assert said.endswith("no finding.")
+    assert said.endswith("not a finding.")
 
 
 def test_a_linear_axis_is_described_by_position_and_force() -> None:
@@ -79,7 +79,7 @@ def test_a_linear_axis_is_described_by_position_and_force() -> None:
     like_a_sine = found.model.without_effect(curve.name).with_effect(curve)
     said = suggested_formula(replace(found, model=like_a_sine, covariance=np.eye(len(found.free))))
     assert said is not None
-    assert said.startswith("Over position x the force that is missing looks like ")
+    assert said.startswith("Over position x the force that the model lacks looks like ")
     assert "[N]" in said
     assert "sin(" not in said
 

@@ -92,7 +92,9 @@ def test_a_loop_that_nobody_listed_takes_no_name() -> None:
     near = ["coulomb_friction", "presliding_hysteresis", "torque_offset"]
     found = diagnose(logs[0], None, logs[1], candidates=near, progress=told.append)
     assert max(candidate.probability for candidate in found.candidates) > 0.99  # the search has found names
-    assert "or does the load only wander?" not in told  # which were so far behind that they were not even weighed
+    assert (
+        "comparing with a random-walk disturbance torque" not in told
+    )  # which were so far behind that they were not even weighed
     assert found.verdict == "unknown"
     assert found.unexplained.depends_on == ("angle", "velocity")
     assert found.gain.held_out_rms_after < 0.1 * found.gain.held_out_rms_before

@@ -51,7 +51,10 @@ def test_a_change_is_told_in_a_line():
     assert str(Change(**known, after=0.55, after_std=0.01)) == (
         "inertia: 0.5 +- 0.01 -> 0.55 +- 0.01 kg m^2 (+10 %, 3.5 standard errors)"
     )
-    assert str(Change(**known, after=None, after_std=None)) == "inertia: not told by this log (it was 0.5 kg m^2)"
+    assert (
+        str(Change(**known, after=None, after_std=None))
+        == "inertia: this log does not determine it (it was 0.5 kg m^2)"
+    )
 
 
 def test_the_command_says_what_is_wrong(tmp_path):

@@ -183,7 +183,7 @@ def test_the_time_left_follows_from_the_pace_of_the_parts():
 def test_of_a_fit_and_a_diagnosis_no_time_is_known():
     now = [0.0]
     watch = Watch("diagnosing", clock=lambda: now[0])
-    for line in ("observer at 10 rad/s: noise 0.1", "round 1: asking 23 effects", "looking for what has no name"):
+    for line in ("observer at 10 rad/s: noise 0.1", "round 1: asking 23 effects", "fitting non-parametric curves"):
         now[0] += 50.0
         watch.tell(line)
         assert str(watch) == f"{line} ({now[0]:.0f} s)"

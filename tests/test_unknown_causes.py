@@ -104,7 +104,7 @@ def test_true_effects_are_compared_if_curves_are_not_far_better() -> None:
     told: list[str] = []
     found = diagnose(log, candidates=list(hidden), progress=told.append)
     assert found.base.bandwidth > 0.0
-    assert "or does the load only wander?" in told
+    assert "comparing with a random-walk disturbance torque" in told
     assert {cause.effect for cause in found.causes} == set(hidden)
 
 

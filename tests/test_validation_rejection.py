@@ -7,7 +7,7 @@ from machine import Machine, excitation, record
 
 from diagnosis import Diagnosis, diagnose
 
-AGAINST = "The held-out data speak against what was added: with it the one-step error rises there"
+AGAINST = "The validation data contradict the extension: with it the one-step error rises there"
 
 
 def told(held_out: Machine) -> Diagnosis:

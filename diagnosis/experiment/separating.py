@@ -141,9 +141,13 @@ def separating_experiment(
         BadParameter: the log is of a position servo or of the velocity alone, or no signal keeps the limits.
     """
     if any(run.positioned for run in first.log.runs):
-        raise BadParameter("This log is of a position servo, which plays no torque: design its goal by hand.")
+        raise BadParameter(
+            "The experiment is a torque, and this log is of a position servo. Choose set-points by hand."
+        )
     if first.log.response == "velocity":
-        raise BadParameter("This log has the velocity alone, and an experiment is planned by the angle: log that too.")
+        raise BadParameter(
+            "The experiment is planned by the angle, and this log has only the velocity. Log the angle too."
+        )
     start, sample_time = float(first.initial[0, 0]), first.log.sample_time
     if not limits.travel[0] <= start <= limits.travel[1]:
         least, most = limits.travel

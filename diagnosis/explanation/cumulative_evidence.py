@@ -46,10 +46,10 @@ class ResidualOverVariable:
 
     Attributes:
         variable, unit: what it is drawn over.
-        torque_unit: of the missing torque.
+        torque_unit: of the residual torque.
         centre: (B,) middle of each bin.
-        before, band: (B,) mean missing torque without the cause and half width of its 95 % band.
-        after: (B,) mean missing torque with the cause.
+        before, band: (B,) mean residual torque without the cause and half width of its 95 % band.
+        after: (B,) mean residual torque with the cause.
         predicted: (B,) mean of the difference of the two models' torques: what the cause says is missing without it.
         share: of the predicted torque's variance that the variable carries [-].
     """
@@ -91,9 +91,9 @@ def _log_likelihoods(fit: Fit) -> Array:
 
 
 def residual_over_variable(before: Fit, after: Fit) -> ResidualOverVariable | None:
-    """Where the difference of two fits shows in the missing torque; None if it shows over no single variable.
+    """Where the difference of two fits shows in the residual torque; None if it shows over no single variable.
 
-    Also None where the later model does not lower the missing torque: the picture takes drivetrain and sensor for
+    Also None where the later model does not lower the residual torque: the picture takes drivetrain and sensor for
     rigid, and what bends or lags there cannot be seen in it.
     """
     lacked = residual_torque(before)

@@ -13,7 +13,7 @@ from diagnosis.holdout import gain_errors
 from diagnosis.result import Findings
 from identification.standard_errors import bandwidth_std
 
-_CARRIES = 0.1  # share of the missing torque's variance from which it is said to depend on a variable
+_CARRIES = 0.1  # share of the residual torque's variance from which it is said to depend on a variable
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

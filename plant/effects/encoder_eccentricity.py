@@ -38,7 +38,7 @@ class EncoderEccentricity(Effect):
         return angle + self.amplitude * ca.sin(self.order * angle + self.phase)
 
     def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
-        """Once a turn or more often, or two periods were seen: a slower wave is the bend of something else."""
+        """Once a turn or more often, or two periods were seen: a slower wave is the bend of another effect."""
         return bool(self.order * turn >= _ONCE * TURN or self.order * (high - low) >= 2.0 * TURN)
 
     @classmethod

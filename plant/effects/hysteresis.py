@@ -25,7 +25,7 @@ class Hysteresis(Curve):
     states = (State.RELAXED,)
     longest_step = 1e-3
 
-    way: float = parameter("{angle}", "way l after which it is forgotten where the load came from", lower=POSITIVE)
+    way: float = parameter("{angle}", "travel l after which the past is forgotten", lower=POSITIVE)
 
     def slide(self, state: Expression, travel: Expression) -> Expression:
         """The memory after a travel in one direction."""

@@ -68,7 +68,7 @@ class Curve(Nonparametric):
 
     stage = Stage.LOAD
     equation = r"\tau_u = f(\cdot)"
-    trace = "a smooth dependence of the missing torque"
+    trace = "a smooth dependence of the residual torque"
     over: ClassVar[str]
     prior: ClassVar[Array] = smooth(KNOTS)
 

@@ -18,7 +18,7 @@ class RandomWalkLoad(Effect):
     title = "wandering load"
     stage = Stage.LOAD
     equation = r"\tau_w = J w, \quad \dot w = \text{noise}"
-    trace = "a missing torque that follows neither angle nor velocity nor command, and never repeats"
+    trace = "a residual torque that depends on neither angle nor velocity nor command, and never repeats"
     states = (State.RANDOM_WALK,)
 
     def load_torque(self, at: Moment, state: Expression) -> Expression:
