@@ -14,7 +14,7 @@ from plant.errors import BadParameter
 Array = NDArray[np.float64]
 
 _MOST_DRIVES = 12
-"""Senses are tried one by one: 2^11 linear programmes take a few seconds."""
+"""Senses are tried one by one: 2^11 linear programs take a few seconds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +66,7 @@ def admissible(A: ArrayLike) -> Admissibility:
 
     A (n x m) maps the torques of m unidirectional drives to n joints; a drive's sense is the sign of its column. The
     structure is admissible if and only if rank A = n, A v = 0 has a strictly positive solution, and every drive takes
-    part (no column is zero). The linear programme
+    part (no column is zero). The linear program
 
         maximise t   subject to   A v = 0,  v >= t,  sum v = 1
 

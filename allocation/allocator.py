@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from allocation.allocation import Allocation
 from allocation.limits import Limits, PerDrive, per_drive
 from allocation.loss import loss, still_preloaded
-from allocation.programme import UNPROVEN, Residuals
 from allocation.qp import check_solver
+from allocation.quadratic_program import UNPROVEN, Residuals
 from allocation.rows import Rows
 from allocation.sharing import CERTIFIED, share, share_in_closed_form
 from allocation.structure import Structure
@@ -34,7 +34,7 @@ class Allocator:
 
     When not everything can hold, what the motors can do comes first, then the preload, then the torque: the answer is
     the reachable torque nearest to the demand, with the least effort that gives it. Two drives have a closed form;
-    any other structure is a quadratic programme whose answer is made exact and proven (see `allocation.sharing`).
+    any other structure is a quadratic program whose answer is made exact and proven (see `allocation.sharing`).
 
     Attributes:
         gears: a drive train, a `Structure`, or its matrix A (n, m) with the senses absorbed in the columns.
@@ -94,7 +94,7 @@ class Allocator:
             )
         if self.solver is not None:
             check_solver(self.solver)
-        _ = self.preloaded  # a linear programme, better now than in the loop
+        _ = self.preloaded  # a linear program, better now than in the loop
 
     @cached_property
     def bounds(self) -> Limits:

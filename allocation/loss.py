@@ -18,7 +18,7 @@ def still_preloaded(structure: Structure, lost: tuple[int, ...]) -> Flags:
     """(m,) which drives can still be preloaded when those of the given numbers (from 1) are lost.
 
     A drive can be preloaded if the others hold against it: if some v >= 0 with B v = 0 over the living drives has
-    v_i > 0. Such v add up, so one linear programme finds all of them at once,
+    v_i > 0. Such v add up, so one linear program finds all of them at once,
 
         maximise sum t   subject to   B v = 0,  v >= t,  0 <= t <= 1,  v = 0 for the lost drives
 

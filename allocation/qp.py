@@ -1,4 +1,4 @@
-"""Quadratic programmes through qpsolvers, with tight tolerances and no trust in the solver's own word."""
+"""Quadratic programs through qpsolvers, with tight tolerances and no trust in the solver's own word."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from plant.errors import BadParameter
 Array = NDArray[np.float64]
 
 _SETTINGS: dict[str, dict[str, Any]] = {
-    # Defaults of first-order solvers are far too loose for a minimum torque. Our programmes are scaled and feasible, so
+    # Defaults of first-order solvers are far too loose for a minimum torque. Our programs are scaled and feasible, so
     # OSQP need neither scale them nor look for proofs that they are not. `raise_error` must be said explicitly.
     "osqp": {
         "eps_abs": 1e-9,

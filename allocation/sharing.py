@@ -1,4 +1,4 @@
-"""The general split of joint torques among drives, by a quadratic programme that is always feasible."""
+"""The general split of joint torques among drives, by a quadratic program that is always feasible."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from allocation.active_set import solve_exactly
 from allocation.least_effort import settled, share_between_two
-from allocation.programme import UNPROVEN, Programme, Residuals
 from allocation.qp import largest_residual, solve_qp
+from allocation.quadratic_program import UNPROVEN, QuadraticProgram, Residuals
 from allocation.rows import Rows
 
 Array = NDArray[np.float64]
@@ -49,18 +49,18 @@ def share_in_closed_form(pushing: Array, torque: Array, rows: Rows, weights: Arr
         preload = np.array([np.max(limits[:, 0]), np.min(limits[:, 1])])
     x = share_between_two(pushing[0], torque[0], rows.lower, rows.upper, weights, preload)
     unit = _unit(rows)
-    return Sharing(x=x, residuals=_programme(pushing, torque, rows, weights, unit).residuals(x / unit))
+    return Sharing(x=x, residuals=_quadratic_program(pushing, torque, rows, weights, unit).residuals(x / unit))
 
 
 def share(pushing: Array, torque: Array, rows: Rows, weights: Array, solver: str) -> Sharing:
     """Bring the joints as near to a torque as the rows allow, and that with the least effort sum w_i x_i^2.
 
-    The solver sees one programme, which is feasible whatever is asked for,
+    The solver sees one program, which is feasible whatever is asked for,
 
         minimise    1/2 x' W x + 1/2 gamma |s|^2    subject to    B x + s = tau  and the rows,
 
     and from its multipliers we take which rows are active. The rest is exact: see `solve_exactly`, and
-    `Programme.residuals` for the proof. If the solver fails, the exact method starts from nothing.
+    `QuadraticProgram.residuals` for the proof. If the solver fails, the exact method starts from nothing.
 
     Args:
         pushing: (n, m) B, torque on each joint for one newton metre of each drive in its sense.
@@ -70,13 +70,13 @@ def share(pushing: Array, torque: Array, rows: Rows, weights: Array, solver: str
         solver: a name that qpsolvers knows.
     """
     unit, m = _unit(rows), pushing.shape[1]
-    programme = _programme(pushing, torque, rows, weights, unit)
-    solution = _solve(programme, m, solver)
+    program = _quadratic_program(pushing, torque, rows, weights, unit)
+    solution = _solve(program, m, solver)
     solved = largest_residual(solution) <= _SOLVED
-    guess = _active(programme, solution, m) if solved else np.zeros(0, dtype=np.intp)
+    guess = _active(program, solution, m) if solved else np.zeros(0, dtype=np.intp)
     pinned = np.flatnonzero(rows.lower == rows.upper)
-    x = solve_exactly(programme, guess, pinned, rows.inside / unit)
-    residuals = programme.residuals(x)
+    x = solve_exactly(program, guess, pinned, rows.inside / unit)
+    residuals = program.residuals(x)
     instead = "" if solved else "the exact method"
     if residuals.largest > CERTIFIED:  # keep the preload, whatever becomes of the torque
         x, residuals, instead = rows.inside / unit, UNPROVEN, "the preload alone"
@@ -84,18 +84,18 @@ def share(pushing: Array, torque: Array, rows: Rows, weights: Array, solver: str
 
 
 def _unit(rows: Rows) -> float:
-    """Torque in which the programme is scaled [N m]: the greatest that any row allows."""
+    """Torque in which the program is scaled [N m]: the greatest that any row allows."""
     return max(float(np.max(np.abs(rows.upper))), float(np.max(np.abs(rows.lower))), np.finfo(float).tiny)
 
 
-def _programme(pushing: Array, torque: Array, rows: Rows, weights: Array, unit: float) -> Programme:
+def _quadratic_program(pushing: Array, torque: Array, rows: Rows, weights: Array, unit: float) -> QuadraticProgram:
     """Rows in this order: x <= upper, x >= lower, and the upper and lower limits of the preload."""
     size, eye = float(np.linalg.norm(pushing)), np.eye(pushing.shape[1])
     C, d = [eye, -eye], [rows.upper, -rows.lower]
     if rows.preload is not None:
         C += [rows.projection, -rows.projection]
         d += [rows.preload[:, 1], -rows.preload[:, 0]]
-    return Programme(
+    return QuadraticProgram(
         B=pushing / size,
         b=torque / (size * unit),
         w=weights / np.max(weights),
@@ -104,29 +104,29 @@ def _programme(pushing: Array, torque: Array, rows: Rows, weights: Array, unit: 
     )
 
 
-def _solve(programme: Programme, m: int, solver: str) -> qpsolvers.Solution:
-    """The programme as a solver takes it, in x and s."""
-    n = len(programme.b)
+def _solve(program: QuadraticProgram, m: int, solver: str) -> qpsolvers.Solution:
+    """The program as a solver takes it, in x and s."""
+    n = len(program.b)
     no_limit = np.full(n, np.inf)
-    G, h = (np.hstack((programme.C[2 * m :], np.zeros((len(programme.d) - 2 * m, n)))), programme.d[2 * m :])
+    G, h = (np.hstack((program.C[2 * m :], np.zeros((len(program.d) - 2 * m, n)))), program.d[2 * m :])
     return solve_qp(
-        P=np.diag(np.concatenate((programme.w, np.full(n, _TORQUE_FIRST)))),
+        P=np.diag(np.concatenate((program.w, np.full(n, _TORQUE_FIRST)))),
         q=np.zeros(m + n),
-        lb=np.concatenate((-programme.d[m : 2 * m], -no_limit)),
-        ub=np.concatenate((programme.d[:m], no_limit)),
-        A=np.hstack((programme.B, np.eye(n))),
-        b=programme.b,
+        lb=np.concatenate((-program.d[m : 2 * m], -no_limit)),
+        ub=np.concatenate((program.d[:m], no_limit)),
+        A=np.hstack((program.B, np.eye(n))),
+        b=program.b,
         G=G if len(h) else None,
         h=h if len(h) else None,
         solver=solver,
     )
 
 
-def _active(programme: Programme, solution: qpsolvers.Solution, m: int) -> NDArray[np.intp]:
+def _active(program: QuadraticProgram, solution: qpsolvers.Solution, m: int) -> NDArray[np.intp]:
     """The rows that a solution believes active: those whose multiplier outweighs their slack."""
     x, z, box = solution.x, solution.z, solution.z_box
     if x is None or box is None:
         return np.zeros(0, dtype=np.intp)
     multipliers = np.concatenate((box[:m], -box[:m], z if z is not None else np.zeros(0)))
-    slack = programme.d - programme.C @ x[:m]
+    slack = program.d - program.C @ x[:m]
     return np.flatnonzero(multipliers > slack)

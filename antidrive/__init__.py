@@ -19,11 +19,11 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from antidrive.neighbours import refuse_strangers
+from antidrive.shadowed_packages import refuse_shadowing
 
 if TYPE_CHECKING:
     from allocation import Allocator
-    from antidrive.changes import compare
+    from antidrive.model_comparison import compare
     from antidrive.prediction import predict
     from antidrive.version import VERSION as __version__
     from diagnosis import Diagnosis, diagnose
@@ -64,7 +64,7 @@ HOMES = {
     "ServoModel": "plant",
     "catalogue": "plant",
     "closed_loop": "mpc",
-    "compare": "antidrive.changes",
+    "compare": "antidrive.model_comparison",
     "diagnose": "diagnosis",
     "friction_test": "identification",
     "identify": "identification",
@@ -74,7 +74,7 @@ HOMES = {
 }
 """The package that each name comes from."""
 
-refuse_strangers()
+refuse_shadowing()
 
 
 def __getattr__(name: str) -> Any:

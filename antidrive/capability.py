@@ -44,7 +44,7 @@ def whole_map(allocator: Allocator, inertia: float) -> CapabilityMap:
     if not (np.isfinite(inertia) and inertia > 0):
         raise BadParameter(f"inertia must be finite and above zero, not {inertia:g}.")
     if most == 0:
-        raise BadParameter("At these limits the preload takes all the torque; lower min_torque or motor_friction.")
+        raise BadParameter("At these limits the preload takes all of max_torque; lower min_torque or motor_friction.")
     axis = most * np.linspace(-1.0, 1.0, _POINTS)
     return capability_map(allocator, inertia=inertia, acceleration=axis / inertia, load_torque=axis)
 
@@ -80,9 +80,8 @@ def sentences(found: CapabilityMap, units: Units = ROTARY) -> list[str]:
     told = summary(found)
     (least, most), (slowest, fastest) = told["load_torque_at_rest"], told["acceleration_without_load"]
     return [
-        f"With teeth that stay together, the drives hold load torques from {least:.4g} to {most:.4g} {units.torque} "
-        "at rest.",
+        f"Without losing contact the drives hold load torques from {least:.4g} to {most:.4g} {units.torque} at rest.",
         f"Without load they reach accelerations from {slowest:.4g} to {fastest:.4g} {units.acceleration}.",
-        f"Standing still without load takes a preload of {told['least_preload_at_rest']:.4g} {units.preload}, and the "
-        f"squares of the torques then sum up to {told['heat_at_rest']:.4g} N² m².",
+        f"Standing still without load takes a preload of {told['least_preload_at_rest']:.4g} {units.preload}, with "
+        f"a copper-loss index of {told['heat_at_rest']:.4g} N² m².",
     ]

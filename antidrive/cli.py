@@ -13,13 +13,13 @@ from typing import Annotated, Any
 import typer
 
 from antidrive import __version__, completion
-from antidrive.common_words import OUT, Force, Json, Out, Quiet, Seed
+from antidrive.cli_drive_options import DRIVES, LIMITS, TUNING, with_options
+from antidrive.cli_fit_options import Bounds, Candidates, Effects, Exclude, Fixed, PerRun, Prior, fit_options
+from antidrive.cli_log_options import with_log
+from antidrive.cli_options import OUT, Force, Json, Out, Quiet, Seed
 from antidrive.compare_command import compare
-from antidrive.drive_words import DRIVES, LIMITS, TUNING, with_words
-from antidrive.examples import told
-from antidrive.fit_words import Bounds, Candidates, Effects, Exclude, Fixed, PerRun, Prior, fit_options
 from antidrive.friction_command import friction
-from antidrive.log_words import with_log
+from antidrive.help_examples import examples_of
 from antidrive.plan_command import plan
 from antidrive.program import run
 from antidrive.table_command import table
@@ -27,9 +27,19 @@ from antidrive.table_command import table
 app = typer.Typer()
 
 Holdout = Annotated[
-    list[Path] | None, typer.Option("--holdout", metavar="LOG", help="Log to validate on; may be repeated.")
+    list[Path] | None,
+    typer.Option(
+        "--holdout",
+        metavar="LOG",
+        help="Validation log. May be repeated. Without it a part of the log is kept for validation.",
+    ),
 ]
-Base = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model to start from, instead of eqs. (4)+(6).")]
+Base = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="MODEL.json", help="Model to start from, in place of inertia, gravity, viscous friction and dead zone."
+    ),
+]
 DesignModel = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model of the machine.")]
 
 
@@ -42,21 +52,21 @@ def _say_version(wanted: bool) -> None:
 @app.callback()
 def everything(
     version: Annotated[
-        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version, and end.")
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """From the log of a geared servo to what its model gets wrong, by name, and to the controller."""
+    """Find the missing physical effects in the model of a geared servo from its log, and design its controller."""
 
 
-@app.command(epilog=told("demo"))
+@app.command(epilog=examples_of("demo"))
 def demo(context: typer.Context, out: Out = OUT, seed: Seed = 0, quiet: Quiet = False, json: Json = False) -> None:
-    """The whole chain on a synthetic log: identify, diagnose, extend, design, close the loop, report."""
+    """Run the whole chain on a synthetic log: identify, diagnose, design a controller, close the loop."""
     from antidrive import commands
 
-    commands.demo(out=out, seed=seed, voice=commands.Voice(quiet=quiet, json=json, words=context.obj))
+    commands.demo(out=out, seed=seed, console=commands.Console(quiet=quiet, json=json, words=context.obj))
 
 
-@app.command(epilog=told("identify"))
+@app.command(epilog=examples_of("identify"))
 @with_log
 def identify(
     context: typer.Context,
@@ -73,15 +83,15 @@ def identify(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Fit a model to a log: model.json, fit.json, report.html."""
+    """Fit inertia, gravity, friction and dead zone to a log. Writes model.json, fit.json, report.html."""
     from antidrive import commands
 
-    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
+    console = commands.Console(quiet=quiet, json=json, words=context.obj)
     known = fit_options(fixed=fixed, bounds=bounds, prior=prior, per_run=per_run, effects=effects)
-    commands.identify(log, base=base, known=known, force=force, out=out, seed=seed, voice=voice)
+    commands.identify(log, base=base, known=known, force=force, out=out, seed=seed, console=console)
 
 
-@app.command(epilog=told("diagnose"))
+@app.command(epilog=examples_of("diagnose"))
 @with_log
 def diagnose(
     context: typer.Context,
@@ -100,17 +110,17 @@ def diagnose(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Name what the model misses: diagnosis.json, model.json (extended), report.html."""
+    """Find the effects that the model lacks. Writes diagnosis.json, the extended model.json, report.html."""
     from antidrive import commands
 
-    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
+    console = commands.Console(quiet=quiet, json=json, words=context.obj)
     known = fit_options(
         fixed=fixed, bounds=bounds, prior=prior, candidates=candidates, exclude=exclude, effects=effects
     )
-    commands.diagnose(log, base=base, known=known, force=force, out=out, seed=seed, voice=voice)
+    commands.diagnose(log, base=base, known=known, force=force, out=out, seed=seed, console=console)
 
 
-@app.command("inspect", epilog=told("inspect"))
+@app.command("inspect", epilog=examples_of("inspect"))
 @with_log
 def inspect_log(
     context: typer.Context,
@@ -120,38 +130,44 @@ def inspect_log(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Show what is understood of a log: columns, units, runs, faults; log.toml, report.html."""
+    """Show how a log is read: columns, units, runs, faults. Writes log.toml, report.html."""
     from antidrive import commands
 
-    commands.inspect(log, out=out, voice=commands.Voice(quiet=quiet, json=json, words=context.obj))
+    commands.inspect(log, out=out, console=commands.Console(quiet=quiet, json=json, words=context.obj))
 
 
-@app.command(epilog=told("predict"))
+@app.command(epilog=examples_of("predict"))
 @with_log
 def predict(
     context: typer.Context,
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model to simulate.")],
     log: Any,
     effects: Effects = None,
-    window: Annotated[float | None, typer.Option(metavar="S", help="Restart every S seconds.")] = None,
-    measured: Annotated[bool, typer.Option("--measured", help="Add what was measured as a last column.")] = False,
-    report: Annotated[Path | None, typer.Option(metavar="PAGE.html", help="Page with both drawn.")] = None,
-    out: Annotated[Path, typer.Option(metavar="FILE.csv", help="File for run, time, angle or position.")] = Path(
-        "antidrive-out/prediction.csv"
-    ),
+    window: Annotated[
+        float | None, typer.Option(metavar="S", help="Restart the simulation every S seconds (multi-step prediction).")
+    ] = None,
+    measured: Annotated[bool, typer.Option("--measured", help="Add the measured values as a last column.")] = False,
+    report: Annotated[
+        Path | None, typer.Option(metavar="PAGE.html", help="Report with measured and simulated drawn.")
+    ] = None,
+    out: Annotated[
+        Path, typer.Option(metavar="FILE.csv", help="File for the columns run, time and angle or position.")
+    ] = Path("antidrive-out/prediction.csv"),
     seed: Seed = 0,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Simulate a log from its command alone (free-run), with a model."""
+    """Simulate a log in open loop, from its command alone."""
     from antidrive import commands
 
-    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.predict(model, log, effects=effects, window=window, measured=measured, page=report, out=out, voice=voice)
+    console = commands.Console(quiet=quiet, json=json, words=context.obj)
+    commands.predict(
+        model, log, effects=effects, window=window, measured=measured, page=report, out=out, console=console
+    )
 
 
-@app.command(epilog=told("simulate"))
-@with_words(DRIVES, LIMITS, TUNING)
+@app.command(epilog=examples_of("simulate"))
+@with_options(DRIVES, LIMITS, TUNING)
 def simulate(
     context: typer.Context,
     scenario: Annotated[
@@ -165,7 +181,7 @@ def simulate(
     ],
     said: Any,
     model: Annotated[
-        Path | None, typer.Option(metavar="MODEL.json", help="Of the controller, and of the machine it is tried on.")
+        Path | None, typer.Option(metavar="MODEL.json", help="Model for the controller and for the simulated machine.")
     ] = None,
     effects: Effects = None,
     out: Out = OUT,
@@ -173,14 +189,14 @@ def simulate(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Run a closed loop, or an experiment of the paper, on the rig: trajectory.csv, summary.json, report.html."""
+    """Run a closed loop or an experiment in the test-bench simulation. Writes a trajectory, a summary, a report."""
     from antidrive import commands
 
-    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.simulate(scenario, said, model=model, effects=effects, out=out, seed=seed, voice=voice)
+    console = commands.Console(quiet=quiet, json=json, words=context.obj)
+    commands.simulate(scenario, said, model=model, effects=effects, out=out, seed=seed, console=console)
 
 
-@app.command(epilog=told("effects"))
+@app.command(epilog=examples_of("effects"))
 def effects(
     context: typer.Context,
     name: Annotated[
@@ -188,20 +204,20 @@ def effects(
         typer.Argument(metavar="[NAME]", help="Only this effect, in words.", autocompletion=completion.effects),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for gallery.html; antidrive-out, or none with a NAME.")
+        Path | None, typer.Option(help="Folder for gallery.html. With a NAME nothing is written unless it is given.")
     ] = None,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """List what a model may lack, and draw it: gallery.html."""
+    """List the effects that a model may lack, and draw their signatures. Writes gallery.html."""
     from antidrive import commands
 
-    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    commands.effects(name, out=out if name is not None else out or OUT, voice=voice)
+    console = commands.Console(quiet=quiet, json=json, words=context.obj)
+    commands.effects(name, out=out if name is not None else out or OUT, console=console)
 
 
-@app.command(context_settings={"ignore_unknown_options": True}, epilog=told("allocate"))
-@with_words(DRIVES, LIMITS)
+@app.command(context_settings={"ignore_unknown_options": True}, epilog=examples_of("allocate"))
+@with_options(DRIVES, LIMITS)
 def allocate(
     torques: Annotated[list[float], typer.Argument(metavar="TORQUE...", help="Torques on the load [N m].")],
     said: Any,
@@ -210,20 +226,23 @@ def allocate(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Share torques on the load between its drives, with margin and heat."""
+    """Allocate load torques to the drives, with margin and copper-loss index."""
     from antidrive import commands, drive_commands
 
-    voice = commands.Voice(quiet=quiet, json=json)
-    drive_commands.allocate(torques, said, model=model, effects=effects, voice=voice)
+    console = commands.Console(quiet=quiet, json=json)
+    drive_commands.allocate(torques, said, model=model, effects=effects, console=console)
 
 
-@app.command(epilog=told("capability"))
-@with_words(DRIVES, LIMITS)
+@app.command(epilog=examples_of("capability"))
+@with_options(DRIVES, LIMITS)
 def capability(
     context: typer.Context,
     said: Any,
     inertia: Annotated[
-        float | None, typer.Option(help="Of load and rotors, seen from the load [kg m^2]; that of the model, else 2.")
+        float | None,
+        typer.Option(
+            help="Inertia of load and rotors, seen from the load [kg m^2]. Default: that of the model, else 2."
+        ),
     ] = None,
     model: DesignModel = None,
     effects: Effects = None,
@@ -231,48 +250,53 @@ def capability(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """What two drives can do with teeth that stay together: capability.csv, report.html."""
+    """Map what two preloaded drives can do without losing contact. Writes capability.csv, report.html."""
     from antidrive import commands, drive_commands
 
-    voice = commands.Voice(quiet=quiet, json=json, words=context.obj)
-    drive_commands.capability(said, inertia=inertia, model=model, effects=effects, out=out, voice=voice)
+    console = commands.Console(quiet=quiet, json=json, words=context.obj)
+    drive_commands.capability(said, inertia=inertia, model=model, effects=effects, out=out, console=console)
 
 
-@app.command(epilog=told("export"))
-@with_words(DRIVES, LIMITS, TUNING)
+@app.command(epilog=examples_of("export"))
+@with_options(DRIVES, LIMITS, TUNING)
 def export(
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model that the controller works with.")],
     said: Any,
     name: Annotated[
-        str, typer.Option(metavar="NAME", help="Before every symbol and file, so that several fit in one program.")
+        str,
+        typer.Option(
+            metavar="NAME", help="Prefix of all symbols and files, so that several controllers fit in one program."
+        ),
     ] = "antidrive",
-    single: Annotated[bool, typer.Option("--single", help="Calculate in single precision.")] = False,
-    fmu: Annotated[bool, typer.Option("--fmu", help="Write controller and plant as FMUs instead.")] = False,
+    single: Annotated[bool, typer.Option("--single", help="Use single precision.")] = False,
+    fmu: Annotated[bool, typer.Option("--fmu", help="Write controller and plant as FMUs.")] = False,
     feedforward: Annotated[
-        bool, typer.Option("--feedforward", help="Write the inverse model instead, as C99 and Structured Text.")
+        bool, typer.Option("--feedforward", help="Write the feed-forward (inverse model) as C99 and Structured Text.")
     ] = False,
-    mujoco: Annotated[bool, typer.Option("--mujoco", help="Write the model for MuJoCo instead.")] = False,
-    urdf: Annotated[bool, typer.Option("--urdf", help="Write the model as a joint in URDF instead.")] = False,
-    modelica: Annotated[bool, typer.Option("--modelica", help="Write the model as a Modelica class instead.")] = False,
-    plant: Annotated[bool, typer.Option("--plant", help="Write the model as an FMU with one torque instead.")] = False,
+    mujoco: Annotated[bool, typer.Option("--mujoco", help="Write the model for MuJoCo.")] = False,
+    urdf: Annotated[bool, typer.Option("--urdf", help="Write the model as a URDF joint.")] = False,
+    modelica: Annotated[bool, typer.Option("--modelica", help="Write the model as a Modelica class.")] = False,
+    plant: Annotated[bool, typer.Option("--plant", help="Write the model as an FMU with one torque as input.")] = False,
     effects: Effects = None,
     out: Out = OUT,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write the controller as C99 for a target, with driver, CMakeLists.txt, README.txt; or as FMU with its plant."""
+    """Export the controller as C99, or the model for drives and simulators (see the options)."""
     from antidrive import commands, drive_commands, model_commands
 
-    voice = commands.Voice(quiet=quiet, json=json)
+    console = commands.Console(quiet=quiet, json=json)
     given = {"feedforward": feedforward, "mujoco": mujoco, "urdf": urdf, "modelica": modelica, "plant": plant}
     if form := model_commands.chosen(given, fmu=fmu):
-        model_commands.export_model(model, form, said, name=name, single=single, effects=effects, out=out, voice=voice)
+        model_commands.export_model(
+            model, form, said, name=name, single=single, effects=effects, out=out, console=console
+        )
         return
-    drive_commands.export(model, said, name=name, single=single, fmu=fmu, effects=effects, out=out, voice=voice)
+    drive_commands.export(model, said, name=name, single=single, fmu=fmu, effects=effects, out=out, console=console)
 
 
 for _command in (compare, table, friction, plan):
-    app.command(epilog=told(_command.__name__))(_command)
+    app.command(epilog=examples_of(_command.__name__))(_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from antidrive import report
+from antidrive.console import Console
 from antidrive.fit_options import FitOptions
 from antidrive.fitted_model import model_file
 from antidrive.log_options import LogOptions, Measured
 from antidrive.output import whole_file, whole_folder, write_json, written
 from antidrive.own_effects import read_own_model
 from antidrive.provenance import Provenance
-from antidrive.time_left import Tell
-from antidrive.voice import Voice
+from antidrive.remaining_time import Tell
 from diagnosis.explanation.summary import headline, sentences
 from identification.errors import Unidentifiable
 from identification.log import Log
@@ -25,13 +25,13 @@ from plant.model_file import ModelFile, read_model
 from plant.servo import ServoModel
 
 if TYPE_CHECKING:
-    from antidrive.plans import Design
+    from antidrive.scenario_file import Design
     from diagnosis.diagnosis import Diagnosis
     from diagnosis.experiment import Experiment
     from plant.effects import Effect
 
 __all__ = [
-    "Voice",
+    "Console",
     "demo",
     "diagnose",
     "effects",
@@ -45,7 +45,7 @@ _EXPERIMENT = "separating_experiment.csv"
 
 
 def identify(
-    options: LogOptions, *, base: Path | None, known: FitOptions, force: bool, out: Path, seed: int, voice: Voice
+    options: LogOptions, *, base: Path | None, known: FitOptions, force: bool, out: Path, seed: int, console: Console
 ) -> None:
     """Fit a model and write model.json, fit.json and report.html; nothing of a fit that told nothing, unless forced."""
     from diagnosis import blind_spots, standstill
@@ -56,8 +56,8 @@ def identify(
     known = options.fit.merged(known)
     start = _base(base, known.own_effects())
     with whole_folder(out) as draft:
-        measured = _read(options, voice)
-        with voice.progress("fitting") as progress:
+        measured = _read(options, console)
+        with console.progress("fitting") as progress:
             found = fit(
                 measured.log,
                 start or measured.base,
@@ -72,19 +72,19 @@ def identify(
             if why is not None and not force:
                 raise Unidentifiable(why)
             simulated = free_simulation(measured.log, found.model)
-        content, unseen = fit_to_dict(found), blind_spots(found)
-        content["data"]["warnings"] += unseen
-        provenance = Provenance.now(voice.words, measured.log.sources)
+        content, blind = fit_to_dict(found), blind_spots(found)
+        content["data"]["warnings"] += blind
+        provenance = Provenance.now(console.words, measured.log.sources)
         model_file(found, options.reading().gears).write(draft / "model.json")
         write_json(draft / "fit.json", content)
-        page = report.fit_page(found, simulated, provenance, notes=measured.notes, warnings=unseen)
+        page = report.fit_page(found, simulated, provenance, notes=measured.notes, warnings=blind)
         (draft / "report.html").write_text(page, encoding="utf-8")
-    lines = [fit_report(found), *_data_lines(found.log, unseen), written(out, "model.json, fit.json, report.html")]
-    voice.result("\n".join(lines), content)
+    lines = [fit_report(found), *_data_lines(found.log, blind), written(out, "model.json, fit.json, report.html")]
+    console.result("\n".join(lines), content)
 
 
 def diagnose(
-    options: LogOptions, *, base: Path | None, known: FitOptions, force: bool, out: Path, seed: int, voice: Voice
+    options: LogOptions, *, base: Path | None, known: FitOptions, force: bool, out: Path, seed: int, console: Console
 ) -> None:
     """Name what the model misses and write diagnosis.json, model.json and report.html."""
     from diagnosis.diagnose import diagnose as find_causes
@@ -92,13 +92,13 @@ def diagnose(
     known = options.fit.merged(known)
     if known.per_run:
         raise BadParameter(
-            "per_run is for identify: a diagnosis knows of runs that differ by columns such as payload_inertia alone."
+            "per_run is for identify. In a diagnosis runs may differ by columns of the log alone, as payload_inertia."
         )
     own = known.own_effects()
     start = _base(base, own)
     with whole_folder(out) as draft:
-        measured = _read(options, voice)
-        with voice.progress("diagnosing") as progress:
+        measured = _read(options, console)
+        with console.progress("diagnosing") as progress:
             found = find_causes(
                 measured.log,
                 start or measured.base,
@@ -112,11 +112,11 @@ def diagnose(
                 progress=progress,
             )
         held_out = measured.holdout.sources if measured.holdout is not None else ()
-        provenance = Provenance.now(voice.words, (*measured.log.sources, *held_out))
+        provenance = Provenance.now(console.words, (*measured.log.sources, *held_out))
         model_file(found.extended, options.reading().gears).write(draft / "model.json")
         content, files, experiment, said = found.to_dict(), "diagnosis.json, model.json", None, []
         if found.verdict == "ambiguous":
-            with voice.progress("designing an experiment that tells the rivals apart") as progress:
+            with console.progress("designing an experiment that separates the competing effects") as progress:
                 experiment, sentence = _separating(found, seed, progress)
             said.append(sentence)
             if experiment is not None and experiment.separable:
@@ -129,7 +129,7 @@ def diagnose(
         (draft / "report.html").write_text(page, encoding="utf-8")
     told = [*sentences(found, explanation), *found.warnings, *said]
     lines = [headline(found), *(f"  {line}" for line in told), written(out, f"{files}, report.html")]
-    voice.result("\n".join(lines), content)
+    console.result("\n".join(lines), content)
 
 
 def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Experiment | None, str]:
@@ -139,7 +139,7 @@ def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Exp
 
     rivals = rivals_of(found)
     if rivals is None:
-        return None, "No experiment was designed: no rival that was fitted is likelier than that nothing is missing."
+        return None, "No experiment was designed: no competing effect is likelier than that no effect is missing."
     try:
         experiment = separating_experiment(*rivals, Limits.of(found.base.log), seed=seed, progress=progress)
     except BadParameter as refusal:
@@ -156,7 +156,7 @@ def predict(
     measured: bool,
     page: Path | None,
     out: Path,
-    voice: Voice,
+    console: Console,
 ) -> None:
     """Simulate a log freely and write run, time, angle (or position) as CSV, with what was measured if asked for."""
     from antidrive.prediction import write_prediction
@@ -166,13 +166,13 @@ def predict(
     if window is not None and not (np.isfinite(window) and window > 0.0):
         raise BadParameter(f"--window must be a positive number of seconds, not {window:g}.")
     with whole_file(out) as draft:
-        read = _read(options, voice)
+        read = _read(options, console)
         log = read.log if read.holdout is None else Log.merge([read.log, read.holdout])
-        with voice.progress("predicting") as progress:
+        with console.progress("predicting") as progress:
             simulated = write_prediction(draft, log, servo, window=window, measured=measured, tell=progress)
         if page is not None:
             with whole_file(page) as drawn:
-                text = prediction_page(log, simulated, Provenance.now(voice.words, log.sources))
+                text = prediction_page(log, simulated, Provenance.now(console.words, log.sources))
                 drawn.write_text(text, encoding="utf-8")
     unit = log.measured_unit
     errors = [
@@ -181,20 +181,20 @@ def predict(
     ]
     lines = [f"{entry['label']}: rms error {entry['rms']:.4g} {unit}" for entry in errors]
     files = f"{out}" if page is None else f"{out}, {page}"
-    voice.result("\n".join([*lines, f"Written: {files}"]), {"file": str(out), "unit": unit, "runs": errors})
+    console.result("\n".join([*lines, f"Written: {files}"]), {"file": str(out), "unit": unit, "runs": errors})
 
 
-def inspect(options: LogOptions, *, out: Path, voice: Voice) -> None:
+def inspect(options: LogOptions, *, out: Path, console: Console) -> None:
     """Show what is understood of a log, and write log.toml and report.html."""
     from antidrive.inspection import inspected
 
-    with voice.progress("reading") as progress:
+    with console.progress("reading") as progress:
         found = inspected(options, progress)
     with whole_folder(out) as draft:
         (draft / "log.toml").write_text(found.log_file(out), encoding="utf-8")
-        page = report.inspection_page(found, Provenance.now(voice.words, found.log.sources))
+        page = report.inspection_page(found, Provenance.now(console.words, found.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
-    voice.result("\n".join([*found.sentences(), written(out, "log.toml, report.html")]), found.summary())
+    console.result("\n".join([*found.sentences(), written(out, "log.toml, report.html")]), found.summary())
 
 
 def simulate(
@@ -205,33 +205,36 @@ def simulate(
     effects: Path | None,
     out: Path,
     seed: int,
-    voice: Voice,
+    console: Console,
 ) -> None:
     """Run a scenario on the rig and write trajectory.csv, summary.json and report.html."""
     from antidrive.experiments.outcome import Outcome
-    from antidrive.plans import read_plan
+    from antidrive.scenario_file import read_scenario_file
 
-    plan, design = read_plan(scenario), _design(said, None if model is None else read_own_model(model, effects))
+    plan, design = (
+        read_scenario_file(scenario),
+        _design(said, None if model is None else read_own_model(model, effects)),
+    )
     with whole_folder(out) as draft:
-        with voice.progress(f"simulating {plan.name}") as progress:
+        with console.progress(f"simulating {plan.name}") as progress:
             result = plan.run(design, seed, progress)
         result.table().to_csv(draft / "trajectory.csv", index=False, float_format="%.10g")
         write_json(draft / "summary.json", result.summary())
-        provenance = Provenance.now(voice.words)
+        provenance = Provenance.now(console.words)
         if isinstance(result, Outcome):
             page = report.experiment_page(result, provenance)
         else:
-            page = report.trial_page(result, provenance)
+            page = report.closed_loop_page(result, provenance)
         (draft / "report.html").write_text(page, encoding="utf-8")
     lines = [*result.sentences(), written(out, "trajectory.csv, summary.json, report.html")]
-    voice.result("\n".join(lines), result.summary())
+    console.result("\n".join(lines), result.summary())
 
 
 def _design(said: Mapping[str, Any], known: ModelFile | None) -> Design:
     """What a loop is to be tried with; the drives of the paper are left unsaid, as the rig has them."""
-    from antidrive.drive_words import DRIVES, controller_numbers
+    from antidrive.cli_drive_options import DRIVES, controller_numbers
     from antidrive.drives import drives
-    from antidrive.plans import Design
+    from antidrive.scenario_file import Design
 
     of_model = known is not None and (known.gears is not None or known.model.axis == "linear")
     train = drives(said, known)[0] if of_model or any(name in said for name in DRIVES) else None
@@ -240,7 +243,7 @@ def _design(said: Mapping[str, Any], known: ModelFile | None) -> Design:
     return Design(model=None if known is None else known.model, train=train, options=options)
 
 
-def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:
+def effects(name: str | None, *, out: Path | None, console: Console) -> None:
     """Tell the catalogue, or one effect of it, and write gallery.html if there is a folder for it."""
     from antidrive import gallery
     from plant.effects import catalogue
@@ -249,20 +252,20 @@ def effects(name: str | None, *, out: Path | None, voice: Voice) -> None:
         raise BadParameter(f"{name!r} is no effect; the catalogue has {', '.join(catalogue)}.")
     told = [gallery.table() if name is None else gallery.sheet(catalogue[name])]
     if out is not None:
-        with whole_folder(out) as draft, voice.progress("drawing every effect") as progress:
-            page = gallery.gallery_page(Provenance.now(voice.words), progress=progress)
+        with whole_folder(out) as draft, console.progress("drawing every effect") as progress:
+            page = gallery.gallery_page(Provenance.now(console.words), progress=progress)
             (draft / "gallery.html").write_text(page, encoding="utf-8")
         told.append(written(out, "gallery.html"))
     shown = catalogue.values() if name is None else (catalogue[name],)
-    voice.result("\n".join(told), {"effects": [gallery.facts(kind) for kind in shown]})
+    console.result("\n".join(told), {"effects": [gallery.facts(kind) for kind in shown]})
 
 
-def demo(*, out: Path, seed: int, voice: Voice) -> None:
+def demo(*, out: Path, seed: int, console: Console) -> None:
     """Run the whole chain on a synthetic log of the rig."""
     from antidrive.demo import run_demo, write_log
 
     with whole_folder(out) as draft:
-        with voice.progress("recording a synthetic log on the rig") as progress:
+        with console.progress("recording a synthetic log on the rig") as progress:
             told = run_demo(seed=seed, progress=progress)
         write_log(told.log, draft / "log.csv")
         write_log(told.validation, draft / "validation.csv")
@@ -270,16 +273,16 @@ def demo(*, out: Path, seed: int, voice: Voice) -> None:
         told.model.write(draft / "model.json")
         write_json(draft / "diagnosis.json", told.diagnosis.to_dict())
         write_json(draft / "summary.json", told.summary())
-        page = report.demo_page(told, Provenance.now(voice.words, told.diagnosis.base.log.sources))
+        page = report.demo_page(told, Provenance.now(console.words, told.diagnosis.base.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
     files = "log.csv, validation.csv, diagnosis.json, model.json, base-model.json, summary.json, report.html"
     again = f"Try it yourself: antidrive diagnose {out / 'log.csv'} --holdout {out / 'validation.csv'}"
     lines = [*told.sentences(), written(out, files), again]
-    voice.result("\n".join(lines), told.summary())
+    console.result("\n".join(lines), told.summary())
 
 
-def _read(options: LogOptions, voice: Voice) -> Measured:
-    with voice.progress("reading") as progress:
+def _read(options: LogOptions, console: Console) -> Measured:
+    with console.progress("reading") as progress:
         return options.read(progress)
 
 
@@ -287,9 +290,9 @@ def _base(path: Path | None, own: Sequence[type[Effect]]) -> ServoModel | None:
     return None if path is None else read_model(path, own).model
 
 
-def _data_lines(log: Log, unseen: Sequence[str]) -> list[str]:
+def _data_lines(log: Log, blind: Sequence[str]) -> list[str]:
     return [
-        *(f"  warning: {text}" for text in (*log.warnings, *unseen)),
+        *(f"  warning: {text}" for text in (*log.warnings, *blind)),
         *(f"  repaired: {text}" for text in log.repairs),
         *(f"  note: {text}" for text in log.notes),
     ]

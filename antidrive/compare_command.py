@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from antidrive.common_words import OUT, Force, Json, Out, Quiet
-from antidrive.fit_words import Candidates, Effects, Exclude, Fixed, fit_options
-from antidrive.log_words import with_log
+from antidrive.cli_fit_options import Candidates, Effects, Exclude, Fixed, fit_options
+from antidrive.cli_log_options import with_log
+from antidrive.cli_options import OUT, Force, Json, Out, Quiet
 
 
 @with_log
@@ -26,22 +26,22 @@ def compare(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Say what has changed since a model was identified: comparison.json, comparison.csv, model.json, report.html."""
-    from antidrive.changes import compare as compared
-    from antidrive.changes_page import changes_page
+    """Show which parameters have changed since a model was identified. Writes comparison.json, .csv, report.html."""
+    from antidrive.comparison_page import changes_page
+    from antidrive.console import Console
     from antidrive.fitted_model import model_file
+    from antidrive.model_comparison import compare as compared
     from antidrive.output import whole_folder, write_json, written
     from antidrive.own_effects import read_identified
     from antidrive.provenance import Provenance
-    from antidrive.voice import Voice
 
-    voice = Voice(quiet=quiet, json=json, words=context.obj)
+    console = Console(quiet=quiet, json=json, words=context.obj)
     known = log.fit.merged(fit_options(fixed=fixed, candidates=candidates, exclude=exclude, effects=effects))
     before = read_identified(model, known.effects)
     with whole_folder(out) as draft:
-        with voice.progress("reading") as progress:
+        with console.progress("reading") as progress:
             measured = log.read(progress)
-        with voice.progress("comparing") as progress:
+        with console.progress("comparing") as progress:
             found = compared(
                 before,
                 measured.log,
@@ -55,8 +55,8 @@ def compare(
         model_file(found.diagnosis.extended).write(draft / "model.json")
         write_json(draft / "comparison.json", found.to_dict())
         found.to_frame().to_csv(draft / "comparison.csv")
-        page = changes_page(found, Provenance.now(voice.words, measured.log.sources))
+        page = changes_page(found, Provenance.now(console.words, measured.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
     warned = [f"  warning: {text}" for text in measured.log.warnings]
     files = "comparison.json, comparison.csv, model.json, report.html"
-    voice.result("\n".join([*found.sentences(), *warned, written(out, files)]), found.to_dict())
+    console.result("\n".join([*found.sentences(), *warned, written(out, files)]), found.to_dict())

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from allocation import Bounds, least_effort
+from antidrive.closed_loop_run import ClosedLoopRun
 from antidrive.fitted_model import model_file
 from antidrive.scenario import Scenario
 from antidrive.simulation import REPETITIONS, run_scenario
-from antidrive.trial import Trial
 from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation.summary import headline
@@ -56,11 +56,11 @@ class Demo:
     log: Log
     validation: Log
     diagnosis: Diagnosis
-    base: Trial
-    extended: Trial
+    base: ClosedLoopRun
+    extended: ClosedLoopRun
 
     @property
-    def trials(self) -> tuple[Trial, Trial]:
+    def trials(self) -> tuple[ClosedLoopRun, ClosedLoopRun]:
         """Both loops."""
         return self.base, self.extended
 
@@ -95,24 +95,24 @@ class Demo:
     def sentences(self) -> list[str]:
         """The same in words."""
         found, gain = self.summary(), self.diagnosis.gain
-        lines = [f"Synthetic log, recorded on the rig. {headline(self.diagnosis)}"]
+        lines = [f"Synthetic log from the test-bench simulation. {headline(self.diagnosis)}"]
         for cause in self.diagnosis.causes:
             found_size = size(cause.parameters.items())
-            lines.append(f"Missing: {title_of(cause.effect)} ({found_size}), {percent(cause.probability)} sure.")
+            lines.append(f"Missing: {title_of(cause.effect)}, probability {percent(cause.probability)} ({found_size}).")
         if gain is not None:
             error = gain_errors(self.diagnosis)
             was = measured(gain.held_out_rms_before, error.before, gain.unit)
             now = measured(gain.held_out_rms_after, error.after, gain.unit)
             change = _change(gain.cut, error.cut)
-            lines.append(f"Prediction: held-out error {was} -> {now} rms ({change}).")
+            lines.append(f"Prediction: validation error {was} -> {now} rms ({change}).")
         (before, first), (after, last) = (_tracking(trial) for trial in self.trials)
         change = _change(1.0 - after / before, after / before * np.hypot(first / before, last / after))
         from_to = f"{measured(before, first, 'rad')} -> {measured(after, last, 'rad')}"
-        lines.append(f"Tracking: error on the rig {from_to} rms ({change}).")
+        lines.append(f"Tracking: error on the test bench {from_to} rms ({change}).")
         margin = found["least_preload_margin"]
-        held = "the teeth never parted" if margin > 0.0 else "the teeth parted"
+        held = "contact was never lost" if margin > 0.0 else "contact was lost"
         least = dict(self.extended.numbers())["least_preload_margin"]
-        lines.append(f"Preload: least flank torque {least} at the follower; {held}.")
+        lines.append(f"Preload: minimum contact torque {least} at the output gear; {held}.")
         return lines
 
 
@@ -125,14 +125,14 @@ def run_demo(*, seed: int = 0, progress: Callable[[str], None] | None = None) ->
     """
     tell = progress or (lambda line: None)
     rig = _MOTION.machine()
-    tell("recording a synthetic log on the rig")
+    tell("recording a synthetic log on the test bench")
     estimation, holdout = record(rig, seed=seed), record(rig, seed=seed + 1, held_out=True)
     found = diagnose(estimation, holdout=holdout, progress=progress)
     trials = []
     for name, fit in (("base", found.base), ("extended", found.extended)):
         tell(f"closing the loop with the {name} model")
         trial = run_scenario(_MOTION, model=fit.model, seed=seed, repetitions=REPETITIONS)
-        trials.append(replace(trial, title=f"{sentence_case(name)} model in closed loop on the rig"))
+        trials.append(replace(trial, title=f"{sentence_case(name)} model in closed loop on the test bench"))
     return Demo(log=estimation, validation=holdout, diagnosis=found, base=trials[0], extended=trials[1])
 
 
@@ -166,7 +166,7 @@ def write_log(log: Log, path: Path) -> None:
     pd.concat(map(pd.DataFrame, columns)).to_csv(path, index=False, float_format="%.10g")
 
 
-def _tracking(trial: Trial) -> tuple[float, float]:
+def _tracking(trial: ClosedLoopRun) -> tuple[float, float]:
     """Root mean square of the tracking error of a trial, and its standard deviation over its runs [rad]."""
     return trial.result.tracking_rms, trial.scatter()["tracking_rms"]
 

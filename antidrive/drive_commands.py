@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from antidrive import report
-from antidrive.drive_words import controller_numbers
+from antidrive.cli_drive_options import controller_numbers
+from antidrive.console import Console
 from antidrive.drives import drives, sample_time
 from antidrive.output import whole_folder, written
 from antidrive.own_effects import read_identified, read_own_model
 from antidrive.provenance import Provenance
-from antidrive.voice import Voice
 from plant.errors import BadParameter
 
 LIMITS = {"min_torque": 0.02, "max_torque": 0.3}  # of the paper's drives [N m]
@@ -21,7 +21,7 @@ INERTIA = 2.0  # of its load [kg m^2]
 
 
 def allocate(
-    torques: list[float], said: Mapping[str, Any], *, model: Path | None, effects: Path | None, voice: Voice
+    torques: list[float], said: Mapping[str, Any], *, model: Path | None, effects: Path | None, console: Console
 ) -> None:
     """Print how torques on the load are shared between its drives."""
     from allocation import Allocator
@@ -55,7 +55,7 @@ def allocate(
     lines = ["  ".join(f"{cell:>{w}}" for cell, w in zip(row, widths, strict=True)) for row in (columns, units, *rows)]
     why = [f"{torque:.4g} {unit} is {s.status}." for torque, s in splits if ":" in s.status]
     lines += [textwrap.fill(line, 80, subsequent_indent="  ") for line in why]
-    voice.result("\n".join([*lines, *assumed]), {"unit": unit, "splits": content, "gears": str(train)})
+    console.result("\n".join([*lines, *assumed]), {"unit": unit, "splits": content, "gears": str(train)})
 
 
 def capability(
@@ -65,7 +65,7 @@ def capability(
     model: Path | None,
     effects: Path | None,
     out: Path,
-    voice: Voice,
+    console: Console,
 ) -> None:
     """Map what two drives can do with teeth that stay together, and write capability.csv and report.html."""
     from allocation import Allocator
@@ -76,18 +76,18 @@ def capability(
     if inertia is None:
         inertia = INERTIA if known is None else float(known.model.inertia)
         if known is None:
-            assumed.append(f"Assumed: an inertia of {INERTIA:g} kg m^2; say --inertia or --model.")
+            assumed.append(f"Assumed: an inertia of {INERTIA:g} kg m^2; give --inertia or --model.")
     if train.drives == 1:
-        raise BadParameter("A single drive has no preload, so there is no price of it to map; leave --one-drive out.")
+        raise BadParameter("The map is of the preload, and a single drive has none; leave --one-drive out.")
     units = told.Units.of(train, "rotary" if known is None else known.model.axis)
     allocator = Allocator(train, **{**LIMITS, **controller_numbers(said)})
     with whole_folder(out) as draft:
         found = told.whole_map(allocator, inertia)
         told.table(found).to_csv(draft / "capability.csv", index=False, float_format="%.10g")
-        page = report.capability_page(found, told.sentences(found, units), Provenance.now(voice.words), units)
+        page = report.capability_page(found, told.sentences(found, units), Provenance.now(console.words), units)
         (draft / "report.html").write_text(page, encoding="utf-8")
     lines = [*told.sentences(found, units), *assumed, written(out, "capability.csv, report.html")]
-    voice.result("\n".join(lines), told.summary(found, units))
+    console.result("\n".join(lines), told.summary(found, units))
 
 
 def export(
@@ -99,7 +99,7 @@ def export(
     fmu: bool,
     effects: Path | None,
     out: Path,
-    voice: Voice,
+    console: Console,
 ) -> None:
     """Write the controller of a model, told what was said, as C99 for a target, or as FMUs."""
     from antidrive import exports
@@ -113,7 +113,7 @@ def export(
     servo, (train, assumed), (seconds, more) = read.model, drives(said, read), sample_time(said, read)
     doubt = {} if read.friction_std is None else {"friction_std": read.friction_std}
     numbers = {**doubt, **controller_numbers(said), "sample_time": seconds}
-    with whole_folder(out) as draft, voice.progress("compiling the controller") as progress:
+    with whole_folder(out) as draft, console.progress("compiling the controller") as progress:
         controller = Controller(servo, train, **numbers)
         told, content = (
             exports.fmus(controller, servo, draft, progress, name=name)
@@ -121,4 +121,4 @@ def export(
             else exports.c99(controller, single, draft, name=name)
         )
     content |= {"gears": str(train), "sample_time": seconds, "assumed": [*assumed, *more]}
-    voice.result("\n".join([*told, *assumed, *more, written(out, ", ".join(content["files"]))]), content)
+    console.result("\n".join([*told, *assumed, *more, written(out, ", ".join(content["files"]))]), content)

@@ -19,7 +19,7 @@ def drives(said: Mapping[str, Any], known: ModelFile | None = None) -> tuple[Dri
     """The drive train, and what of it was assumed, in sentences.
 
     Args:
-        said: what was typed, see `antidrive.drive_words.DRIVES`.
+        said: what was typed, see `antidrive.cli_drive_options.DRIVES`.
         known: the model, whose log may have been read with its gears.
 
     Raises:
@@ -27,7 +27,7 @@ def drives(said: Mapping[str, Any], known: ModelFile | None = None) -> tuple[Dri
     """
     teeth, ratio = said.get("gears"), said.get("ratio")
     if teeth is not None and ratio is not None:
-        raise BadParameter("--gears and --ratio both say how the drives reach the load; give one of them.")
+        raise BadParameter("--gears and --ratio both describe the gear train; give one of them.")
     text, linear = teeth or ratio, known is not None and known.model.axis == "linear"
     assumed = []
     train: DriveTrain
@@ -38,10 +38,10 @@ def drives(said: Mapping[str, Any], known: ModelFile | None = None) -> tuple[Dri
         assumed = [f"Drives {train}, as the log of the model was read."]
     elif linear or said.get("one_drive"):
         what = "force of each drive [N] for 1 N m" if linear else "torque on the load for 1 N m of the drive"
-        raise BadParameter(f"Give the {what} with --ratio; nothing says what it is.")
+        raise BadParameter(f"Give the {what} with --ratio; neither the log nor the model has it.")
     else:
         train = GearTrain.paper()
-        assumed = [f"Assumed: the gears {train} of the paper; say --gears or --ratio."]
+        assumed = [f"Assumed: the gears {train} of the paper; give --gears or --ratio."]
     return _others(train, said), assumed
 
 
@@ -63,4 +63,4 @@ def sample_time(said: Mapping[str, Any], known: ModelFile) -> tuple[float, list[
         return said["sample_time"], []
     if known.sample_time is not None:
         return known.sample_time, [f"Sample time {known.sample_time:g} s, that of the model's log."]
-    return SAMPLE_TIME, [f"Assumed: a sample time of {SAMPLE_TIME:g} s; say --sample-time."]
+    return SAMPLE_TIME, [f"Assumed: a sample time of {SAMPLE_TIME:g} s; give --sample-time."]

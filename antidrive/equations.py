@@ -84,9 +84,9 @@ def forms(effect: Effect) -> str:
     if effect.dry_friction(Moment()) is not None:
         more = f" What else has a kink ({', '.join(found)}) is exact in the fit too." if found else ""
         return (
-            "Exact form, in which all is simulated and scored: at rest it holds up to its level, and a reversal is "
-            "found inside the step. Smooth form, from which a fit begins: it rises evenly with the velocity up to a "
-            f"width, which goes to zero in steps.{more}"
+            "Exact form, used in simulation and for scores: at rest it holds up to its level, and a reversal is "
+            "located within the step. Smooth form, from which a fit begins: it rises linearly with the velocity over a "
+            f"width that is reduced to zero in steps.{more}"
         )
     if found:
         return f"Used as it stands in simulation and fit: its kinks ({', '.join(found)}) need no smooth form."

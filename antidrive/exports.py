@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from antidrive.time_left import Parts, Tell
+from antidrive.remaining_time import Parts, Tell
 from mpc import Controller, controller_fmu
 from mpc import export as target_code
 from plant import Fmu, ServoModel, servo_fmu

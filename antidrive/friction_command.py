@@ -6,25 +6,25 @@ from typing import Any
 
 import typer
 
-from antidrive.common_words import OUT, Force, Json, Out, Quiet
-from antidrive.log_words import with_log
+from antidrive.cli_log_options import with_log
+from antidrive.cli_options import OUT, Force, Json, Out, Quiet
 
 
 @with_log
 def friction(
     context: typer.Context, log: Any, force: Force = False, out: Out = OUT, quiet: Quiet = False, json: Json = False
 ) -> None:
-    """Friction over speed from a staircase or slow sweeps: friction.csv, friction.json, model.json, report.html."""
+    """Measure friction over speed from a staircase or slow sweeps. Writes friction.csv, model.json, report.html."""
+    from antidrive.console import Console
     from antidrive.friction_page import friction_page
     from antidrive.output import whole_folder, write_json, written
     from antidrive.provenance import Provenance
-    from antidrive.voice import Voice
     from identification.friction_test import friction_test
     from plant.model_file import ModelFile
 
-    voice = Voice(quiet=quiet, json=json, words=context.obj)
+    console = Console(quiet=quiet, json=json, words=context.obj)
     with whole_folder(out) as draft:
-        with voice.progress("reading") as progress:
+        with console.progress("reading") as progress:
             measured = log.read(progress)
         found = friction_test(measured.log.usable(force=force))
         content, model = found.to_dict(), found.model
@@ -35,7 +35,7 @@ def friction(
             source = tuple({"file": s.file, "sha256": s.sha256} for s in found.log.sources)
             ModelFile(model=model, std=found.model_std(), source=source).write(draft / "model.json")
             files.insert(2, "model.json")
-        page = friction_page(found, Provenance.now(voice.words, found.log.sources))
+        page = friction_page(found, Provenance.now(console.words, found.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
     warned = [f"  warning: {text}" for text in found.log.warnings]
-    voice.result("\n".join([*found.sentences(), *warned, written(out, ", ".join(files))]), content)
+    console.result("\n".join([*found.sentences(), *warned, written(out, ", ".join(files))]), content)

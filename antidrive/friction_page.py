@@ -2,41 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from antidrive.page import figure_json, page
+from antidrive.chart import AFTER, BEFORE, Curve, Figure, Row
+from antidrive.html_page import page
 from antidrive.provenance import Provenance
 from identification.friction_test import FrictionTest
 
 
-def friction_figure(found: FrictionTest) -> Any:
+def friction_figure(found: FrictionTest) -> Figure:
     """Torque over speed with its standard errors, and the curve through it."""
-    import plotly.graph_objects as go
-
-    from antidrive.figures import AFTER, BEFORE, finish, line
-
-    figure = go.Figure()
-    shown = True
+    curves = []
     for speeds in (found.velocity[found.velocity < 0.0], found.velocity[found.velocity > 0.0]):
         if speeds.size:
             course = np.linspace(speeds.min(), speeds.max(), 300)
-            figure.add_trace(line(course, found.curve(course), "fitted", AFTER, legend=shown))
-            shown = False
-    figure.add_trace(
-        go.Scatter(
-            x=found.velocity,
-            y=found.torque,
-            error_y={"array": found.error, "color": BEFORE, "thickness": 1.2},
-            mode="markers",
-            marker={"color": BEFORE, "size": 6},
-            name="measured",
-        )
-    )
-    figure.update_xaxes(title_text=f"velocity [{found.units['speed']}]")
-    figure.update_yaxes(title_text=f"friction and offset [{found.log.command_unit}]")
-    return finish(figure, 380)
+            curves.append(Curve(name="fitted", colour=AFTER, x=course, y=found.curve(course)))
+    x, y, error = found.velocity, found.torque, found.error
+    curves.append(Curve(name="measured", colour=BEFORE, x=x, y=y, error=error, style="rings"))
+    title = f"friction and offset [{found.log.command_unit}]"
+    return Figure(x=f"velocity [{found.units['speed']}]", height=320, rows=[Row(title=title, curves=curves)])
 
 
 def friction_page(found: FrictionTest, provenance: Provenance) -> str:
@@ -49,6 +33,6 @@ def friction_page(found: FrictionTest, provenance: Provenance) -> str:
         "Friction over speed",
         kind="Friction test",
         sentences=found.sentences(),
-        pictures=[(figure_json(friction_figure(found)), caption)],
+        pictures=[(friction_figure(found), caption)],
         data={"warnings": log.warnings, "repairs": log.repairs, "notes": log.notes},
     )

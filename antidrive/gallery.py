@@ -1,4 +1,4 @@
-"""The gallery: each effect with its equation, parameters, picture and neighbours, all from the effect itself."""
+"""The gallery: each effect with its equation, parameters, picture and confused effects, all from the effect itself."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from antidrive import figures
+from antidrive.collinearity import absorbed_share, collinear_share
 from antidrive.equations import forms, typeset
-from antidrive.likeness import mistaken, swallowed
-from antidrive.page import figure_json, page
+from antidrive.html_page import page
 from antidrive.provenance import Provenance
 from antidrive.signature import Signature, signature
-from diagnosis.explanation.wording import listed, percent, sentence_case
+from diagnosis.explanation.wording import joined_words, percent, sentence_case
 from plant.effects import Effect, Parameter, Stage, catalogue
 
 _FLOWS = {"torque": "N m", "angle": "rad", "velocity": "rad/s", "time": "s"}
@@ -65,7 +65,7 @@ def facts(kind: type[Effect]) -> dict[str, Any]:
 
 
 def table(effects: Mapping[str, type[Effect]] = catalogue) -> str:
-    """Name, stage and mark of each effect, one a line."""
+    """Name, stage and signature of each effect, one a line."""
     rows = [(kind.name, kind.stage.value, kind.trace) for kind in effects.values()]
     wide = [max(len(row[place]) for row in rows) for place in (0, 1)]
     left = sum(wide) + 4
@@ -109,7 +109,7 @@ def _with_code(text: str) -> Markup:
 
 def units(kind: type[Effect], spec: Parameter) -> str:
     """The unit of a parameter, on either axis if they differ."""
-    return listed(list(dict.fromkeys(spec.unit_on(axis) for axis in kind.axes)), "or")
+    return joined_words(list(dict.fromkeys(spec.unit_on(axis) for axis in kind.axes)), "or")
 
 
 def _axis(kind: type[Effect]) -> Any:
@@ -131,15 +131,15 @@ def _entry(kind: type[Effect], effects: Mapping[str, type[Effect]]) -> dict[str,
         ],
         "forms": "" if found is None else forms(found.effect),
         "contains": [(name, effects[name].title) for name in kind.contains if name in effects],
-        "neighbours": [_neighbour(kind, effects[name]) for name in kind.confused_with if name in effects],
+        "confused": [_confused(kind, effects[name]) for name in kind.confused_with if name in effects],
         "size": "" if found is None else _size(found),
-        "swallowed": "" if found is None else percent(swallowed(found.effect, found.bench)),
+        "absorbed": "" if found is None else percent(absorbed_share(found.effect, found.excitation)),
         "pictures": () if found is None else _pictures(found),
     }
 
 
-def _neighbour(kind: type[Effect], other: type[Effect]) -> dict[str, str]:
-    share = mistaken(kind, other)
+def _confused(kind: type[Effect], other: type[Effect]) -> dict[str, str]:
+    share = collinear_share(kind, other)
     return {
         "name": other.name,
         "title": sentence_case(other.title),
@@ -150,27 +150,28 @@ def _neighbour(kind: type[Effect], other: type[Effect]) -> dict[str, str]:
 
 def _size(found: Signature) -> str:
     """The size at which an effect is drawn, and on what."""
-    specs, axis = found.effect.parameters(), found.bench.model.axis
+    specs, axis = found.effect.parameters(), found.excitation.model.axis
     values = [
         f"{spec.name.replace('_', ' ')} {value:.3g} {spec.unit_on(axis)}".removesuffix(" -")
         for spec, value in zip(specs, found.effect.values, strict=True)
     ]
-    return f"{listed(values)}, on a {'position servo' if found.bench.servo_gain else 'servo that is given a torque'}"
+    servo = "position servo" if found.excitation.servo_gain else "servo that is given a torque"
+    return f"{joined_words(values)}, on a {servo}"
 
 
 def _pictures(found: Signature) -> Sequence[tuple[Any, str]]:
     sensor = found.effect.stage is Stage.SENSOR
-    lacking = "error of the reading [rad]" if sensor else "missing torque [N m]"
+    lacking = "error of the reading [rad]" if sensor else "residual torque [N m]"
     variable = found.variable
     what = "The error of the reading" if sensor else "The torque that the model lacks without it"
     rms = float(np.sqrt(np.mean(found.change**2)))
     return (
         (
-            figure_json(figures.signature_figure(found, f"{variable} [{_FLOWS[variable]}]", lacking)),
+            figures.signature_figure(found, f"{variable} [{_FLOWS[variable]}]", lacking),
             f"{what}, over {variable}.",
         ),
         (
-            figure_json(figures.change_figure(found)),
+            figures.change_figure(found),
             f"The reading without it and with it, and the difference: {rms:.2g} rad rms.",
         ),
     )

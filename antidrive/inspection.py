@@ -141,14 +141,14 @@ def _table(runs: tuple[Run, ...]) -> list[str]:
 
 def inspection_figures(log: Log, most: int = 4) -> list[tuple[str, Any]]:
     """Label and picture of the first runs: command and response over time."""
-    from antidrive import figures
+    from antidrive import chart, figures
 
     unit = "rad" if log.axis == "rotary" else "m"
     drawn = []
     for run in log.runs[:most]:
         rows = [
-            (f"command [{log.command_unit}]", [("command", figures.BEFORE, run.command)]),
-            (f"response [{unit}]", [("response", figures.AFTER, np.where(run.valid, run.output, np.nan))]),
+            (f"command [{log.command_unit}]", [("command", chart.BEFORE, run.command)]),
+            (f"response [{unit}]", [("response", chart.AFTER, np.where(run.valid, run.output, np.nan))]),
         ]
         drawn.append((run.label, figures.traces_figure(run.time, rows, bounds={})))
     return drawn

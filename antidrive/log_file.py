@@ -25,7 +25,9 @@ from antidrive.fit_options import FitOptions
 from antidrive.log_options import NUMBERS, LogOptions
 from plant.errors import BadParameter
 
-_HEAD = "# What was understood of this log. Correct it, and give it in place of the log: antidrive diagnose log.toml"
+_HEAD = (
+    "# How this log is read. Correct it where it is wrong, and give it in place of the log: antidrive diagnose log.toml"
+)
 _TEXTS = ("gears", "ratio", "joint")
 _TABLES = ("columns", "units", "scale", "fit")
 _KEYS = ("files", "holdout", *_TEXTS, *NUMBERS, *_TABLES)
@@ -42,7 +44,9 @@ def read_log_file(path: Path) -> LogOptions:
     except OSError as error:
         raise BadParameter(f"{path}: the file cannot be opened ({error.strerror}); check the path.") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise BadParameter(f"{path.name}: this is no TOML ({error}); correct it, or inspect the log anew.") from None
+        raise BadParameter(
+            f"{path.name}: this is no TOML ({error}); correct it, or run `antidrive inspect` again."
+        ) from None
     unknown = sorted(set(said) - set(_KEYS))
     if unknown:
         raise BadParameter(f"{path.name} has no {unknown[0]!r}; it may have {', '.join(_KEYS)}.")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from antidrive.fit_options import FitOptions
-from antidrive.time_left import Parts, Tell
+from antidrive.remaining_time import Parts, Tell
 from identification.log import Log
 from identification.reading.reading_options import Reading
 from plant.errors import BadParameter
@@ -117,7 +117,7 @@ class LogOptions:
             BadParameter: numbers or gears that cannot be.
         """
         if self.gears is not None and self.ratio is not None:
-            raise BadParameter("--gears and --ratio both say how two drives reach the load; give one of them.")
+            raise BadParameter("--gears and --ratio both describe the gear train; give one of them.")
         gears = GearTrain.parse(self.gears) if self.gears is not None else None
         return Reading(
             mapping=self.mapping,
@@ -154,9 +154,11 @@ class LogOptions:
         typed |= {"--ratio": self.ratio, **{f"--{name.replace('_', '-')}": getattr(self, name) for name in NUMBERS}}
         for option, given in typed.items():
             if given:
-                raise BadParameter(f"{option} does not go with --dataset: the names and units of a data set are known.")
+                raise BadParameter(
+                    f"{option} cannot be used with --dataset: the names and units of a data set are known."
+                )
         if self.holdout:
-            raise BadParameter("--holdout does not go with --dataset: a data set says itself what is held out.")
+            raise BadParameter("--holdout cannot be used with --dataset: a data set has its own validation part.")
         if (self.data is None) == (not self.files):
             raise BadParameter("--dataset needs either --data FOLDER or the files of the data set.")
         if self.joint is not None and not self.joint.isdecimal():

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from antidrive.console import Console
 from antidrive.output import whole_folder, written
 from antidrive.own_effects import read_identified
-from antidrive.voice import Voice
 from plant.errors import BadParameter
 from plant.model_file import ModelFile
 
@@ -37,7 +37,7 @@ def export_model(
     single: bool,
     effects: Path | None,
     out: Path,
-    voice: Voice,
+    console: Console,
 ) -> None:
     """Write a model in one form.
 
@@ -49,16 +49,16 @@ def export_model(
         single: whether a feed-forward calculates in single precision.
         effects: file with effects of one's own.
         out: folder for the files.
-        voice: how the command speaks.
+        console: how the command speaks.
     """
     read = read_identified(model, effects)
-    with whole_folder(out) as draft, voice.progress(f"writing {form}") as progress:
+    with whole_folder(out) as draft, console.progress(f"writing {form}") as progress:
         made = _plant(read, draft, said, name, progress) if form == "plant" else _TEXTS[form](read, name, single)
         files, told, content = made
         for name, text in files.items():
             (draft / name).write_bytes(text if isinstance(text, bytes) else text.encode())
         names = sorted(path.name for path in draft.iterdir())
-    voice.result("\n".join([*told, written(out, ", ".join(names))]), {"schema": 1, "files": names, **content})
+    console.result("\n".join([*told, written(out, ", ".join(names))]), {"schema": 1, "files": names, **content})
 
 
 def _feedforward(read: ModelFile, name: str, single: bool) -> Made:
@@ -87,7 +87,7 @@ def _urdf(read: ModelFile, name: str, single: bool) -> Made:
 def _plant(read: ModelFile, draft: Path, said: Mapping[str, Any], name: str, progress: Any) -> Made:
     from antidrive.drives import sample_time
     from antidrive.exports import fmu_entry
-    from antidrive.time_left import Parts
+    from antidrive.remaining_time import Parts
     from plant.servo_fmu import servo_fmu
 
     seconds, assumed = sample_time(said, read)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from antidrive.common_words import Json, Quiet
+from antidrive.cli_options import Json, Quiet
 
 
 def plan(
@@ -16,7 +16,7 @@ def plan(
         str,
         typer.Option(
             metavar="NAME=VALUE,...",
-            help="What the drive may do: travel=-1:1,speed=5,acceleration=50 with a position loop [rad, rad/s, "
+            help="Limits of the drive: travel=-1:1,speed=5,acceleration=50 with a position loop [rad, rad/s, "
             "rad/s^2; on a linear axis m]; or torque=2 without [N m].",
         ),
     ],
@@ -27,12 +27,12 @@ def plan(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write the first experiment to record, within a drive's limits, before there is a log."""
+    """Plan the first experiment within the limits of a drive, before there is a log. Writes a CSV file."""
+    from antidrive.console import Console
     from antidrive.output import whole_file
-    from antidrive.voice import Voice
     from plant.first_experiment import first_experiment
 
-    voice = Voice(quiet=quiet, json=json, words=context.obj)
+    console = Console(quiet=quiet, json=json, words=context.obj)
     table = first_experiment(_limits(limits), rate=rate)
     with whole_file(out) as draft:
         table.to_csv(draft, index=False, float_format="%.9g")
@@ -42,11 +42,11 @@ def plan(
     lines = [f"{name}: {length:.3g} s from {begin:.4g} s on" for name, begin, length in blocks if name != "rest"]
     lines.append(f"In all {len(table) / rate:.4g} s, in the column {played}.")
     lines.append(
-        f"Record torque (or current), angle and time at {rate:g} Hz or faster; stop the drive where it does harm."
+        f"Record torque (or current), angle and time at {rate:g} Hz or faster; stop the drive if it moves dangerously."
     )
     content: dict[str, Any] = {"schema": 1, "file": str(out), "rate": rate, "duration": len(table) / rate}
     content["parts"] = [{"part": name, "start": begin, "duration": length} for name, begin, length in blocks]
-    voice.result("\n".join([*lines, f"Written: {out}"]), content)
+    console.result("\n".join([*lines, f"Written: {out}"]), content)
 
 
 def _limits(typed: str) -> Any:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antidrive.time_left import Parts, Tell
+from antidrive.remaining_time import Parts, Tell
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.run import Run
@@ -95,7 +95,7 @@ def write_prediction(
 def _simulated(log: Log, model: ServoModel, window: float | None, done: Callable[[int], None] | None) -> list[Array]:
     simulated = free_simulation(log, model, window=window, after=done)
     if not all(np.isfinite(output).all() for output in simulated):
-        raise BadParameter("Simulated over this log, the model runs away to infinity; use another model.")
+        raise BadParameter("In simulation of this log the model diverges; use another model.")
     return simulated
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from antidrive.page import figure_json, page
+from antidrive.html_page import page
 from antidrive.provenance import Provenance
 from identification.log import Log
 from identification.run import Run
@@ -35,8 +35,10 @@ def prediction_page(log: Log, simulated: Sequence[Array], provenance: Provenance
     for run, output in sorted(runs, key=lambda pair: -rms_error(*pair))[:_DRAWN]:
         seen = np.where(run.valid, run.measured, np.nan)
         figure = fit_figure(run.time, seen, output, unit)
-        pictures.append((figure_json(figure), f"{run.label}: rms error {rms_error(run, output):.4g} {unit}."))
-    told = ["Open-loop simulation from the command alone; the start of each run is found from its first 0.2 s."]
+        pictures.append((figure, f"{run.label}: rms error {rms_error(run, output):.4g} {unit}."))
+    told = [
+        "Open-loop simulation from the command alone. The initial state of each run is estimated from its first 0.2 s."
+    ]
     if len(runs) > _DRAWN:
         told += [f"Drawn are the {_DRAWN} of {len(runs)} runs with the largest errors."]
     return page(

@@ -1,4 +1,4 @@
-"""How results look in Python: in a picture, as a table, as a page, in a notebook. `plant.presented` asks for it."""
+"""How results look in Python: as a picture, a table, a page, or in a notebook; called by `plant.result_display`."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from antidrive.changes import Comparison
+from antidrive.matplotlib_plots import plot as plot
+from antidrive.model_comparison import Comparison
 from antidrive.output import whole_file
-from antidrive.pictures import plot as plot
 from antidrive.provenance import Provenance
 from diagnosis.diagnosis import Diagnosis
 from identification.fit_result import Fit
@@ -27,7 +27,7 @@ _ROWS = 12  # of a table in a notebook
 
 @singledispatch
 def to_frame(result: Any) -> pd.DataFrame:
-    """See `plant.presented.Presented.to_frame`."""
+    """See `plant.result_display.Presented.to_frame`."""
     raise BadParameter(f"A {type(result).__name__} is no table.")
 
 
@@ -78,7 +78,7 @@ def _(result: Diagnosis) -> Any:
 
 
 def html(result: Any) -> str:
-    """See `plant.presented.Presented`: the first line in words, and the table."""
+    """See `plant.result_display.Presented`: the first line in words, and the table."""
     table = result.to_frame()
     first = _headline(result)
     return f"<p>{escape(first)}</p>{table.to_html(max_rows=_ROWS, notebook=True)}"
@@ -91,7 +91,7 @@ def _headline(result: Any) -> str:
 
 
 def report(result: Any, path: Path) -> Path:
-    """See `plant.presented.Presented.report`."""
+    """See `plant.result_display.Presented.report`."""
     with whole_file(path) as draft:
         draft.write_text(_page(result), encoding="utf-8")
     return path
@@ -131,6 +131,6 @@ def _(result: FrictionTest) -> str:
 
 @_page.register
 def _(result: Comparison) -> str:
-    from antidrive.changes_page import changes_page
+    from antidrive.comparison_page import changes_page
 
     return changes_page(result, _made(result.diagnosis.base.log.sources))

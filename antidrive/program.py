@@ -52,17 +52,17 @@ def _command(app: typer.Typer, words: list[str]) -> int:
 
 def _failed(error: Exception, words: list[str]) -> int:
     """Say what went wrong on stderr, and return the exit code."""
+    from antidrive.console import print_error
     from antidrive.output import left
-    from antidrive.voice import complain
     from identification.errors import MissingColumns
     from plant.errors import AntidriveError
 
     if isinstance(error, MissingColumns):
-        complain(error.with_command(shlex.join(("antidrive", *words))))
+        print_error(error.with_command(shlex.join(("antidrive", *words))))
         return 2
     if isinstance(error, AntidriveError | UsageError):
-        complain(error.format_message() if isinstance(error, UsageError) else str(error))
+        print_error(error.format_message() if isinstance(error, UsageError) else str(error))
         return 2
     traceback.print_exception(error)
-    complain(f"this is a fault of the program, not of the input; {left()}.")
+    print_error(f"this is a fault of the program and not of the input; {left()}.")
     return 1

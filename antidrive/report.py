@@ -9,30 +9,32 @@ import numpy as np
 
 from antidrive import figures
 from antidrive.capability import ROTARY, Units
-from antidrive.curves import picture_figure
+from antidrive.chart import Bars, Figure
 from antidrive.equations import model_equations
+from antidrive.experiment_figures import picture_figure
 from antidrive.experiments.outcome import Outcome
+from antidrive.html_page import page
 from antidrive.inspection import Inspection, inspection_figures
-from antidrive.page import figure_json, page
 from antidrive.provenance import Provenance
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation, Reason
 from diagnosis.explanation.summary import headline, sentences
-from diagnosis.explanation.wording import acting, effect_of, measured, percent, sentence_case, size, title_of
+from diagnosis.explanation.wording import effect_of, measured, percent, sentence_case, size, title_of, torque_or_force
 from diagnosis.holdout import gain_errors
-from diagnosis.odds import NONE
+from diagnosis.model_probability import NONE
 from diagnosis.result import Cause, Gain
-from identification.certainty import bandwidth_std
 from identification.fit_result import Fit, FittedParameter, correlations
+from identification.standard_errors import bandwidth_std
 from plant.effects.effect import Array
 
 if TYPE_CHECKING:
     from allocation import CapabilityMap
+    from antidrive.closed_loop_run import ClosedLoopRun
     from antidrive.demo import Demo
-    from antidrive.trial import Trial
 
-_SAID = {"least_preload_margin": "least flank torque", "heat": "mean of the squared torques"}
+_SAID = {"least_preload_margin": "minimum contact torque", "heat": "copper-loss index"}
 _RUNS_DRAWN = 3  # held-out runs that are drawn; the rest is in the numbers
+_BARS = 6  # explanations of a cause, the likeliest
 
 
 def diagnosis_page(
@@ -55,7 +57,7 @@ def fit_page(
     runs = list(zip(fit.log.runs, simulated, strict=True))
     worst = sorted(runs, key=lambda pair: -_rms((pair[0].measured - pair[1])[pair[0].valid]))[:_RUNS_DRAWN]
     drawn = [
-        (run.label, figure_json(figures.fit_figure(run.time, np.where(run.valid, run.measured, np.nan), y, unit)))
+        (run.label, figures.fit_figure(run.time, np.where(run.valid, run.measured, np.nan), y, unit))
         for run, y in worst
     ]
     content = {
@@ -85,7 +87,7 @@ def inspection_page(found: Inspection, provenance: Provenance) -> str:
     log = found.log
     content = {
         "tables": found.tables,
-        "figures": [(label, figure_json(figure)) for label, figure in inspection_figures(log)],
+        "figures": [(label, figure) for label, figure in inspection_figures(log)],
         "data": {"warnings": (*log.faults, *log.warnings), "repairs": log.repairs, "notes": log.notes},
     }
     return page("inspection", provenance, "What is understood of the log", inspection=content)
@@ -96,19 +98,19 @@ def experiment_page(found: Outcome, provenance: Provenance) -> str:
     content = {
         "sentences": found.sentences(),
         "comparison": found.comparison,
-        "pictures": [(figure_json(picture_figure(drawn)), drawn.caption) for drawn in found.pictures],
+        "pictures": [(picture_figure(drawn), drawn.caption) for drawn in found.pictures],
     }
     return page("experiment", provenance, found.title, experiment=content)
 
 
-def trial_page(trial: Trial, provenance: Provenance) -> str:
+def closed_loop_page(trial: ClosedLoopRun, provenance: Provenance) -> str:
     """The page of a closed loop."""
-    return page("trial", provenance, trial.title, trials=[_trial(trial)])
+    return page("closed_loop", provenance, trial.title, trials=[_trial(trial)])
 
 
 def capability_page(found: CapabilityMap, told: Sequence[str], provenance: Provenance, units: Units = ROTARY) -> str:
     """The page of a capability map."""
-    drawn = figure_json(figures.capability_figure(found, units))
+    drawn = figures.capability_figure(found, units)
     return page("capability", provenance, "What the drives can do without backlash", sentences=told, figures=[drawn])
 
 
@@ -120,7 +122,9 @@ def demo_page(told: Demo, provenance: Provenance) -> str:
         headline(told.diagnosis),
         story=told.sentences()[1:],
         diagnosis=_diagnosis(
-            told.diagnosis, ("synthetic log, recorded on the rig with effects hidden in it",), told.diagnosis.explain()
+            told.diagnosis,
+            ("synthetic log from the test-bench simulation, with effects hidden in it",),
+            told.diagnosis.explain(),
         )
         | {"sentences": ()},
         trials=[_trial(trial) for trial in told.trials],
@@ -131,14 +135,14 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
     """What the template of a diagnosis shows."""
     extended = diagnosis.extended is not diagnosis.base
     unit = diagnosis.base.log.measured_unit
-    after = {curve.variable: curve for curve in diagnosis.missing_after.curves} if extended else {}
+    after = {curve.variable: curve for curve in diagnosis.residual_after.curves} if extended else {}
     curves = [
         (
             curve.variable,
             percent(max(curve.share, 0.0), curve.share_std),
-            figure_json(figures.curve_figure(curve, after.get(curve.variable), diagnosis.missing_before.unit)),
+            figures.curve_figure(curve, after.get(curve.variable), diagnosis.residual_before.unit),
         )
-        for curve in diagnosis.missing_before.curves
+        for curve in diagnosis.residual_before.curves
     ]
     replays = sorted(diagnosis.replays, key=lambda r: -_rms((r.measured - r.before)[r.valid]))[:_RUNS_DRAWN]
     gain = diagnosis.gain
@@ -152,18 +156,17 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
         "gain": gain,
         "errors": [] if gain is None else _errors(diagnosis, gain, extended),
         "unit": unit,
-        "replays": [
-            (replay.label, figure_json(figures.replay_figure(replay, unit, extended=extended))) for replay in replays
-        ],
+        "replays": [(replay.label, figures.replay_figure(replay, unit, extended=extended)) for replay in replays],
         "others": len(diagnosis.replays) - len(replays),
-        "acting": acting(diagnosis.missing_before.unit),
-        "missing": figure_json(figures.missing_over_time(diagnosis.missing_before)),
+        "acting": torque_or_force(diagnosis.residual_before.unit),
+        "missing": figures.residual_figure(diagnosis.residual_before),
         "curves": curves,
         "causes": [_cause(diagnosis, c, r) for c, r in zip(diagnosis.causes, explanation.reasons, strict=False)],
         "nameless": [] if diagnosis.causes else [_reason(diagnosis, reason) for reason in explanation.reasons],
-        "gain_figure": None
+        "floor": ""
         if gain is None
-        else figure_json(figures.gain_figure(gain, gain_errors(diagnosis), extended=extended)),
+        else f"{gain.floor_name} {measured(gain.noise_floor, gain_errors(diagnosis).noise_floor, gain.unit)}",
+        "gain_bars": None if gain is None else figures.gain_bars(gain, gain_errors(diagnosis), extended=extended),
         "equations": model_equations(diagnosis.model),
         "parameters": [_parameter(p) for p in diagnosis.extended.parameters],
         "candidates": [
@@ -185,9 +188,9 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
 def _errors(diagnosis: Diagnosis, gain: Gain, extended: bool) -> list[tuple[str, str]]:
     """The held-out error of each model and the noise floor, with their standard errors, and what they are."""
     error = gain_errors(diagnosis)
-    told = [(gain.held_out_rms_before, error.before, "held-out rms error, base model")]
+    told = [(gain.held_out_rms_before, error.before, "rms error on validation data, base model")]
     if extended:
-        told.append((gain.held_out_rms_after, error.after, "held-out rms error, extended model"))
+        told.append((gain.held_out_rms_after, error.after, "rms error on validation data, extended model"))
     told.append((gain.noise_floor, error.noise_floor, gain.floor_name))
     return [(measured(value, std, gain.unit), what) for value, std, what in told]
 
@@ -198,26 +201,29 @@ def _cause(diagnosis: Diagnosis, cause: Cause, reason: Reason) -> dict[str, Any]
         "title": sentence_case(title_of(cause.effect, diagnosis)),
         "stage": effect.stage.value if effect else "",
         "confused": [title_of(name) for name in (effect.confused_with if effect else ())],
-        "gain": percent(cause.gain, cause.gain_std) if cause.gain > 0 else "no cut",
+        "gain": f"{percent(cause.gain, cause.gain_std)} smaller" if cause.gain > 0 else "no smaller",
     }
 
 
 def _reason(diagnosis: Diagnosis, reason: Reason, odds: Mapping[str, float] | None = None) -> dict[str, Any]:
     """Sentences and pictures of a reason; probabilities as the cause has them, or else as the round had them."""
-    contest, drawn = reason.contest, []
+    contest = reason.contest
+    drawn: list[tuple[Figure | Bars, str]] = []
     if contest is not None and contest.rivals:
         known = {c.effect: c.probability for c in (contest.leader, *contest.rivals)} | dict(odds or {})
-        names = {c.effect: _explanation(diagnosis, c.effect) for c in (contest.leader, *contest.rivals)}
-        labels = {name: percent(share) for name, share in known.items()}
-        drawn.append((figures.contest_figure(contest, names, labels), "How far the others are behind."))
-    if reason.gathered is not None:
-        drawn.append((figures.gathered_figure(reason.gathered), "When the evidence came together along the log."))
-    if reason.shown is not None:
-        told = figures.shown_figure(reason.shown)
-        what = f"{acting(reason.shown.torque_unit)} missing without it, with it, and what it predicts"
-        drawn.append((told, f"Over {reason.shown.variable}: {what}."))
-    pictures = [(figure_json(figure), caption) for figure, caption in drawn]
-    return {"title": reason.title, "sentences": reason.sentences, "pictures": pictures}
+        names = {name: _explanation(diagnosis, name) for name in known}
+        likeliest = sorted(known.items(), key=lambda item: -item[1])[:_BARS]
+        shares = [(names[name], share, percent(share)) for name, share in likeliest]
+        drawn.append((figures.probability_bars(shares), "Posterior probability of each explanation."))
+    if reason.cumulative_evidence is not None:
+        drawn.append(
+            (figures.evidence_figure(reason.cumulative_evidence), "Where along the log the evidence comes from.")
+        )
+    if reason.residual_over_variable is not None:
+        quantity = torque_or_force(reason.residual_over_variable.torque_unit)
+        told = f"The effect over measured points: means of the residual {quantity} with 95 % errors."
+        drawn.append((figures.cause_figure(reason.residual_over_variable), told))
+    return {"title": reason.title, "sentences": reason.sentences, "pictures": drawn}
 
 
 def _explanation(diagnosis: Diagnosis, effect: str) -> str:
@@ -238,13 +244,13 @@ def _parameter(p: FittedParameter) -> dict[str, str]:
     }
 
 
-def _trial(trial: Trial) -> dict[str, Any]:
+def _trial(trial: ClosedLoopRun) -> dict[str, Any]:
     told = trial.sentences()
     return {
         "title": trial.title,
         "note": told.pop() if trial.again else "",
         "sentences": told,
-        "figure": figure_json(trial.figure()),
+        "figure": trial.figure(),
         "numbers": [(_SAID.get(name, name.replace("_", " ")), value) for name, value in trial.numbers()],
     }
 

@@ -15,14 +15,14 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from antidrive.drive_words import LIMITS, TUNING
+from antidrive.cli_drive_options import LIMITS, TUNING
 from plant.errors import BadParameter
 from plant.rig import Rig
 
 Array = NDArray[np.float64]
 
 NAMES = ("tracking", "figure7", "drive-loss", "disturbance")
-"""The closed loops of the package; its other scenarios are experiments, see `antidrive.plans`."""
+"""The closed loops of the package; its other scenarios are experiments, see `antidrive.scenario_file`."""
 _CONTROLLER = tuple(name for name in (*LIMITS, *TUNING) if name != "sample_time")
 _REFERENCES = {
     "constant": ("level",),

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from antidrive.bench import SAMPLE_TIME, Bench, bench
+from antidrive.standard_excitation import SAMPLE_TIME, StandardExcitation, standard_excitation
 from plant.discrete import sample_reading, sample_step
 from plant.effects import Effect, Stage, State
 from plant.effects.effect import Array
@@ -32,7 +32,7 @@ class Signature:
     """
 
     effect: Effect
-    bench: Bench
+    excitation: StandardExcitation
     without: Array
     seen: Array
     lacking: Array
@@ -60,14 +60,14 @@ class Signature:
 
 def signature(kind: type[Effect]) -> Signature | None:
     """The signature of an effect, given a torque or, if it shows only there, a goal; None if in neither."""
-    for on in (bench(False, kind), bench(True, kind)):
+    for on in (standard_excitation(False, kind), standard_excitation(True, kind)):
         effect = kind.typical(on.motion)
         if effect is not None:
             return _simulated(effect, on)
     return None
 
 
-def _simulated(effect: Effect, on: Bench) -> Signature:
+def _simulated(effect: Effect, on: StandardExcitation) -> Signature:
     model = on.model.with_effect(effect)
     states = on.states(model)
     angle, velocity, samples = states[:-1, 0], states[:-1, 1], on.command.size
@@ -78,7 +78,7 @@ def _simulated(effect: Effect, on: Bench) -> Signature:
     torque = on.command - on.servo_gain * angle
     return Signature(
         effect=effect,
-        bench=on,
+        excitation=on,
         without=on.motion.angle,
         seen=seen,
         lacking=seen - angle if effect.stage is Stage.SENSOR else lacking,

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from antidrive.closed_loop_run import ClosedLoopRun
 from antidrive.drive_loss import loop_with_drive_loss
+from antidrive.remaining_time import Parts, Tell
 from antidrive.scenario import Scenario
 from antidrive.test_bench import is_built, test_bench
-from antidrive.time_left import Parts, Tell
-from antidrive.trial import Trial
 from mpc import Controller, closed_loop
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
@@ -37,7 +37,7 @@ def run_scenario(
     seed: int = 0,
     repetitions: int = 0,
     tell: Tell | None = None,
-) -> Trial:
+) -> ClosedLoopRun:
     """Close the loop on the rig of a scenario.
 
     Args:
@@ -79,7 +79,7 @@ def _machine(scenario: Scenario, model: ServoModel | None, train: DriveTrain | N
     return rig, [] if model is None else [f"The test bench is that of the scenario, {rig.total_inertia:.4g} kg m^2."]
 
 
-def _played(scenario: Scenario, rig: Rig, design: ServoModel, seed: int, done: Callable[[], None]) -> Trial:
+def _played(scenario: Scenario, rig: Rig, design: ServoModel, seed: int, done: Callable[[], None]) -> ClosedLoopRun:
     """One run."""
 
     def controller() -> Controller:
@@ -108,8 +108,10 @@ def _played(scenario: Scenario, rig: Rig, design: ServoModel, seed: int, done: C
             controller(), rig, wanted, pushes, drive=2, time=0.0, seed=seed, after_sample=done
         )
     if not np.all(np.isfinite(result.angle)):
-        raise BadParameter(f"{scenario.name}: the rig ran away; give the controller a model that fits the rig.")
-    return Trial(
+        raise BadParameter(
+            f"{scenario.name}: the simulated machine diverged; give the controller a model that fits it."
+        )
+    return ClosedLoopRun(
         title=scenario.title,
         scenario=scenario,
         result=result,

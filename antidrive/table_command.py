@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from antidrive import completion
-from antidrive.common_words import OUT, Json, Out, Quiet
-from antidrive.fit_words import Effects
+from antidrive.cli_fit_options import Effects
+from antidrive.cli_options import OUT, Json, Out, Quiet
 
 
 def table(
@@ -22,7 +22,7 @@ def table(
             help=f"{', '.join(completion.TABLES[:-1])} or {completion.TABLES[-1]}.",
         ),
     ],
-    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model that the table is of.")],
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model whose effects are tabulated.")],
     points: Annotated[int, typer.Option(help="Rows of the table.")] = 64,
     reach: Annotated[
         str | None, typer.Option("--range", metavar="LOW:HIGH", help="First and last velocity, angle or torque.")
@@ -33,15 +33,15 @@ def table(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write friction, cogging and the like as a table for a drive: KIND.csv and C arrays."""
+    """Write a compensation table for a drive, as CSV and C arrays."""
+    from antidrive.console import Console
     from antidrive.output import whole_folder, written
     from antidrive.own_effects import read_identified
-    from antidrive.table_files import NUMBERS, c_numbers, c_table, csv_text, numbers_of, said
-    from antidrive.voice import Voice
+    from antidrive.table_files import NUMBERS, c_numbers, c_table, csv_text, numbers_of, summary_line
     from plant.drive_table import drive_table
     from plant.errors import BadParameter
 
-    voice, read = Voice(quiet=quiet, json=json, words=context.obj), read_identified(model, effects)
+    console, read = Console(quiet=quiet, json=json, words=context.obj), read_identified(model, effects)
     if kind not in completion.TABLES:
         raise BadParameter(f"There is no table {kind!r}; there are {', '.join(completion.TABLES)}.")
     if kind in NUMBERS:
@@ -57,14 +57,14 @@ def table(
         csv, header = csv_text(made.columns, made.units), c_table(made, single=single)
         first, last = made.ends
         from_to = f"{made.columns[first][0]:.4g} to {made.columns[first][-1]:.4g} {made.units[first]}"
-        lines = [f"{made.points} points of the {first} from {from_to}. {last}: {made.meaning}.", *said(made)]
+        lines = [f"{made.points} points of the {first} from {from_to}. {last}: {made.meaning}.", *summary_line(made)]
         content = {"schema": 1, "kind": kind, "columns": made.columns, "units": made.units, "notes": made.notes}
         content |= {"harmonics": made.harmonics, "largest_error": made.largest_error}
     files = {f"{kind}.csv": csv, f"antidrive_{kind.replace('-', '_')}.h": header}
     with whole_folder(out) as draft:
         for name, text in files.items():
             (draft / name).write_text(text, encoding="utf-8")
-    voice.result("\n".join([*lines, written(out, ", ".join(files))]), {**content, "files": list(files)})
+    console.result("\n".join([*lines, written(out, ", ".join(files))]), {**content, "files": list(files)})
 
 
 def _range(typed: str | None) -> tuple[float, float] | None:

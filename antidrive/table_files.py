@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from plant.drive_table import DriveTable
-from plant.inverse import lead
+from plant.inverse import time_lead
 from plant.model_file import ModelFile
 
 ARCMIN = 60.0 * 180.0 / np.pi
@@ -45,7 +45,7 @@ def numbers_of(read: ModelFile, kind: str) -> list[Number]:
         std = None if gap.std is None else ARCMIN * gap.std
         found.append(Number(name="backlash_gap_arcmin", value=ARCMIN * gap.value, std=std, unit="arcmin"))
     if found and kind == "dead-time":
-        found.append(Number(name="lead", value=lead(read.model), std=None, unit="s"))
+        found.append(Number(name="lead", value=time_lead(read.model), std=None, unit="s"))
     return found
 
 
@@ -66,7 +66,7 @@ def c_table(table: DriveTable, *, single: bool) -> str:
         lines.append(f"static const {real} {name}_{column}[{count}] = {{ /* {table.units[column]} */")
         lines += [*_wrapped(body), "};", ""]
     last = table.ends[1]
-    told = [f"{last}: {table.meaning}.", *said(table)]
+    told = [f"{last}: {table.meaning}.", *summary_line(table)]
     return _header(name, told, lines)
 
 
@@ -78,7 +78,7 @@ def c_numbers(kind: str, numbers: Sequence[Number], *, single: bool) -> str:
     return _header(name, [f"{kind.replace('-', ' ').capitalize()} of a servo."], [*lines, ""])
 
 
-def said(table: DriveTable) -> list[str]:
+def summary_line(table: DriveTable) -> list[str]:
     """Harmonics, notes and the error of straight lines, a sentence each."""
     first, last = table.ends
     per = f"rad/{table.units[first].split('/')[0]}"

@@ -75,9 +75,9 @@ def test_bench(
     numbers: dict[str, Any] = {**teeth, **said, **others, "inertia": model.inertia - float(np.sum(seen))}
     rig = Rig(gears=train, drives=tuple(range(1, train.drives + 1)), **numbers)
     unit = "kg m^2" if model.axis == "rotary" else "kg"
-    notes = [f"The test bench is built from the model: {model.inertia:.4g} {unit}, drives {train}."]
+    notes = [f"The test-bench simulation is built from the model: {model.inertia:.4g} {unit}, drives {train}."]
     if missing:
-        notes.append(f"Not on the test bench, though in the model: {', '.join(missing)}.")
+        notes.append(f"In the model, but not in the test-bench simulation: {', '.join(missing)}.")
     return rig, notes
 
 

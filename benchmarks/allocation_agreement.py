@@ -1,4 +1,4 @@
-"""Do closed form and quadratic programme give the same split? And how long does a split take?
+"""Do closed form and quadratic program give the same split? And how long does a split take?
 
     python benchmarks/allocation_agreement.py
 
@@ -82,12 +82,12 @@ def other_row(n: int, m: int, cases: int, seed: int) -> str:
 def main() -> None:
     columns = ("cases", "apart / rated", "> 1e-9", "worst proof", "OSQP failed", "closed us", "QP us")
     heads = "".join(f"{name:>{width}}" for name, width in zip(columns, (10, 16, 10, 14, 12, 12, 10), strict=True))
-    lines = ["Two drives: closed form against quadratic programme (OSQP, made exact), half of the cases with rates"]
+    lines = ["Two drives: closed form against quadratic program (OSQP, made exact), half of the cases with rates"]
     lines.append(f"{'N m':>10}{heads}")
     for seed, scale in enumerate((0.01, 1.0, 100.0)):
         lines.append(two_drive_row(scale, CASES, seed))
         print(lines[-1], flush=True)
-    lines += ["Other structures: quadratic programme against every set of active bounds", f"{'n x m':>10}{heads}"]
+    lines += ["Other structures: quadratic program against every set of active bounds", f"{'n x m':>10}{heads}"]
     lines += [other_row(n, m, OF_OTHERS, 10 * n + m) for n, m in OTHERS]
     text = "\n".join(lines)
     print(text)

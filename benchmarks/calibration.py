@@ -9,9 +9,9 @@ what is there is not run again, so it may be stopped and taken up. `table` reads
 line depends on its key alone.
 
 The size of an effect is given as lambda: twice the log-likelihood by which the model with the true effect beats the
-nearest without it (see tests/hidden.py), each with the process noise that suits it best, as expected before the noise
-is drawn. The same size has lambdas that differ by a factor of ten and more from one excitation to the next, so it is
-chosen for each log anew: `sizes` measures on one log of each effect where to begin.
+nearest without it (see tests/hidden_effects.py), each with the process noise that suits it best, as expected before
+the noise is drawn. The same size has lambdas that differ by a factor of ten and more from one excitation to the next,
+so it is chosen for each log anew: `sizes` measures on one log of each effect where to begin.
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
 
 from calibration_table import table  # noqa: E402
-from hidden import CASES, Hidden, evidence, oracle, rival_model  # noqa: E402
+from effect_sizes import reaching  # noqa: E402
+from hidden_effects import CASES, Hidden, evidence, oracle, rival_model  # noqa: E402
 from machine import (  # noqa: E402
     Follower,
     Machine,
@@ -44,8 +45,7 @@ from machine import (  # noqa: E402
     record,
     wandering_reference,
 )
-from sizes import reaching  # noqa: E402
-from store import Key, add, stored  # noqa: E402
+from result_store import Key, add, stored  # noqa: E402
 
 from diagnosis import Diagnosis, diagnose  # noqa: E402
 from diagnosis.holdout import restart_window, squared_errors  # noqa: E402
@@ -57,7 +57,7 @@ from plant import BadParameter, ServoModel  # noqa: E402
 from plant.effects import catalogue  # noqa: E402
 
 STORE = HERE / "results" / "calibration.jsonl"
-SIZES = HERE / "results" / "sizes.json"
+SIZES = HERE / "results" / "effect_sizes.json"
 DURATION, HELD_OUT, NOISE = 30.0, 15.0, 1e-3
 LAMBDAS = (30.0, 100.0, 400.0)
 _STIFF = 30.0  # of an end stop [N m/rad]

@@ -16,7 +16,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
 
 from closed_machine import NOISE, Tracking, swing, track  # noqa: E402
-from hidden import CASES, Hidden, logs_of  # noqa: E402
+from hidden_effects import CASES, Hidden, logs_of  # noqa: E402
 
 from diagnosis import diagnose  # noqa: E402
 

@@ -27,7 +27,7 @@ Columns = Callable[[FilteredMotion, Callable[[Array], Array]], tuple[Array, ...]
 
 
 def table(log: Log, columns: Columns, cutoff: float) -> tuple[Array, Array]:
-    """(T, P) regressors and (T,) torque, ends cut as in `identification.inverse.torque_misses`."""
+    """(T, P) regressors and (T,) torque, ends cut as in `identification.inverse.torque_error_samples`."""
     rows, torques = [], []
     for run in log.runs:
         m = filtered_motion(run, cutoff)

@@ -87,7 +87,7 @@ def torque_of(found: Any, name: str) -> dict[str, float | None]:
 
 def _missing(found: Any, model: Any) -> np.ndarray:
     """(T,) torque that a model lacks along the motion that was measured [N m]."""
-    from diagnosis.missing_torque import noise_cutoff
+    from diagnosis.residual_torque import noise_cutoff
     from identification.inverse import filtered_motion, needed_torque
     from identification.run_parameters import own_model
 

@@ -19,8 +19,8 @@ HERE = Path(__file__).parent
 _SAVED = 50  # logs after which the table is written
 sys.path.insert(0, str(HERE.parent / "tests"))
 
+from rough_log_outcome import Tried, diagnosed, identified  # noqa: E402
 from rough_logs import RoughLog, rough_log  # noqa: E402
-from rough_trial import Tried, diagnosed, identified  # noqa: E402
 
 
 def tried(seed: int, longest: int, both: bool) -> tuple[RoughLog, *tuple[Tried, ...]]:

@@ -15,7 +15,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from mishaps import BACK, GEARS, MISHAPS, broken_promises, life
+from fault_injection import BACK, GEARS, MISHAPS, broken_promises, life
 
 from mpc import Controller
 from plant import ServoModel

@@ -1,6 +1,6 @@
-"""Other solvers in the place of ours: each gets the programme of a step and hands back the change of the torques.
+"""Other solvers in the place of ours: each gets the program of a step and hands back the change of the torques.
 
-They are timed for their own call alone; what it takes to bring the programme into their form is not counted. A peer
+They are timed for their own call alone; what it takes to bring the program into their form is not counted. A peer
 that is not installed is left out (`pip install 'antidrive[bench]'`).
 """
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from programmes import responses
+from random_quadratic_programs import responses
 
 from mpc import Controller
 from mpc.drive import DriveInverse
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 class Peer:
-    """Solves a controller's programmes in place of its own solver.
+    """Solves a controller's programs in place of its own solver.
 
     Notes how long each took [s], and how far an answer was beyond its bounds [N m].
     """
@@ -37,10 +37,10 @@ class Peer:
     def __init__(self, controller: Controller) -> None:
         self.controller, self.times, self.beyond = controller, [], 0.0
         self.step = controller._interpreted
-        self.programme = self.step.programme
+        self.program = self.step.programme
         controller._step = self.step
-        self.programme.solve = self.solve  # type: ignore[method-assign]
-        self.N, self.n = self.programme.e.size, self.programme.s.shape[1] - 1
+        self.program.solve = self.solve  # type: ignore[method-assign]
+        self.N, self.n = self.program.e.size, self.program.s.shape[1] - 1
         P = controller._terminal_weight
         self.P, self.w = P, controller._rate_weight
 
@@ -49,10 +49,10 @@ class Peer:
         begin = time.perf_counter()
         e = call()
         self.times.append(time.perf_counter() - begin)
-        bounds = self.programme.bounds
+        bounds = self.program.bounds
         self.beyond = max(self.beyond, float(np.max(bounds[:, 1] - e)), float(np.max(e - bounds[:, 2])))
         bounds[:, 0], bounds[:, 1], bounds[:, 2] = -1.0, e, e  # what follows from it is found by our own sweep
-        self.programme.sweep()
+        self.program.sweep()
         return 0.0
 
     def prepared(self) -> Callable[[], Array]:
@@ -73,11 +73,11 @@ class Condensed(Peer):
         """H (N, N) and g (N,) of the cost e'He/2 + g'e, and the bounds (N,) of e."""
         S = responses(*self.stages)
         D = np.eye(self.N) - np.eye(self.N, k=-1)
-        miss, rate, end = self.programme.data[1:, 0], self.programme.data[:, 1], self.programme.end
+        miss, rate, end = self.program.data[1:, 0], self.program.data[:, 1], self.program.end
         H = S[:-1, 0].T @ S[:-1, 0] + S[-1, :2].T @ self.P @ S[-1, :2] + self.w * D.T @ D
         g = S[:-1, 0].T @ miss + S[-1, :2].T @ (self.P @ end) + self.w * (D.T @ rate)
         scale = 1.0 / np.max(np.diag(H))
-        low, high = (np.ascontiguousarray(self.programme.bounds[:, i]) for i in (1, 2))
+        low, high = (np.ascontiguousarray(self.program.bounds[:, i]) for i in (1, 2))
         return np.ascontiguousarray(scale * H), scale * g, low, high
 
 
@@ -155,12 +155,12 @@ class Sparse(Peer):
         return E
 
     def linear(self) -> Array:
-        data = self.programme.data
+        data = self.program.data
         q = np.zeros(self.size)
         rate = np.append(data[:, 1], 0.0)
         q[: self.N] = self.w * (rate[:-1] - rate[1:])
         q[self.N : self.size - self.n : self.n] = data[1:, 0]
-        q[self.size - self.n : self.size - self.n + 2] = self.P @ self.programme.end
+        q[self.size - self.n : self.size - self.n + 2] = self.P @ self.program.end
         return q * self.unit
 
 
@@ -173,8 +173,8 @@ class Osqp(Sparse):
         E, N = self.dynamics(), self.N
         rows = sp.vstack((E, sp.eye(N, self.size)), format="csc")
         zero = np.zeros(E.shape[0])
-        low = np.concatenate((zero, self.programme.bounds[:, 1]))
-        high = np.concatenate((zero, self.programme.bounds[:, 2]))
+        low = np.concatenate((zero, self.program.bounds[:, 1]))
+        high = np.concatenate((zero, self.program.bounds[:, 2]))
         q = self.linear()
         if self.solver is None:
             self.solver = osqp.OSQP()
@@ -196,8 +196,8 @@ class Piqp(Sparse):
 
         E, q, N = self.dynamics(), self.linear(), self.N
         free = np.full(self.size - N, np.inf)
-        low = np.concatenate((self.programme.bounds[:, 1], -free))
-        high = np.concatenate((self.programme.bounds[:, 2], free))
+        low = np.concatenate((self.program.bounds[:, 1], -free))
+        high = np.concatenate((self.program.bounds[:, 2], free))
         b = np.zeros(E.shape[0])
         if self.solver is None:
             self.solver = piqp.SparseSolver()
@@ -212,7 +212,7 @@ class Piqp(Sparse):
 
 
 class DoMpc(Peer):
-    """The nonlinear programme with do-mpc's model, its discrete form and IPOPT as it comes."""
+    """The nonlinear program with do-mpc's model, its discrete form and IPOPT as it comes."""
 
     def __init__(self, controller: Controller) -> None:
         super().__init__(controller)

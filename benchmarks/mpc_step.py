@@ -2,7 +2,7 @@
 
     python benchmarks/mpc_step.py
 
-Every solver gets the same programmes, 500 of them on a sine that saturates the torques and 500 on a step. Our rows are
+Every solver gets the same programs, 500 of them on a sine that saturates the torques and 500 on a step. Our rows are
 the whole step, estimator and status included; those of the peers are their own call alone, except do-mpc, whose call is
 the whole of its step. Each run is repeated, and the least median, 99th percentile and maximum stand in the table, for
 the machine may be busy with other things. The cost is that of the closed loop, against sequential quadratic programming

@@ -10,7 +10,7 @@ from __future__ import annotations
 import textwrap
 from pathlib import Path
 
-from antidrive.plans import read_plan
+from antidrive.scenario_file import read_scenario_file
 
 CLAIMS = {
     "section3": "gear train and speed",
@@ -29,7 +29,7 @@ CLAIMS = {
 def main() -> None:
     lines = []
     for name, claim in CLAIMS.items():
-        result = read_plan(name).run(None, 0)
+        result = read_scenario_file(name).run(None, 0)
         lines += [f"{name}: {claim}", ""]
         for sentence in result.sentences():
             lines += textwrap.wrap(sentence, 110, initial_indent="  ", subsequent_indent="    ")

@@ -19,7 +19,7 @@ from diagnosis import Diagnosis, diagnose
 from identification.datasets import load_dataset
 from identification.log import Log
 from identification.simulation import free_simulation
-from plant.effects.curve import Unnamed
+from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
 
 FOLDERS = {"bam": "bam_xl330", "kscale": "kscale_sts3215"}
@@ -44,7 +44,7 @@ def told(found: Diagnosis, held_out: Log) -> list[str]:
             for name, e in cause.parameters.items()
         )
         lines.append(f"  {cause.effect} {cause.probability:.3f}{rivals}: {values}")
-    carried = [effect.name for effect in found.model.effects if isinstance(effect, Unnamed)]
+    carried = [effect.name for effect in found.model.effects if isinstance(effect, Nonparametric)]
     if found.unexplained.depends_on or carried:
         lines.append(
             f"  unexplained over {', '.join(found.unexplained.depends_on)}; carried: {', '.join(carried) or 'none'}"

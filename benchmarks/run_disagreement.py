@@ -15,7 +15,7 @@ import numpy as np
 from machine import Machine, excitation, record
 
 from identification import fit
-from identification.disagreement import disagreement
+from identification.between_run_differences import between_run_differences
 from plant import ServoModel
 from plant.effects import DeadZone
 
@@ -37,7 +37,7 @@ def said(machine: Machine, seed: int, scales: tuple[float, ...]) -> str | None:
     commands = [s * excitation(RUNS * seed + run, duration=SECONDS) for run, s in zip(range(RUNS), scales, strict=True)]
     log = record(machine, np.column_stack(commands), seed=seed, angle=np.full(RUNS, -np.pi / 2)).log_of_runs()
     start = ServoModel(inertia=1.0, gravity=0.0, viscous_friction=0.1, effects=(DeadZone(half_width=0.0),))
-    return disagreement(fit(log, start))
+    return between_run_differences(fit(log, start))
 
 
 def main(count: int) -> str:

@@ -20,7 +20,7 @@ import numpy as np
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
 
-from hidden import CASES  # noqa: E402
+from hidden_effects import CASES  # noqa: E402
 from machine import Machine, excitation, record  # noqa: E402
 
 from diagnosis import diagnose  # noqa: E402

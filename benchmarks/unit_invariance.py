@@ -22,7 +22,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
 
 import numpy as np  # noqa: E402
-from hidden import CASES  # noqa: E402
+from hidden_effects import CASES  # noqa: E402
 from machine import Machine, excitation, record  # noqa: E402
 from rescaled import Units, differences  # noqa: E402
 from rough_logs import rough_log  # noqa: E402

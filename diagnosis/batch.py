@@ -10,8 +10,8 @@ from functools import partial
 from diagnosis.candidates import Choice
 from diagnosis.diagnose import diagnose
 from diagnosis.diagnosis import Diagnosis
-from identification.known import Fixed, Pairs
 from identification.log_like import LogLike
+from identification.prior_knowledge import Fixed, Pairs
 from plant.executors import in_order
 from plant.servo import ServoModel
 

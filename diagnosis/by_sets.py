@@ -11,15 +11,15 @@ from diagnosis.evidence.explore import explore
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.holdout import parts
 from diagnosis.identifiability import standstill
-from diagnosis.missing_torque import missing_torque
 from diagnosis.refit import estimates
+from diagnosis.residual_torque import residual_torque
 from diagnosis.result import Cause, Unexplained, Verdict
 from identification.errors import Unidentifiable
-from identification.fit import base_model, fit_knowing, known_of
+from identification.fit import base_model, fit_with_prior, known_of
 from identification.fit_result import Fit
-from identification.known import Fixed, Pairs
 from identification.log_like import LogLike, log_of
-from identification.side_by_side import without_blas_threads
+from identification.prior_knowledge import Fixed, Pairs
+from identification.threads import without_blas_threads
 from plant.servo import ServoModel
 
 _SURE, _LIKELY = 0.9, 0.5  # probabilities from which a name stands alone, and from which one is told
@@ -104,7 +104,7 @@ def diagnose(
     start = base_model(log) if base is None else base
     known = known_of(fixed, bounds, prior, start, effects.values(), stated=base is not None)
     log, _, _ = parts(log, None if holdout is None else log_of(holdout).usable(force=force))
-    null = fit_knowing(log, start, known, progress)
+    null = fit_with_prior(log, start, known, progress)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
     if null.failed is not None:
@@ -118,7 +118,7 @@ def diagnose(
     found = {} if beside.amplitude > _FAILED else {name: p for name, p in told.items() if p > _LIKELY}
     explained = best.discrepancy.explained_by()
     depends_on = tuple(v for v, share in explained.items() if share >= _CARRIES * max(explained.values()))
-    missing = missing_torque(best.fit)  # that an observer has to follow
+    missing = residual_torque(best.fit)  # that an observer has to follow
     unnamed = beside.material > _MATERIAL or missing.excess > _NOISE
     depends_on = depends_on or tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
     causes = tuple(

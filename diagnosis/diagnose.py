@@ -7,38 +7,38 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.belief import believed, only_near
 from diagnosis.candidates import Choice, chosen
-from diagnosis.curves import Carried
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.extrapolation import goes_further
+from diagnosis.effects_against_curves import curves_explain_far_more, supported_effects
+from diagnosis.extrapolation import extrapolation_warning
+from diagnosis.falsification import error_rises, falsified_sentence, squared_innovations, withdrawn_causes
+from diagnosis.formula_suggestion import suggested_formula
 from diagnosis.holdout import cut, inverse_errors, measure_gain, parts, remaining
+from diagnosis.holdout_refit import holdout_differences
 from diagnosis.identifiability import blind_spots, standstill
-from diagnosis.missing_torque import MissingTorque, missing_torque, named_on
-from diagnosis.odds import NONE
+from diagnosis.model_probability import NONE
+from diagnosis.multimodal_likelihood import with_scatter
+from diagnosis.nonparametric_residual import ResidualModel
 from diagnosis.refit import estimates
-from diagnosis.refutation import rises, spoken_against, squared_innovations, withdrawn
 from diagnosis.repeated_runs import repeats
+from diagnosis.residual_torque import ResidualTorque, effects_over, residual_torque
 from diagnosis.result import Cause, Verdict
-from diagnosis.round import Addition
-from diagnosis.rugged import with_scatter
-from diagnosis.search import Outcome, forward, weighed_again
-from diagnosis.second_opinion import second_opinions
-from diagnosis.suggestion import suggestion
-from diagnosis.surface import beside_surface, gave_way
+from diagnosis.state_gaussian_process import beside_gaussian_process, displaced_sentences
+from diagnosis.stepwise_round import Addition
+from diagnosis.stepwise_search import Outcome, forward_selection, reselected
 from identification.errors import Unidentifiable
-from identification.fit import base_model, fit_knowing, known_of
+from identification.fit import base_model, fit_with_prior, known_of
 from identification.fit_result import Fit
-from identification.known import Fixed, Pairs
 from identification.log_like import LogLike, log_of
-from identification.side_by_side import without_blas_threads
-from identification.stamps import evenly_timed
-from plant.effects.curve import Unnamed
+from identification.prior_knowledge import Fixed, Pairs
+from identification.threads import without_blas_threads
+from identification.time_stamp_jitter import evenly_timed
 from plant.effects.effect import Array
+from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
 
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
-_TELLING = 0.2  # share of the missing torque's variance from which a variable is said to carry it
+_TELLING = 0.2  # share of the residual torque's variance from which a variable is said to carry it
 _MENTION = 1e-4  # probability from which a rival is listed
 
 
@@ -85,7 +85,7 @@ def diagnose(
     tell = progress or (lambda line: None)
     log, held_out, said = parts(log, None if holdout is None else log_of(holdout).usable(force=force))
     tell("fitting the base model")
-    null = fit_knowing(log, start, known, progress)
+    null = fit_with_prior(log, start, known, progress)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
     if null.failed is not None:
@@ -93,78 +93,78 @@ def diagnose(
     log, held_out = null.log, evenly_timed(held_out) if null.log.evenly_timed else held_out
     warnings = [*log.warnings, *log.repairs, *log.notes, *said]
     if null.unidentifiable:
-        warnings.append(f"This log cannot tell {', '.join(null.unidentifiable)} of the base model.")
-    outcome = forward(null, effects, progress=progress)
-    near = only_near(outcome)
-    outcome = replace(outcome, additions=()) if near else weighed_again(outcome, progress)
+        warnings.append(f"This log does not determine {', '.join(null.unidentifiable)} of the base model.")
+    outcome = forward_selection(null, effects, progress=progress)
+    near = curves_explain_far_more(outcome)
+    outcome = replace(outcome, additions=()) if near else reselected(outcome, progress)
     null = outcome.base
     if null.log.colour:
         warnings.append(
-            f"The noise of the reading is not white, it lasts for about {outcome.fit.noise_memory:.2g} s; "
-            "all fits and odds allow for that."
+            f"The measurement noise is coloured, with a memory of about {outcome.fit.noise_memory:.2g} s; "
+            "fits and probabilities account for it."
         )
 
-    for name in outcome.wanderers:
+    for name in outcome.random_walk_like:
         warnings.append(
-            f"{effects[name].title.capitalize()} would fit, but no better than a load torque that wanders at random; "
-            "a longer log or a repeated run would tell."
+            f"{effects[name].title.capitalize()} is rejected: a random-walk disturbance torque explains as much. "
+            "To decide, record a longer log or repeat a run."
         )
     warnings.extend(
-        f"{effects[name].title.capitalize()} would fit, but only mends the observer that the model needs to follow the "
-        "log; it explains no motion."
+        f"{effects[name].title.capitalize()} is rejected: it only changes the observer that follows the log, and "
+        "explains no motion."
         for name in outcome.filters
     )
     warnings.extend(
-        f"{effects[name].title.capitalize()} would fit, but the parts of the log disagree about it; the model lacks "
-        "something else."
-        for name in outcome.uneven
+        f"{effects[name].title.capitalize()} is rejected: parts of the log contradict each other about it. The model "
+        "lacks another effect."
+        for name in outcome.inconsistent
     )
-    tell("looking for what has no name")
-    surely = beside_surface(outcome.additions, null, progress)
-    warnings.extend(gave_way(outcome.additions, surely))
-    outcome, beside, doubts = believed(replace(outcome, additions=surely))
+    tell("fitting non-parametric curves")
+    surely = beside_gaussian_process(outcome.additions, null, progress)
+    warnings.extend(displaced_sentences(outcome.additions, surely))
+    outcome, beside, doubts = supported_effects(replace(outcome, additions=surely))
     warnings.extend(doubts)
     warnings.extend(
-        f"{effects[name].title.capitalize()} would fit, but only with values that such a cause hardly has."
+        f"{effects[name].title.capitalize()} is rejected: such a cause hardly ever has the fitted values."
         for name in outcome.strange
     )
     if outcome.fit.model.chaotic:
-        tell("asking parts of the log how sure the gap is")
+        tell("estimating the standard error of the gap from parts of the log")
         outcome, beside = _with_scatter(outcome, beside)
-    missing = missing_torque(outcome.fit)
+    missing = residual_torque(outcome.fit)
     again = repeats(outcome.fit)
     depends_on = _depends_on(outcome.fit, missing, beside)
     unnamed = (
-        bool(beside.path or depends_on or outcome.strange or outcome.refused or outcome.uneven)
+        bool(beside.path or depends_on or outcome.strange or outcome.refused or outcome.inconsistent)
         or missing.excess > _NOISE
         or (again is not None and again.deterministic)
     )
     path = [null, *(addition.fit for addition in outcome.additions), *beside.path]
-    tell("measuring the gain on held-out data")
+    tell("measuring the gain on validation data")
     gain, squares, replays = measure_gain(held_out, path)
     final = path[-1]
     warnings.extend(blind_spots(null, final))
-    further = goes_further(held_out, log)
+    further = extrapolation_warning(held_out, log)
     observer = max(fit.bandwidth for fit in path)
     predicted = [squared_innovations(held_out, fit, observer) for fit in path]
-    if (refuted := spoken_against(predicted[0], predicted[-1])) is not None:
+    if (refuted := falsified_sentence(predicted[0], predicted[-1])) is not None:
         warnings.append(" ".join(filter(None, (refuted, further))))
     found = _causes(outcome, final, squares)
-    # Judged by the fits of the names alone: beside a curve that has no name, what a name is worth is not known.
+    # Judged by the fits with effects alone: beside a non-parametric curve the value of an effect is not known.
     judged = _causes(outcome, outcome.fit, predicted)
-    kept, why_not = withdrawn(
-        judged, log, refuted=further is None and rises(predicted[0], predicted[len(outcome.additions)])
+    kept, why_not = withdrawn_causes(
+        judged, log, refuted=further is None and error_rises(predicted[0], predicted[len(outcome.additions)])
     )
     causes = tuple(cause for cause in found if cause.effect in {each.effect for each in kept})
     warnings.extend(why_not)
     left = repeats(final)
     if left is not None:
         warnings.append(str(left))
-    if (formula := suggestion(final)) is not None:
+    if (formula := suggested_formula(final)) is not None:
         warnings.append(formula)
-    opinions = second_opinions(final, held_out)
+    opinions = holdout_differences(final, held_out)
     if opinions:
-        warnings.append(f"Fitted to the held-out data alone, the model has {'; '.join(map(str, opinions))}.")
+        warnings.append(f"Fitted to the validation data alone, the model has {'; '.join(map(str, opinions))}.")
     return Diagnosis(
         verdict=_verdict(outcome, causes, unnamed or len(causes) < len(found)),
         causes=causes,
@@ -174,16 +174,16 @@ def diagnose(
         warnings=tuple(warnings),
         base=null,
         extended=final,
-        missing_before=missing_torque(null),
-        missing_after=missing_torque(final),
+        residual_before=residual_torque(null),
+        residual_after=residual_torque(final),
         candidates=outcome.candidates,
         replays=replays,
         whiteness=predictable_share(final.innovations),
     )
 
 
-def _with_scatter(outcome: Outcome, beside: Carried) -> tuple[Outcome, Carried]:
-    """The same with standard errors that know of the other peaks of a rugged likelihood."""
+def _with_scatter(outcome: Outcome, beside: ResidualModel) -> tuple[Outcome, ResidualModel]:
+    """The same with standard errors that know of the other peaks of a multimodal likelihood."""
     if outcome.additions:
         *first, last = outcome.additions
         outcome = replace(outcome, additions=(*first, replace(last, fit=with_scatter(last.fit))))
@@ -192,13 +192,15 @@ def _with_scatter(outcome: Outcome, beside: Carried) -> tuple[Outcome, Carried]:
     return outcome, beside
 
 
-def _depends_on(final: Fit, missing: MissingTorque, beside: Carried) -> tuple[str, ...]:
+def _depends_on(final: Fit, missing: ResidualTorque, beside: ResidualModel) -> tuple[str, ...]:
     """Variables of what is carried without a name, else of what would pay; where much is missing, by the picture."""
-    carried_on = [effect for fit in beside.path[-1:] for effect in fit.model.effects if isinstance(effect, Unnamed)]
+    carried_on = [
+        effect for fit in beside.path[-1:] for effect in fit.model.effects if isinstance(effect, Nonparametric)
+    ]
     found = carried_on or beside.seen
     if found or missing.excess <= _NOISE:
         variables = dict.fromkeys(variable for one in found for variable in one.variables)
-        return tuple(named_on(name, final.log.axis) for name in variables)
+        return tuple(effects_over(name, final.log.axis) for name in variables)
     return tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
 
 

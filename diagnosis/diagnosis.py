@@ -8,7 +8,7 @@ from diagnosis.experiment import Experiment
 from diagnosis.explanation import Explanation, explain
 from diagnosis.explanation.summary import headline, sentences
 from diagnosis.result import Findings
-from plant.presented import Presented
+from plant.result_display import Presented
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,7 +11,7 @@ _MARGIN = 0.05  # of the range of a log, by which another may exceed it
 _MUCH = 0.1  # share of another log that may exceed it by more
 
 
-def goes_further(held_out: Log, seen: Log) -> str | None:
+def extrapolation_warning(held_out: Log, seen: Log) -> str | None:
     """A sentence if much of a held-out log lies at angles, or speeds, that the log before has not come by."""
     angle, unit = ("positions", "m") if seen.axis == "linear" else ("angles", "rad")
     ranges = [("speeds", _speeds, f"{unit}/s")]
@@ -24,8 +24,8 @@ def goes_further(held_out: Log, seen: Log) -> str | None:
         outside = float(np.mean((asked < low - margin) | (asked > high + margin)))
         if outside > _MUCH:
             return (
-                f"{100.0 * outside:.0f} % of them lie at {name} outside {low:.3g} to {high:.3g} {size}, which is all "
-                "that the log has come by; a log that covers them would tell."
+                f"{100.0 * outside:.0f} % of them lie at {name} outside {low:.3g} to {high:.3g} {size}, the range "
+                "of the estimation log. Record a log that covers them."
             )
     return None
 

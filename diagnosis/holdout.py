@@ -11,7 +11,7 @@ from diagnosis.jackknife import BLOCKS, jackknife
 from diagnosis.measured_motion import reading_noise
 from diagnosis.result import Findings, Gain, Replay, TorqueError, Unexplained
 from identification.fit_result import Fit
-from identification.inverse import torque_misses
+from identification.inverse import torque_error_samples
 from identification.log import Log
 from identification.run import Run
 from identification.simulation import free_simulation
@@ -41,7 +41,11 @@ def parts(log: Log, held_out: Log | None) -> tuple[Log, Log, list[str]]:
     moving = tuple(run for run in held_out.runs if _lively(run, log).any())
     if not moving:
         log, held_out, sentence = split(log)
-        return log, held_out, [f"The held-out part stands still, so another is taken. {sentence}"]
+        return (
+            log,
+            held_out,
+            [f"The load stands still in that part, so another part is used for validation. {sentence}"],
+        )
     still = [run.label for run in held_out.runs if run not in moving]
     said = [f"The held-out part stands still in {', '.join(still)}, which is left out."] if still else []
     return log, replace(held_out, runs=moving), said
@@ -60,13 +64,13 @@ def split(log: Log) -> tuple[Log, Log, str]:
         kept = [place for place in range(len(log.runs)) if place not in held]
         labels = ", ".join(log.runs[place].label for place in held)
         estimation = replace(log, runs=tuple(log.runs[place] for place in kept))
-        return estimation, replace(log, runs=tuple(log.runs[place] for place in held)), f"Held out: {labels}."
+        return estimation, replace(log, runs=tuple(log.runs[place] for place in held)), f"Validation data: {labels}."
     (run,) = log.runs
     cut = int(len(run) * (1.0 - _SHARE))
     begins = f"from {_clock(run, cut)} s"
     first, last = run.slice(0, cut), replace(run.slice(cut, None), label=f"{run.label} {begins}")
     if moves(last, log):
-        sentence = f"Held out: the last {100 * _SHARE:.0f} % of the only run, {begins} on."
+        sentence = f"Validation data: the last {100 * _SHARE:.0f} % of the only run, {begins} on."
         return replace(log, runs=(first,)), replace(log, runs=(last,)), sentence
     return _moving_part(log)
 
@@ -83,7 +87,7 @@ def _moving_part(log: Log) -> tuple[Log, Log, str]:
     span = f"from {_clock(run, start)} to {_clock(run, stop - 1)} s"
     held = replace(run.slice(start, stop), label=f"{run.label} {span}")
     kept = tuple(run.slice(*part) for part in ((begin, start), (stop, end)) if part[1] - part[0] >= _LEAST)
-    sentence = f"Held out: {span} of the only run; its idle ends are left out."
+    sentence = f"Validation data: {span} of the only run; standstill at its ends is left out."
     return replace(log, runs=kept), replace(log, runs=(held,)), sentence
 
 
@@ -222,7 +226,7 @@ def inverse_errors(estimation: Log, held_out: Log, before: ServoModel, after: Se
 
 def _inverse_error(log: Log, model: ServoModel, cutoff: float) -> tuple[float, float]:
     """Relative error of the inverse model over a log, and its standard error."""
-    squares = [record**2 for record in torque_misses(log, model, cutoff=cutoff)]
+    squares = [record**2 for record in torque_error_samples(log, model, cutoff=cutoff)]
 
     def relative(missed: float, torque: float) -> float:
         if torque > 0.0:

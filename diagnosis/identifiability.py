@@ -15,7 +15,7 @@ import numpy as np
 
 from diagnosis.linear import response
 from diagnosis.measured_motion import MeasuredMotion
-from diagnosis.screen import Screen
+from diagnosis.score_test import Screen
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects import Motion
@@ -40,13 +40,13 @@ _QUESTIONS = (
     _Question(
         about="gravity",
         companions=("inertia", "viscous", "zone", "offset", "quadrature"),
-        open="Gravity cannot be told from an offset of the torque",
+        open="Gravity is confounded with a torque offset",
         advice="let it turn by more than 90 degrees",
     ),
     _Question(
         about="dry",
         companions=(*_RIGID, "offset"),
-        open="Dry friction cannot be told from an offset of the torque",
+        open="Dry friction is confounded with a torque offset",
         advice="let it move in both directions",
     ),
     _Question(
@@ -58,13 +58,13 @@ _QUESTIONS = (
     _Question(
         about="zone",
         companions=("inertia", "viscous", "gravity", "offset"),
-        open="The dead zone cannot be told from an offset of the torque",
+        open="The dead zone is confounded with a torque offset",
         advice="let it pass through zero slowly",
     ),
     _Question(
         about="viscous",
         companions=("inertia", "gravity", "zone", "dry"),
-        open="Viscous friction cannot be told from dry friction",
+        open="Viscous friction is confounded with dry friction",
         advice="let it move slowly and fast",
     ),
     _Question(
@@ -74,7 +74,7 @@ _QUESTIONS = (
         advice="let it reverse faster",
     ),
 )
-_NOISE = "what it adds to this motion is less than the noise that the fit leaves; record more, or a larger motion"
+_NOISE = "its part in this motion is smaller than the noise; record a longer log or a larger motion"
 
 
 def blind_spots(fit: Fit, extended: Fit | None = None) -> tuple[str, ...]:

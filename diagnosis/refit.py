@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from diagnosis.model_probability import typical_speed
 from diagnosis.motion import turn_of
-from diagnosis.odds import typical_speed
 from diagnosis.result import Estimate
 from identification.fit_result import Fit
 from identification.problem import Problem
-from identification.side_by_side import side_by_side
+from identification.threads import in_threads
 from plant.effects import Effect
 from plant.servo import ServoModel
 
@@ -39,13 +39,13 @@ def _from_the_best(fit: Fit, starts: Sequence[Effect], fixed: tuple[str, ...]) -
     problems = [problem(start) for start in starts]
     if len(problems) > _DESCENTS:
         problems = most_promising(problems, fit, fit.bandwidth)[:_DESCENTS]
-    begun = side_by_side(lambda each: each.begun(fit), problems)
+    begun = in_threads(lambda each: each.begun(fit), problems)
     ways = [  # those that come by the same place go on alike
         (problem, here)
         for place, (problem, here) in enumerate(zip(problems, begun, strict=True))
         if not any(here.is_at(other.point, fit.samples) for other in begun[:place])
     ]
-    return max(side_by_side(lambda way: way[0].descend(fit, way[1]), ways), key=lambda found: found.log_likelihood)
+    return max(in_threads(lambda way: way[0].descend(fit, way[1]), ways), key=lambda found: found.log_likelihood)
 
 
 def problem_near(fit: Fit, model: ServoModel, fixed: tuple[str, ...] = ()) -> Problem:
@@ -60,7 +60,7 @@ def fitted_near(fit: Fit, model: ServoModel) -> Fit:
 
 def most_promising(problems: list[Problem], fit: Fit, bandwidth: float, iterations: int = 4) -> list[Problem]:
     """The problems by how well a few iterations from a fit serve them, the best first."""
-    costs = side_by_side(lambda each: each.glance(fit, bandwidth, iterations), problems)
+    costs = in_threads(lambda each: each.glance(fit, bandwidth, iterations), problems)
     return [problems[place] for place in np.argsort(costs, kind="stable")]
 
 

@@ -45,8 +45,8 @@ class Repeats:
         first, second = self.pairs[0]
         more = f" and {len(self.pairs) - 1} pairs more" if len(self.pairs) > 1 else ""
         band = f"{100 * self.share:.0f} +- {200 * self.chance:.0f} %"
-        end = "so something that is not noise is still missing" if self.deterministic else "as noise does"
-        return f"{second} repeats {first}{more}: {band} of what the model leaves is the same in both, {end}."
+        end = "so the rest is model error and not noise" if self.deterministic else "as noise does"
+        return f"{second} repeats {first}{more}: {band} of the remaining error is the same in both, {end}."
 
 
 def repeated_pairs(log: Log) -> tuple[tuple[int, int], ...]:

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.missing_torque import MissingTorque
+from diagnosis.residual_torque import ResidualTorque
 from identification.fit_result import Fit
 from plant.effects.effect import Array, Effect
 from plant.servo import ServoModel
@@ -110,9 +110,10 @@ class Candidate:
     """One effect that was tried in one round of the search.
 
     `evidence` is the rise in log-likelihood; `score` and `visible` are the same less the charge for parameters and
-    search, in the questions which name it is and whether anything is missing (see `diagnosis.odds`); `refitted` is
-    False where the screen alone has judged, and `plausible` where the values that came out are such as its cause hardly
-    ever has, for which it pays. `fitted` is the effect as it came out, None where the screen alone has judged.
+    search, in the questions which name it is and whether anything is missing (see `diagnosis.model_probability`);
+    `refitted` is False where the score test alone has judged, and `plausible` where the fitted values are such as its
+    cause hardly ever has, for which it pays. `fitted` is the effect as it was fitted, None where only the score test
+    has judged.
     """
 
     round: int
@@ -152,7 +153,7 @@ class Findings:
         warnings: faults and limits of the data.
         base: fit of the base model to the estimation runs.
         extended: fit of the extended model; the same object as `base` when nothing was added.
-        missing_before, missing_after: the torque that each of the two models lacks, over the estimation runs.
+        residual_before, residual_after: the torque that each of the two models lacks, over the estimation runs.
         candidates: everything that was tried.
         replays: the held-out runs.
         whiteness: share of the extended model's innovations that are still predictable from their own past [-].
@@ -166,8 +167,8 @@ class Findings:
     warnings: tuple[str, ...]
     base: Fit
     extended: Fit
-    missing_before: MissingTorque
-    missing_after: MissingTorque
+    residual_before: ResidualTorque
+    residual_after: ResidualTorque
     candidates: tuple[Candidate, ...]
     replays: tuple[Replay, ...]
     whiteness: float

@@ -17,9 +17,9 @@ from mkdocs.structure.files import File, Files
 
 import antidrive
 from antidrive.cli import app, main
+from antidrive.collinearity import absorbed_share, collinear_share
 from antidrive.equations import typeset
 from antidrive.gallery import bounds, paragraphs, units
-from antidrive.likeness import mistaken, swallowed
 from antidrive.signature import Signature, signature
 from diagnosis.explanation.wording import percent, sentence_case
 from plant.effects import Effect, Stage, catalogue
@@ -66,9 +66,9 @@ def gallery() -> str:
     parts = [
         "# Gallery of effects",
         "Each effect is simulated on the paper's servo, without noise and at a size that shows, while a slow chirp, "
-        "steps and a fast chirp are played into it. How much of its mark a refit of the model takes over, and how much "
-        "of the rest a neighbour could take over with its best shape, is to first order. `antidrive effects` makes "
-        "this page with pictures that zoom.",
+        "steps and a fast chirp are played into it. Two shares are given, to first order: how much of its signature a "
+        "refit of the other parameters absorbs, and how much of the rest a confused effect could absorb. "
+        "`antidrive effects` makes this page with pictures that zoom.",
     ]
     for stage in Stage:
         kinds = [kind for kind in catalogue.values() if kind.stage is stage]
@@ -77,7 +77,7 @@ def gallery() -> str:
 
 
 def effect(kind: type[Effect]) -> str:
-    """One effect: equation, words, parameters, picture, neighbours."""
+    """One effect: equation, words, parameters, picture, confused effects."""
     found = signature(kind)
     lines = [f"### {sentence_case(kind.title)} {{ #{kind.name} }}", f"<div>{typeset(kind.equation)}</div>"]
     lines += [str(escape(part)).replace("&#39;", "'") for part in paragraphs(kind)]
@@ -87,11 +87,15 @@ def effect(kind: type[Effect]) -> str:
     )
     if found is not None:
         lines.append(f"![{kind.title}: what the model lacks, and what changes](gallery/{kind.name}.svg)")
-        lines.append(f"A refit of the model takes over {percent(swallowed(found.effect, found.bench))} of its mark.")
-    near = [(catalogue[name], mistaken(kind, catalogue[name])) for name in kind.confused_with if name in catalogue]
+        lines.append(
+            f"A refit of the model absorbs {percent(absorbed_share(found.effect, found.excitation))} of its signature."
+        )
+    near = [
+        (catalogue[name], collinear_share(kind, catalogue[name])) for name in kind.confused_with if name in catalogue
+    ]
     said = [f"[{k.title}](#{k.name})" + (f" ({percent(share)})" if share is not None else "") for k, share in near]
     if said:
-        lines.append(f"Confused with, and how much of the rest that could take over: {', '.join(said)}.")
+        lines.append(f"Confused with, and how much of the rest that could absorb: {', '.join(said)}.")
     return "\n\n".join(lines)
 
 
@@ -104,7 +108,7 @@ def picture(found: Signature) -> str:
 
     grey, every = "#8a8a8a", slice(None, None, 3)
     flows = {"torque": "torque [N m]", "angle": "angle [rad]", "velocity": "velocity [rad/s]", "time": "time [s]"}
-    lacking = "error of the reading [rad]" if found.effect.stage is Stage.SENSOR else "missing torque [N m]"
+    lacking = "error of the reading [rad]" if found.effect.stage is Stage.SENSOR else "residual torque [N m]"
     style = dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), grey)
     with matplotlib.rc_context({**style, "font.size": 8, "svg.fonttype": "none", "svg.hashsalt": found.effect.name}):
         figure, (left, right) = pyplot.subplots(1, 2, figsize=(7.2, 2.2), layout="constrained")

@@ -11,7 +11,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from diagnosis.missing_torque import missing_torque
+from diagnosis.residual_torque import residual_torque
 from identification import Log, fit
 from identification.simulation import free_simulation
 from plant.model_file import read_model
@@ -34,7 +34,7 @@ def main() -> None:
     angle.set(xlabel="time [s]", ylabel="angle [rad]", title="Validation data, simulated from the torque alone")
     angle.legend(loc="best")
     error.set(xlabel="time [s]", ylabel="absolute error [rad]", title="Error of the simulation")
-    missing = missing_torque(fit(Log.read(folder / "log.csv"), base))
+    missing = residual_torque(fit(Log.read(folder / "log.csv"), base))
     over = next(curve for curve in missing.curves if curve.variable == "velocity")
     torque.fill_between(over.centre, over.mean - over.band, over.mean + over.band, color=ORANGE, alpha=0.35, lw=0)
     torque.plot(over.centre, over.mean, color=ORANGE)

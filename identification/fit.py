@@ -8,17 +8,17 @@ from itertools import chain
 
 import numpy as np
 
-from identification.colour import with_its_colour
-from identification.disagreement import disagreement
+from identification.between_run_differences import between_run_differences
+from identification.coloured_noise import with_coloured_noise
 from identification.fit_result import Fit
-from identification.known import Fixed, Known, Pairs
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.per_run import fit_apart
 from identification.predictor import steps_in_a_sample
+from identification.prior_knowledge import Fixed, Pairs, PriorKnowledge
 from identification.problem import Problem
-from identification.side_by_side import without_blas_threads
-from identification.stamps import with_its_clock
+from identification.threads import without_blas_threads
+from identification.time_stamp_jitter import with_its_clock
 from plant.effects import DeadZone, Effect
 from plant.effects.effect import parameters_of
 from plant.errors import BadParameter
@@ -66,12 +66,12 @@ def fit(
     start = base_model(log) if model is None else model
     known = known_of(fixed, bounds, prior, start, stated=model is not None)
     _check(Problem.of(log, known.begun(start), known=known), per_run, known.fixed)
-    found = fit_knowing(log, start, known, progress)
+    found = fit_with_prior(log, start, known, progress)
     if found.converged:
         found = _polished(found)
     if per_run and len(log.runs) > 1:
         return fit_apart(found, tuple(dict.fromkeys(per_run)))
-    said = disagreement(found)
+    said = between_run_differences(found)
     return found if said is None else replace(found, log=replace(found.log, warnings=(*found.log.warnings, said)))
 
 
@@ -91,7 +91,9 @@ def _check(problem: Problem, per_run: Sequence[str], fixed: Collection[str]) -> 
             raise BadParameter(f"per_run: {name!r} {why}; they are {', '.join(moving)}.")
 
 
-def fit_knowing(log: Log, model: ServoModel, known: Known, progress: Callable[[str], None] | None = None) -> Fit:
+def fit_with_prior(
+    log: Log, model: ServoModel, known: PriorKnowledge, progress: Callable[[str], None] | None = None
+) -> Fit:
     """The same, with what is known of parameters in one piece, also of such as the model does not have."""
     start = known.begun(model)
     found, traded = _beside_traded(log, start, known, progress)
@@ -100,7 +102,7 @@ def fit_knowing(log: Log, model: ServoModel, known: Known, progress: Callable[[s
 
 
 def _beside_traded(
-    log: Log, model: ServoModel, known: Known, progress: Callable[[str], None] | None
+    log: Log, model: ServoModel, known: PriorKnowledge, progress: Callable[[str], None] | None
 ) -> tuple[Fit, tuple[str, ...]]:
     """The fit with its clock and colour, and the parameters that it kept because they traded places with others."""
     kept: tuple[str, ...] = ()
@@ -110,7 +112,7 @@ def _beside_traded(
             found = Problem.of(log, found.model, fixed=kept, known=known).solve(progress=progress)
         traded = _traded(found)
         if not traded:
-            found = with_its_colour(with_its_clock(found))
+            found = with_coloured_noise(with_its_clock(found))
             traded = _traded(found)
         if not traded:
             return found, kept
@@ -136,7 +138,7 @@ def known_of(
     effects: Iterable[type[Effect]] = (),
     *,
     stated: bool,
-) -> Known:
+) -> PriorKnowledge:
     """What is known of the parameters of a model, and of effects that may come to it.
 
     Args:
@@ -149,7 +151,7 @@ def known_of(
         BadParameter: as `fit` does.
     """
     more = [start.parameters_with(kind) for kind in effects if start.effect(kind.name) is None]
-    known = Known.of(fixed, bounds, prior, (*start.parameters, *chain.from_iterable(more)))
+    known = PriorKnowledge.of(fixed, bounds, prior, (*start.parameters, *chain.from_iterable(more)))
     own = {} if stated else dict(zip(start.names, start.values, strict=True))
     for name, value in known.fixed.items():
         if value is None and (name not in start.names or own.get(name, 0.0) != 0.0):

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.known import Known
 from identification.log import Log
 from identification.noise import colour
+from identification.prior_knowledge import PriorKnowledge
 from plant.effects.effect import Array
 from plant.errors import BadParameter
-from plant.presented import Presented
+from plant.result_display import Presented
 from plant.servo import ServoModel
 
 _ECHO = 1000  # samples for which an innovation may live on in coloured noise
@@ -75,7 +75,7 @@ class Fit(Presented):
     converged: bool
     evaluations: int
     log: Log
-    known: Known = field(default_factory=Known)
+    known: PriorKnowledge = field(default_factory=PriorKnowledge)
     held_log_likelihood: float | None = None
 
     @property

@@ -20,7 +20,7 @@ from identification.log import Log
 from identification.log_like import LogLike, log_of
 from plant.effects import CoulombFriction, Effect, GravityOffset, StribeckFriction, TorqueOffset
 from plant.effects.effect import Array
-from plant.presented import Presented
+from plant.result_display import Presented
 from plant.servo import ServoModel
 
 if TYPE_CHECKING:

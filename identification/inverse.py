@@ -115,11 +115,11 @@ def torque_error(log: Log, model: ServoModel, *, cutoff: float) -> float:
         model: its dry friction acts by the direction of the filtered velocity.
         cutoff: of the filter [Hz]; figures compare only at the same one.
     """
-    missed, torque = torque_misses(log, model, cutoff=cutoff)
+    missed, torque = torque_error_samples(log, model, cutoff=cutoff)
     return float(np.linalg.norm(missed) / np.linalg.norm(torque))
 
 
-def torque_misses(log: Log, model: ServoModel, *, cutoff: float) -> tuple[Array, Array]:
+def torque_error_samples(log: Log, model: ServoModel, *, cutoff: float) -> tuple[Array, Array]:
     """(T,) torque less needed torque, and (T,) torque [N m], of all runs; arguments as in `torque_error`."""
     misses, torques = [], []
     for run in log.runs:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal, Unpack, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from identification.checked import checked
+from identification.checked_runs import checked_runs
 from identification.errors import MalformedLog, UnusableLog
 from identification.reading.columns import read_recordings
 from identification.reading.files import read_table
@@ -23,7 +23,7 @@ from identification.run import Run
 from plant.drive_train import DriveTrain
 from plant.effects import Effect
 from plant.errors import BadParameter
-from plant.presented import Presented
+from plant.result_display import Presented
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,8 +50,8 @@ class Log(Presented):
     faults: why no model can be fitted to it as it is, and the option that helps; one sentence each.
     command_unit: "N m", "N", or what the torque is counted in where its scale is unknown, as `notes` then say: "V",
         "A", or "rad" and "m" of a position servo's error.
-    colour: autoregression of the reading's noise, as `identification.colour` finds it; empty for white noise.
-    evenly_timed: whether `identification.stamps` put even times in the place of the written ones.
+    colour: autoregression of the reading's noise, as `identification.coloured_noise` finds it; empty for white noise.
+    evenly_timed: whether `identification.time_stamp_jitter` put even times in the place of the written ones.
 
     Raises `MalformedLog` when there is no run.
     """
@@ -230,7 +230,7 @@ class Log(Presented):
 
         Raises `MalformedLog` when a recording is unusable, all are too short, or nothing ever moves.
         """
-        found = checked(recordings)
+        found = checked_runs(recordings)
         return cls(
             runs=found.runs,
             axis=axis,

@@ -8,12 +8,12 @@ from typing import Self
 
 import numpy as np
 
-from identification.known import Known
 from identification.least_squares import NormalEquations
 from identification.log import Log
-from identification.over_runs import normal_equations
 from identification.predictor import Predictor, steps_in_a_sample
 from identification.prior import Prior, prior
+from identification.prior_knowledge import PriorKnowledge
+from identification.sums_over_runs import normal_equations
 from plant.effects.effect import Array
 from plant.errors import BadParameter
 from plant.servo import ServoModel
@@ -50,10 +50,12 @@ class Objective:
     lower: Array
     upper: Array
     prior: Prior | None
-    known: Known
+    known: PriorKnowledge
 
     @classmethod
-    def of(cls, log: Log, model: ServoModel, *, fixed: Collection[str] = (), known: Known | None = None) -> Self:
+    def of(
+        cls, log: Log, model: ServoModel, *, fixed: Collection[str] = (), known: PriorKnowledge | None = None
+    ) -> Self:
         """Of a model's parameters all move but the fixed ones; gravity is zero where no angle is known or has a part.
 
         A model in N m is a mere start where the log's torque is counted in another unit; the fit is in that of the log.
@@ -64,7 +66,7 @@ class Objective:
             fixed: parameters that keep their value.
             known: what a person knows of any parameters, also of such as the model does not have.
         """
-        known = Known() if known is None else known
+        known = PriorKnowledge() if known is None else known
         model = known.held(model)
         unknown = set(fixed) - set(model.names)
         if unknown:

@@ -14,19 +14,19 @@ from plant.effects.effect import Array
 _DIGITS = 9  # of a time step: what is below is the clock's rounding
 
 
-def observer_gain(bandwidth: float, dt: Array, *, wandering: bool = False) -> Array:
+def observer_gain(bandwidth: float, dt: Array, *, random_walk: bool = False) -> Array:
     """(2, T) gain on angle [-] and velocity [1/s] of the alpha-beta filter (Kalata 1984, eqs. for the tracking index).
 
     Args:
         bandwidth: square root of acceleration noise [rad/s^2] over measurement noise [rad]: [rad/s].
         dt: (T,) time step of each sample [s].
-        wandering: the acceleration wanders instead, which is the alpha-beta-gamma filter; then (3, T), with the gain on
-            the acceleration [1/s^2].
+        random_walk: the acceleration is a random walk instead, as in the alpha-beta-gamma filter; then (3, T), with the
+            gain on the acceleration [1/s^2].
     """
     # each by itself: a run in pieces has the gains of the run in one
     dt = np.round(dt, _DIGITS - int(np.floor(np.log10(np.median(dt)))))
     steps = dt[:1] if (dt == dt[0]).all() else dt
-    gains = _third_order_gain(bandwidth, steps) if wandering else _second_order_gain(bandwidth, steps)
+    gains = _third_order_gain(bandwidth, steps) if random_walk else _second_order_gain(bandwidth, steps)
     return np.repeat(gains, dt.size, axis=1) if steps.size < dt.size else gains
 
 
@@ -53,22 +53,22 @@ def _third_order_gain(bandwidth: float, dt: Array) -> Array:
     return np.asarray(np.stack((alpha, beta / least, gamma / least**2))[:, place])
 
 
-def speed_gain(bandwidth: float, dt: Array, *, wandering: bool = False) -> Array:
+def speed_gain(bandwidth: float, dt: Array, *, random_walk: bool = False) -> Array:
     """(2, T) gains as in `observer_gain` where the velocity is measured: none on the angle, which nobody sees.
 
     Args:
         bandwidth: square root of acceleration noise [rad/s^2] over measurement noise [rad/s]: [1/s].
         dt: (T,) time step of each sample [s].
-        wandering: the acceleration wanders instead; then (3, T) with the gain on the acceleration [1/s].
+        random_walk: the acceleration is a random walk instead; then (3, T) with the gain on the acceleration [1/s].
     """
     nothing = np.zeros((1, dt.size))
-    if wandering:
+    if random_walk:
         return np.vstack((nothing, observer_gain(bandwidth, dt)))
     index = bandwidth * dt  # the scalar Kalman filter of a velocity that walks at random, in closed form
     return np.vstack((nothing, 0.5 * index * (np.sqrt(index**2 + 4.0) - index)))
 
 
-def correcting_gain(run: Run, bandwidth: float, dt: Array, *, wandering: bool = False) -> Array:
+def correcting_gain(run: Run, bandwidth: float, dt: Array, *, random_walk: bool = False) -> Array:
     """(2, T) or (3, T) gains on angle, velocity and acceleration for what a run measures."""
     gain = speed_gain if run.response == "velocity" else observer_gain
-    return gain(bandwidth, dt, wandering=wandering)
+    return gain(bandwidth, dt, random_walk=random_walk)

@@ -8,15 +8,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.colour import with_its_colour
+from identification.coloured_noise import with_coloured_noise
 from identification.fit_result import Fit, FittedParameter
 from identification.least_squares import Minimum, NormalEquations, minimise, uncertainty
 from identification.log import Log
 from identification.objective import Objective
-from identification.over_runs import informations, normal_equations, places, point_size
 from identification.predictor import Prediction
 from identification.problem import Problem
-from identification.stamps import with_its_clock
+from identification.sums_over_runs import informations, normal_equations, places, point_size
+from identification.time_stamp_jitter import with_its_clock
 from plant.effects.effect import Array
 
 _ROUNDS = 3  # between what runs have of their own and the observer that follows the rest
@@ -59,7 +59,7 @@ class PerRun:
         return found
 
     def minimise(self, start: Array, bandwidth: float, iterations: int = 20) -> Minimum:
-        """The best point (`identification.over_runs`) at a bandwidth."""
+        """The best point (`identification.sums_over_runs`) at a bandwidth."""
         lower, upper = np.full(start.size, -np.inf), np.full(start.size, np.inf)
         count, runs = len(self.objective.free), len(self.objective.log.runs)
         for run in range(runs):
@@ -106,7 +106,7 @@ def fit_apart(first: Fit, names: tuple[str, ...]) -> Fit:
         log, model = _moved_apart(found.log, names, values), found.model.with_values(means)
         initial = np.array([best.point[problem.places(run)[-2:]] for run in range(len(values))])
         begun = replace(found, log=log, model=model, initial=initial)
-        found = with_its_colour(with_its_clock(Problem.of(log, model, fixed=found.fixed).descend(begun)))
+        found = with_coloured_noise(with_its_clock(Problem.of(log, model, fixed=found.fixed).descend(begun)))
     return replace(found, parameters=_lines(found, first, problem, np.sqrt(np.diag(spread))))
 
 

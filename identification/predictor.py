@@ -95,7 +95,7 @@ class Predictor:
         runs: what to predict.
         free: (F,) places of the parameters to differentiate for.
         substeps: integration steps in one sample.
-        colour: autoregression of the reading's noise, see `identification.colour`.
+        colour: autoregression of the reading's noise, see `identification.coloured_noise`.
         loads: (T,) torque on the load in each run besides the drive's, held over a sample [N m]; none by default.
     """
 
@@ -198,17 +198,17 @@ def run_inputs(
     if "input_delay.time" in model.names:
         delay, values = model.names.index("input_delay.time"), values.copy()
         whole, values[delay] = whole_samples(float(values[delay]), run.sample_time)
-    return _rows(run, part.start, part.stop, whole, bandwidth, width, model.wanders), values
+    return _rows(run, part.start, part.stop, whole, bandwidth, width, model.has_random_walk), values
 
 
 @lru_cache(maxsize=64)
-def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: float, wandering: bool) -> Array:
+def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: float, random_walk: bool) -> Array:
     """The inputs of a part of a run behind a delay of whole samples; a fit asks for the same ones pass after pass."""
     part = slice(start, stop)
     dt = np.diff(run.time[start : stop + 1])
     if stop == len(run):
         dt = np.append(dt, run.time[-1] - run.time[-2])
-    gains = correcting_gain(run, bandwidth, dt, wandering=wandering)
+    gains = correcting_gain(run, bandwidth, dt, random_walk=random_walk)
     rows = np.empty((dt.size, len(INPUTS) + 1 + len(gains)))
     columns = (
         _delayed(run.command, whole, part),
@@ -242,7 +242,7 @@ def moves_with(model: ServoModel) -> Array:
 
     (n, 3) where the load wanders: and of that.
     """
-    moved = (State.ANGLE, State.VELOCITY, State.WANDERING)[: 3 if model.wanders else 2]
+    moved = (State.ANGLE, State.VELOCITY, State.RANDOM_WALK)[: 3 if model.has_random_walk else 2]
     return np.array([[kind is one for one in moved] for kind in model.kinds], dtype=float)
 
 

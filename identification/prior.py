@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.known import Known
 from identification.log import Log
-from plant.effects.curve import Curve
+from identification.prior_knowledge import PriorKnowledge
 from plant.effects.effect import Array
+from plant.effects.nonparametric_curve import Curve
 from plant.servo import ServoModel
 
 _BENT = 0.1  # variance of a knot beside those about it, over that of them all
@@ -46,7 +46,7 @@ class Prior:
         return float((values - self.mean) @ self.pull(values))
 
 
-def prior(log: Log, model: ServoModel, free: tuple[int, ...], known: Known) -> Prior | None:
+def prior(log: Log, model: ServoModel, free: tuple[int, ...], known: PriorKnowledge) -> Prior | None:
     """Of the free parameters before the log is seen; None where nothing is known of them."""
     rows = {model.names[place]: row for row, place in enumerate(free)}
     mean, precision = np.zeros(len(free)), _smoothness(log, model, free, rows)

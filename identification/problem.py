@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.bandwidth import between, neighbours, parabola_top
-from identification.certainty import fit_of, run_off
 from identification.fit_result import Fit
 from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
@@ -22,6 +21,7 @@ from identification.noise import log_likelihood, short_autoregression
 from identification.objective import Objective
 from identification.predictor import HELD
 from identification.regression import starting_values
+from identification.standard_errors import divergent_fit, fit_with_errors
 from plant.effects.effect import Array
 
 _BRACKETS = 5  # steps by a factor of two in search of the best bandwidth
@@ -95,13 +95,13 @@ class Problem(Objective):
             if progress is not None:
                 progress(f"observer at {bandwidth:.3g} rad/s: noise {np.sqrt(best.equations.cost / self.samples):.3g}")
         if free and not bandwidth:
-            return fit_of(self, 0.0, best, best.evaluations)
+            return fit_with_errors(self, 0.0, best, best.evaluations)
         smoothed = self.model.slides
         trials = {
             bandwidth: self._trial(minimum.point, bandwidth, 4) if smoothed else self._judged(minimum, bandwidth)
             for bandwidth, minimum in visited
         }
-        return self._held(fit_of(self, *self._refined(trials), sum(m.evaluations for _, m in visited)))
+        return self._held(fit_with_errors(self, *self._refined(trials), sum(m.evaluations for _, m in visited)))
 
     def _plausible(self, minimum: Minimum) -> bool:
         return bool(np.isfinite(minimum.equations.cost))
@@ -129,7 +129,7 @@ class Problem(Objective):
         return self.minimise(point, bandwidth, 0.0, iterations=6)
 
     def _highest(self, start: Fit) -> float:
-        """Bandwidth at which a descent begins: where no observer holds a chaotic model, its likelihood is rugged."""
+        """Bandwidth at which a descent begins: without an observer the likelihood of a chaotic model is multimodal."""
         return max(start.bandwidth, HELD / self.log.sample_time) if self.model.chaotic else start.bandwidth
 
     def descend(self, start: Fit, begun: Minimum | None = None) -> Fit:
@@ -159,8 +159,8 @@ class Problem(Objective):
         evaluations = sum(trial.minimum.evaluations for trial in trials.values())
         trials = {at: trial for at, trial in trials.items() if self._plausible(trial.minimum)}
         if not trials:
-            return run_off(self, start.initial, highest, evaluations)
-        found = fit_of(self, *self._refined(trials), evaluations)
+            return divergent_fit(self, start.initial, highest, evaluations)
+        found = fit_with_errors(self, *self._refined(trials), evaluations)
         return self._held((self.log.colour and self.recoloured(found)) or found)
 
     def recoloured(self, fit: Fit, least: float = -np.inf) -> Fit | None:
@@ -184,13 +184,15 @@ class Problem(Objective):
         if not self._plausible(best) or log_likelihood(best.equations.cost, self.samples) < least:
             return None
         ended = problem._ended(best, fit.bandwidth)
-        return fit_of(problem, fit.bandwidth, ended, evaluations - best.evaluations)
+        return fit_with_errors(problem, fit.bandwidth, ended, evaluations - best.evaluations)
 
     def polished(self, fit: Fit) -> Fit:
         """The fit brought to the very top of its likelihood, where it does not matter how it came there."""
         point = self.pack(fit.model.values, fit.initial)
         best = replace(self.minimise(point, fit.bandwidth, 0.0, tolerance=_POLISH), converged=fit.converged)
-        return replace(fit_of(self, fit.bandwidth, best, fit.evaluations), held_log_likelihood=fit.held_log_likelihood)
+        return replace(
+            fit_with_errors(self, fit.bandwidth, best, fit.evaluations), held_log_likelihood=fit.held_log_likelihood
+        )
 
     def _held(self, fit: Fit) -> Fit:
         """The fit with its likelihood behind an observer that holds it, where it is chaotic without one."""
@@ -234,7 +236,7 @@ class Problem(Objective):
         )
         if self.is_hopeless(here, 0.0):
             return None
-        return fit_of(self, 0.0, self.minimise(point, 0.0, 0.0, iterations=10), 0)
+        return fit_with_errors(self, 0.0, self.minimise(point, 0.0, 0.0, iterations=10), 0)
 
     def is_hopeless(self, minimum: Minimum, bandwidth: float) -> bool:
         """Whether the point of a minimum is so bad at another bandwidth that a fit there is not worth the time."""

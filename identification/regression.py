@@ -18,7 +18,7 @@ from identification.inverse import FilteredMotion, filtered_motion, lowest_cutof
 from identification.least_squares import bounded_least_squares
 from identification.log import Log
 from identification.run import Run
-from identification.side_by_side import side_by_side
+from identification.threads import in_threads
 from plant.effects import DeadZone
 from plant.effects.effect import Array
 from plant.servo import ServoModel
@@ -41,7 +41,7 @@ def starting_values(log: Log, model: ServoModel) -> list[Array]:
         return []
     log = replace(log, runs=runs)
     found: list[Array] = []
-    for values in [v for starts in side_by_side(lambda c: _at_cutoff(log, model, c), _cutoffs(log)) for v in starts]:
+    for values in [v for starts in in_threads(lambda c: _at_cutoff(log, model, c), _cutoffs(log)) for v in starts]:
         if not any(_alike(log, values, other) for other in found):
             found.append(values)
     return found

@@ -14,8 +14,8 @@ from typing import Any
 import casadi as ca
 
 from plant.code_dialects import Dialect
-from plant.effects.curve import Unnamed
 from plant.effects.effect import Parameter
+from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
 
@@ -66,7 +66,7 @@ class Symbolic:
     @classmethod
     def of(cls, model: ServoModel) -> Symbolic:
         """Of a model."""
-        nameless = {effect.name for effect in model.effects if isinstance(effect, Unnamed)}
+        nameless = {effect.name for effect in model.effects if isinstance(effect, Nonparametric)}
         found = cls(values=[], symbols=[], parameters=[])
         for spec, value in zip(model.parameters, model.values, strict=True):
             if spec.name.split(".")[0] in nameless:
@@ -202,7 +202,7 @@ class _Written:
         return template.format(*(self.number(part, least) for part in parts)), _ATOM, False
 
     def _choice(self, first: int, second: int) -> str:
-        """Both halves of an `if_else`, which CasADi adds up, as one; empty where they are something else."""
+        """Both halves of an `if_else`, which CasADi adds up, as one; empty where they are another effect."""
         here, there = self.nodes[first], self.nodes[second]
         if here.operation == there.operation == ca.OP_IF_ELSE_ZERO and max(self.used[first], self.used[second]) == 1:
             opposite = self.nodes[there.parts[0]]

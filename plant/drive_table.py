@@ -13,7 +13,7 @@ from plant.effects.effect import TURN, Array
 from plant.effects.ripple import HARMONICS, Ripple
 from plant.errors import BadParameter
 from plant.inverse import moving, strength, torque_unit
-from plant.presented import Presented
+from plant.result_display import Presented
 from plant.servo import ServoModel
 
 if TYPE_CHECKING:

@@ -18,18 +18,18 @@ def counted(angle: ArrayLike, counts: ArrayLike) -> Array:
         return np.asarray(np.where(turn == 0, exact, np.round(exact / resolution) * resolution))
 
 
-def shown_angles(state: Array) -> Array:
+def encoder_angles(state: Array) -> Array:
     """(B, 1 + drives) angles of load and rotors [rad] in states (B, S) as in `plant.flank.states`."""
     drives = (state.shape[1] - 2) // 4
     return state[:, [0, *range(2, 2 + drives)]]
 
 
-def seen(state: Array, trail: Trail, delay: float) -> Array:
+def recent_values(state: Array, trail: Trail, delay: float) -> Array:
     """(B, 1 + drives) angles [rad] as encoders show them that lag by `delay` [s]; before the start: as then."""
     if not trail:
-        return shown_angles(state)
+        return encoder_angles(state)
     ages = np.array([0.0, *(age for age, _ in trail)])
-    angles = np.array([shown_angles(state), *(past for _, past in trail)])
+    angles = np.array([encoder_angles(state), *(past for _, past in trail)])
     later = min(int(np.searchsorted(ages, delay * (1.0 - 1e-9))), len(ages) - 1)
     if ages[later] <= delay * (1.0 + 1e-9):
         return np.asarray(angles[later])

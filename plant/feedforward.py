@@ -13,7 +13,15 @@ from plant.code_dialects import Dialect, c99, structured_text
 from plant.code_text import Symbolic, Text, text_of
 from plant.effects.parameter import Parameter
 from plant.errors import BadParameter
-from plant.inverse import InverseEquations, inverse_equations, lead, left_out, moving, strength, torque_unit
+from plant.inverse import (
+    InverseEquations,
+    inverse_equations,
+    moving,
+    strength,
+    time_lead,
+    torque_unit,
+    unmodelled_effects,
+)
 from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
 
@@ -81,8 +89,8 @@ def feedforward_code(model: ServoModel, *, single: bool = False, name: str = "an
         files=files,
         shares=tuple(code.equations.shares),
         unit=torque_unit(model),
-        lead=lead(model),
-        left_out=tuple(left_out(model)),
+        lead=time_lead(model),
+        left_out=tuple(unmodelled_effects(model)),
         single=single,
     )
 
@@ -115,7 +123,7 @@ class _Code:
             equations=equations,
             symbols=own.symbols,
             parameters=[entry for entry, is_used in zip(own.parameters, used, strict=True) if is_used],
-            notes=left_out(original),
+            notes=unmodelled_effects(original),
         )
 
     def text(self, dialect: Dialect) -> Text:
@@ -162,7 +170,7 @@ class _Code:
                 f"#define {guard}",
                 "",
                 f"typedef {'float' if self.single else 'double'} {real};",
-                f"#define {name.upper()}_LEAD {_seconds(lead(self.model))} /* s that set-points should lie ahead */",
+                f"#define {name.upper()}_LEAD {_seconds(time_lead(self.model))} /* s, set-points lie ahead by it */",
                 "",
                 f"struct {name}_feedforward {{ /* shares of the {self.what}; their sum is what is returned */",
                 *shares,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plant.encoder import counted, recent, seen, shown_angles
+from plant.encoder import counted, encoder_angles, recent, recent_values
 from plant.errors import BadParameter
 from plant.flank import BLOCK
 from plant.motion import motion
@@ -85,13 +85,13 @@ class Fleet:
             late = 0.0
         past = state.trail
         if self._delay and not past:
-            past = ((0.0, shown_angles(rows)),)
+            past = ((0.0, encoder_angles(rows)),)
         if late:
             rows = self._moved(rows, command, pushes, duration - late)
-            past = ((late - duration, shown_angles(rows)), *past)
+            past = ((late - duration, encoder_angles(rows)), *past)
         rows = self._moved(rows, command, pushes, late or duration)
         if self._delay and not late:
-            past = ((-duration, shown_angles(rows)), *past)
+            past = ((-duration, encoder_angles(rows)), *past)
         return FleetState(rows=rows, trail=recent(past, duration, self._delay))
 
     def flank_torques(self, state: FleetState) -> Array:
@@ -113,18 +113,18 @@ class Fleet:
 
     def measure(self, state: FleetState, noise: ArrayLike = 0.0) -> Array:
         """(B,) load angles as their encoders show them [rad], with noise (B,) in standard deviations."""
-        return self._load_readings(seen(state.rows, state.trail, self._delay), noise)
+        return self._load_readings(recent_values(state.rows, state.trail, self._delay), noise)
 
     def motor_angles(self, state: FleetState, noise: ArrayLike = 0.0) -> Array:
         """(B, m) motor shaft angles as their encoders show them [rad], with noise (B, m) in standard deviations."""
-        return self._motor_readings(seen(state.rows, state.trail, self._delay), noise)
+        return self._motor_readings(recent_values(state.rows, state.trail, self._delay), noise)
 
     def _load_readings(self, angles: Array, noise: ArrayLike) -> Array:
-        """(..., B) of angles (..., B, 1 + m) as `plant.encoder.seen` gives them."""
+        """(..., B) of angles (..., B, 1 + m) as `plant.encoder.recent_values` gives them."""
         return counted(angles[..., 0] + self._encoder_noise * np.asarray(noise), self._counts)
 
     def _motor_readings(self, angles: Array, noise: ArrayLike) -> Array:
-        """(..., B, m) of angles (..., B, 1 + m) as `plant.encoder.seen` gives them."""
+        """(..., B, m) of angles (..., B, 1 + m) as `plant.encoder.recent_values` gives them."""
         turned = self._shaft_map * angles[..., 1:]
         return counted(turned + self._motor_noise * np.asarray(noise), self._motor_counts)
 
@@ -163,7 +163,7 @@ class Fleet:
         shown = np.empty((length, count, 1 + m))
         rows[0] = state.rows
         for k, command in enumerate(commands):
-            shown[k] = seen(state.rows, state.trail, self._delay)
+            shown[k] = recent_values(state.rows, state.trail, self._delay)
             state = self.advance(state, command, sample_time, pushes[k])
             rows[k + 1] = state.rows
         least, given = np.split(rows[1:, :, 2 + 2 * m :], 2, axis=2)

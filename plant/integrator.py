@@ -103,7 +103,7 @@ def _own_after(
         mine: tuple[Any, ...] = own[effect.name]
         if effect.flexible:
             mine = tuple(end[2:])
-        elif effect.states in ((State.RELAXED,), (State.WANDERING,)):
+        elif effect.states in ((State.RELAXED,), (State.RANDOM_WALK,)):
             mine = (effect.slide(mine[0], angles[2] - angles[0]),)
         elif _is_sensor(effect):
             shown = effect.sense(mine[0], before, after, h)

@@ -52,7 +52,7 @@ def inverse(model: ServoModel, angle: ArrayLike, velocity: ArrayLike, accelerati
 
     Friction acts against the velocity, at rest against the motion that is about to begin; at rest without acceleration
     it asks for nothing. A drivetrain that gives is taken as rigid, a command that acts late is not advanced
-    (`lead` says by how much it should be), and an effect of the log's clock is left out.
+    (`time_lead` says by how much it should be), and an effect of the log's clock is left out.
 
     Args:
         model: the servo.
@@ -86,13 +86,13 @@ def inverse(model: ServoModel, angle: ArrayLike, velocity: ArrayLike, accelerati
     return frame
 
 
-def lead(model: ServoModel) -> float:
+def time_lead(model: ServoModel) -> float:
     """How far ahead the set-points of a feed-forward should lie [s]: dead time and lag of the actuator."""
     lags = (effect.time_constant for effect in model.effects if isinstance(effect, ActuatorLag))
     return float(model.delay()) + float(sum(lags))
 
 
-def left_out(model: ServoModel) -> list[str]:
+def unmodelled_effects(model: ServoModel) -> list[str]:
     """What the inverse model does not undo, and what to do about it; a sentence each."""
     timeless = model.without_clock()
     kept, found = {effect.name for effect in timeless.effects}, []
@@ -101,20 +101,20 @@ def left_out(model: ServoModel) -> list[str]:
     others = [
         effect.title
         for effect in timeless.effects
-        if not (acts(effect) or effect.flexible or isinstance(effect, ActuatorLag) or effect.name == "input_delay")
+        if not (is_active(effect) or effect.flexible or isinstance(effect, ActuatorLag) or effect.name == "input_delay")
     ]
-    if lead(model) > 0.0:
-        found.append(f"The torque acts late: give set-points that lie {lead(model):.4g} s ahead.")
+    if time_lead(model) > 0.0:
+        found.append(f"The torque acts late: give set-points that lie {time_lead(model):.4g} s ahead.")
     if rigid:
         found.append(f"Motor and load are taken as rigid, without {_listed(rigid)}.")
     if others:
         found.append(f"Not compensated: {_listed(others)}.")
     if clocked:
-        found.append(f"Left out, because nobody keeps the log's clock: {_listed(clocked)}.")
+        found.append(f"Left out, because it depends on the time of the log: {_listed(clocked)}.")
     return found
 
 
-def acts(effect: Effect) -> bool:
+def is_active(effect: Effect) -> bool:
     """Whether an effect takes or gives torque in the inverse model."""
     kind = type(effect)
     return any(getattr(kind, method) is not getattr(Effect, method) for method in (*_LOAD, "command_for"))
@@ -151,7 +151,7 @@ def inverse_equations(model: ServoModel) -> InverseEquations:
         if model.axis == "rotary":
             found["gravity"] = model.gravity * ca.cos(x)
         found["viscous_friction"] = model.viscous_friction * v
-        for effect in filter(acts, model.effects):
+        for effect in filter(is_active, model.effects):
             if any(getattr(type(effect), method) is not getattr(Effect, method) for method in _LOAD):
                 against = _against(effect.dry_friction(at), towards)
                 own = effect.load_torque(at, held.get(effect.name, 0.0))
@@ -178,7 +178,7 @@ def inverse_equations(model: ServoModel) -> InverseEquations:
 
 def _states(model: ServoModel) -> list[Effect]:
     """The effects that follow the way of the load."""
-    return [effect for effect in model.effects if effect.states == (State.RELAXED,) and acts(effect)]
+    return [effect for effect in model.effects if effect.states == (State.RELAXED,) and is_active(effect)]
 
 
 def _against(levels: tuple[Expression, Expression] | None, towards: Expression) -> Expression:

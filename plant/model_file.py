@@ -11,7 +11,7 @@ from typing import Any, get_args
 from plant.drive_train import DriveTrain
 from plant.effects import Effect, Moment, catalogue
 from plant.effects.effect import Axis, Parameter, parameters_of
-from plant.effects.unnamed import unnamed
+from plant.effects.nonparametric import unnamed
 from plant.errors import AntidriveError, BadModelFile
 from plant.gears import drive_train
 from plant.number import finite

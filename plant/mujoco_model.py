@@ -99,7 +99,10 @@ def _left_out(model: ServoModel, timeless: ServoModel) -> list[str]:
     lost = [e.title for e in timeless.effects if e.name in ("rate_limit", "goal_rate_limit", "sensor_lag")]
     clocked = [effect.title for effect in model.effects if effect.name not in kept]
     found = [f"Not in it: {', '.join(lost)}."] if lost else []
-    return [*found, *([f"Left out, because nobody keeps the log's clock: {', '.join(clocked)}."] if clocked else [])]
+    return [
+        *found,
+        *([f"Left out, because it depends on the time of the log: {', '.join(clocked)}."] if clocked else []),
+    ]
 
 
 def _mjcf(native: Native, timestep: float, name: str, *, own_delay: bool) -> str:

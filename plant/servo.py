@@ -219,9 +219,9 @@ class ServoModel:
         return own
 
     @property
-    def wanders(self) -> bool:
+    def has_random_walk(self) -> bool:
         """Whether a load wanders that only an observer can follow."""
-        return State.WANDERING in self.kinds
+        return State.RANDOM_WALK in self.kinds
 
     @property
     def drivetrain(self) -> Effect | None:

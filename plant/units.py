@@ -24,7 +24,7 @@ def factor(unit: Any, own: str) -> float:
         own: of the parameter.
 
     Raises:
-        BadModelFile: the unit is unknown, or measures something else.
+        BadModelFile: the unit is unknown, or measures another effect.
     """
     if not isinstance(unit, str):
         raise BadModelFile(f"the unit must be a text such as {own!r}, not {unit!r}")

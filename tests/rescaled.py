@@ -77,6 +77,6 @@ def differences(one: Diagnosis, other: Diagnosis, units: Units) -> Iterator[tupl
         yield f"probability of {a.effect}", abs(b.probability - a.probability)
     yield "gain", abs(one.gain.cut - other.gain.cut)
     yield "what is unexplained", abs(one.unexplained.share - other.unexplained.share)
-    yield "missing torque", abs(one.missing_after.excess - other.missing_after.excess)
+    yield "residual torque", abs(one.residual_after.excess - other.residual_after.excess)
     yield from fit_differences(one.base, other.base, units)
     yield from fit_differences(one.extended, other.extended, units)

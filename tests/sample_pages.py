@@ -7,7 +7,7 @@ from dataclasses import replace
 from front_door import PLAIN, columns
 
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.missing_torque import missing_torque
+from diagnosis.residual_torque import residual_torque
 from diagnosis.result import Candidate, Cause, Estimate, Gain, Replay, TorqueError, Unexplained
 from identification import Fit, Log, fit
 
@@ -41,7 +41,7 @@ def sample_diagnosis(fitted: Fit) -> Diagnosis:
         refitted=True,
         parameters={"torque": size},
     )
-    missing = missing_torque(fitted)
+    missing = residual_torque(fitted)
     return Diagnosis(
         verdict="named",
         causes=(cause,),
@@ -70,8 +70,8 @@ def sample_diagnosis(fitted: Fit) -> Diagnosis:
         warnings=("a warning about " + HOSTILE,),
         base=fitted,
         extended=replace(fitted),
-        missing_before=missing,
-        missing_after=missing,
+        residual_before=missing,
+        residual_after=missing,
         candidates=(candidate,),
         replays=(
             Replay(

@@ -6,7 +6,7 @@ import importlib.util
 from pathlib import Path
 
 import numpy as np
-from slave import Slave
+from fmu_instance import Slave
 
 from plant import ServoModel, servo_fmu
 from plant.mujoco_model import mujoco_model

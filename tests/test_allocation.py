@@ -134,7 +134,7 @@ def test_flank_torque_counts_the_rotor() -> None:
     assert backward.margin == pytest.approx(0.0, abs=1e-7)
 
 
-def test_an_accelerating_rotor_narrows_the_reach_of_its_own_drive() -> None:
+def test_an_accelerating_rotor_takes_torque_from_its_drive() -> None:
     rotor, unequal = 1e-5, GearTrain(pinion_teeth=(20, 31), follower_teeth=161, stages=PAPER.stages)
     bounds = Bounds(gears=unequal, min_torque=0.02, max_torque=0.3, rotor_inertia=rotor)
     n1, n2 = 161 / 20, 161 / 31

@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 
 from allocation import Allocator, InfeasibleTorque, Structure
 from allocation.least_effort import share_between_two
-from allocation.programme import Programme
+from allocation.quadratic_program import QuadraticProgram
 from plant.errors import BadParameter
 from plant.gears import GearTrain
 
@@ -70,16 +70,16 @@ def test_the_proof_holds_for_the_answer_and_for_no_other_point() -> None:
             B /= np.linalg.norm(B)
             lower, upper = np.full(4, 0.1), np.ones(4)
             C, d = np.vstack((np.eye(4), -np.eye(4))), np.concatenate((upper, -lower))
-            programme = Programme(B=B, b=B @ x_any, w=rng.uniform(0.1, 1.0, 4), C=C, d=d)
-            best = best_by_trying(B, programme.b, lower, upper, programme.w)
-            assert programme.residuals(best).largest < 1e-10
+            program = QuadraticProgram(B=B, b=B @ x_any, w=rng.uniform(0.1, 1.0, 4), C=C, d=d)
+            best = best_by_trying(B, program.b, lower, upper, program.w)
+            assert program.residuals(best).largest < 1e-10
             if reach < 1:  # the demand, with more preload than it takes
-                assert programme.residuals(x_any).largest > 1e-3
+                assert program.residuals(x_any).largest > 1e-3
             for size in (1e-6, 1e-2, 1.0):
                 other = np.clip(best + size * rng.normal(size=4), lower, upper)
                 moved = float(np.max(np.abs(other - best)))  # not at all out of a corner
-                assert moved < size / 100 or programme.residuals(other).largest > 1e-9
-                assert programme.residuals(best + size * np.array([1, 0, 0, 0])).largest > 1e-9
+                assert moved < size / 100 or program.residuals(other).largest > 1e-9
+                assert program.residuals(best + size * np.array([1, 0, 0, 0])).largest > 1e-9
 
 
 def test_the_closed_form_knows_boxes_of_any_kind() -> None:
@@ -94,7 +94,7 @@ def test_the_closed_form_knows_boxes_of_any_kind() -> None:
         assert shared == pytest.approx(best, abs=1e-9)
 
 
-def test_two_drives_are_solved_alike_as_gears_as_a_matrix_and_by_both_ways() -> None:
+def test_two_drives_agree_as_gears_as_matrix_and_by_both_solvers() -> None:
     gears = Allocator(PAPER, min_torque=0.02, max_torque=0.3)
     ways = [
         gears,
@@ -111,7 +111,7 @@ def test_two_drives_are_solved_alike_as_gears_as_a_matrix_and_by_both_ways() -> 
         assert first.torques[1] < 0 < first.torques[0]
 
 
-def test_the_missing_torque_of_several_joints_is_as_short_as_can_be() -> None:
+def test_missing_joint_torques_are_reported_briefly() -> None:
     allocator = Allocator(THREE, min_torque=0.05, max_torque=1.0)
     demand = np.array([3.0, 1.0])
     result = allocator.allocate(demand)
@@ -125,7 +125,7 @@ def test_the_missing_torque_of_several_joints_is_as_short_as_can_be() -> None:
     assert -furthest.fun == pytest.approx(direction @ np.array(THREE) @ result.torques)
 
 
-def test_preload_moves_nothing_and_is_told_along_the_balanced_direction() -> None:
+def test_preload_moves_nothing_along_the_null_direction() -> None:
     allocator = Allocator(THREE, min_torque=0.05, max_torque=1.0)
     v = allocator.bounds.structure.null_vector
     assert np.array(THREE) @ v == pytest.approx(np.zeros(2), abs=1e-12)
@@ -155,7 +155,7 @@ def test_flank_torque_counts_rotor_and_friction() -> None:
     assert allocator.bounds.margin(bare.torques, 3.0) == pytest.approx(-friction * r)
 
 
-def test_rotors_of_several_joints_follow_the_transposed_structure() -> None:
+def test_rotors_of_several_joints_follow_the_transposed_map() -> None:
     allocator = Allocator(THREE, min_torque=0.05, max_torque=1.0, rotor_inertia=(0.01, 0.02, 0.03))
     a = np.array([1.5, -0.5])
     taken = np.array([0.01, 0.02, 0.03]) * (np.array(THREE).T @ a)

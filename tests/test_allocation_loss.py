@@ -71,7 +71,7 @@ def test_a_structure_may_have_a_drive_to_spare() -> None:
     assert np.array(STAR) @ worse.torques == pytest.approx([0.05, -0.05])
 
 
-def test_drives_that_still_hold_a_preload_are_those_that_some_null_vector_uses() -> None:
+def test_preload_is_held_by_the_drives_of_a_null_vector() -> None:
     rng = np.random.default_rng(7)
     kept = 0
     for _ in range(30):
@@ -87,7 +87,7 @@ def test_drives_that_still_hold_a_preload_are_those_that_some_null_vector_uses()
     assert 0 < kept < 90
 
 
-def test_a_loss_in_motion_is_met_at_once_and_the_rest_keeps_its_rate() -> None:
+def test_a_drive_loss_in_motion_is_answered_at_once() -> None:
     whole = Allocator(PAPER, min_torque=0.02, max_torque=0.3, torque_rate=10.0, preload_rate=1.0)
     before = whole.allocate(1.0)
     after = whole.without(2).allocate(1.0, before=before, dt=0.005)

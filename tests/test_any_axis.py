@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmu_instance import Slave
 from front_door import antidrive, write_model
-from slave import Slave
 from target import PAPER, RIGID, built
 
 from allocation import Allocator
@@ -83,7 +83,7 @@ def test_a_linear_axis_is_controlled_by_the_same_numbers() -> None:
 
 @needs_gcc
 @pytest.mark.parametrize("name", TRAINS)
-def test_exported_code_hands_out_the_torques_of_python_for_any_drives(name: str, tmp_path: Path) -> None:
+def test_exported_code_gives_the_torques_of_python(name: str, tmp_path: Path) -> None:
     train = TRAINS[name]
     axis = "linear" if name == "signed" else "rotary"
     model = ServoModel(inertia=2.0, gravity=0.0, viscous_friction=1.5, axis=axis)  # type: ignore[arg-type]
@@ -171,7 +171,7 @@ def test_a_model_is_tried_on_a_bench_of_its_own() -> None:
     print(trial.sentences())
     assert trial.summary()["tracking_rms"] < 2e-3
     assert not trial.summary()["teeth_parted"]
-    assert trial.sentences()[0] == "The test bench is built from the model: 0.02 kg m^2, drives 5.0,-5.0."
+    assert trial.sentences()[0] == "The test-bench simulation is built from the model: 0.02 kg m^2, drives 5.0,-5.0."
     own = run_scenario(parse_scenario("own", SHORT + "[rig]\ninertia = 2.0\n"), model=LIGHT)
     assert own.summary()["tracking_rms"] > 5 * trial.summary()["tracking_rms"]
     assert "that of the scenario, 2.079 kg m^2" in own.sentences()[0]

@@ -126,3 +126,14 @@ def test_no_modules_of_a_package_import_each_other_in_a_circle(package):
     assert circle(graph) == []
     for who, what in excepted:  # none is excepted that need not be
         assert circle({**graph, who: graph[who] | {what}}), (who, what)
+
+
+def test_names_of_tests_are_short_and_unique_in_their_file():
+    names = [
+        (file.name, node.name)
+        for file in (ROOT / "tests").glob("test_*.py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
+    ]
+    assert [name for _, name in names if len(name) > 60] == []
+    assert len(set(names)) == len(names)

@@ -65,7 +65,7 @@ def test_an_executor_gives_the_same_diagnoses_in_order(
     ]
 
 
-def test_without_an_executor_each_is_diagnosed_when_it_is_asked_for(logs: list[Log], alone: list[Diagnosis]) -> None:
+def test_without_executor_logs_are_diagnosed_on_demand(logs: list[Log], alone: list[Diagnosis]) -> None:
     found = diagnose_all(logs, candidates=ASKED)
     assert same(next(found), alone[0])
     assert same(next(found), alone[1])

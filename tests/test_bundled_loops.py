@@ -34,7 +34,7 @@ def played(name: str) -> tuple[dict[str, Any], pd.DataFrame, str]:
 
 
 @pytest.mark.parametrize("name", LOOPS)
-def test_it_tracks_with_the_teeth_together_and_the_page_has_its_numbers(name: str) -> None:
+def test_tracking_keeps_contact_and_the_page_has_its_numbers(name: str) -> None:
     summary, path, page = played(name)
     error = path.angle - path.reference
     assert summary["tracking_rms"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-6)
@@ -46,7 +46,7 @@ def test_it_tracks_with_the_teeth_together_and_the_page_has_its_numbers(name: st
         assert measured(summary[number], summary["std"][number], unit) in page
 
 
-def test_one_drive_crosses_its_gap_at_each_reversal_and_two_do_not() -> None:
+def test_one_drive_crosses_its_backlash_at_reversals_two_do_not() -> None:
     summary, path, page = played("figure7")
     one = summary["single_drive"]
     alone = path.single_drive_angle - path.reference

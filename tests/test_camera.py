@@ -13,7 +13,7 @@ import pytest
 
 from allocation import Bounds, least_effort
 from antidrive.cli import main
-from antidrive.experiments.camera_report import Mean, told, verdict
+from antidrive.experiments.camera_report import Mean, sentences_of, verdict
 from antidrive.experiments.camera_tracking import CameraSettings, Tracked, _foreseen, experiment
 from antidrive.experiments.preload_laws import LAWS, ONE, PLANNED, SHAPED, SIZED, WARM, PreloadLaws, joule
 from antidrive.experiments.settings import read_settings
@@ -55,7 +55,7 @@ def watts(law: str) -> float:
 # Who errs how much.
 
 
-def test_least_effort_errs_no_more_than_constant_preload_at_a_third_of_its_heat() -> None:
+def test_least_effort_tracks_as_well_at_a_third_of_the_loss() -> None:
     assert rms(PLANNED) < 1.02 * rms(SIZED)
     assert watts(PLANNED) < watts(SIZED) / 3
 
@@ -92,7 +92,7 @@ def test_a_path_is_known_for_a_while_and_then_taken_for_straight() -> None:
     np.testing.assert_array_equal(_foreseen(path, 0, 3, 0), np.zeros((2, 3)))
 
 
-def test_without_a_gap_and_friction_of_gears_two_drives_have_nothing_over_each_other() -> None:
+def test_without_backlash_and_gear_friction_two_drives_are_equal() -> None:
     quick = {"duration = 12.0": "duration = 4.0", "targets = 8": "targets = 2"}
     still = settings({**quick, "mesh_friction = 0.03": "backlash = 0.0"})
     tight = experiment(still, 0).rms[1:]
@@ -133,7 +133,7 @@ def test_the_others_are_as_warm_as_least_effort() -> None:
         assert np.mean(np.sum(MADE.split(law, TORQUE, PLAN) ** 2, axis=1)) == pytest.approx(expected)
 
 
-def test_the_load_dependent_preload_falls_until_both_drives_share() -> None:
+def test_load_dependent_preload_falls_until_both_drives_share() -> None:
     without = MADE.split(SHAPED, np.zeros(1), PLAN[:1])[0]
     assert without == pytest.approx([MADE.full, -MADE.full])
     loaded = MADE.split(SHAPED, np.array([1.5 * MADE.full * 161 / 20]), PLAN[:1])[0]
@@ -183,13 +183,13 @@ def test_an_interval_is_students() -> None:
 
 
 def test_the_report_says_so_when_least_effort_errs_more() -> None:
-    worse = told(settings(QUICK), made_up(by=30e-6))
+    worse = sentences_of(settings(QUICK), made_up(by=30e-6))
     assert worse.found["least_error"] != PLANNED
     assert "Least of all errs: least effort" not in worse.said[1]
     assert f"{LAWS[0]}, {LAWS[1]}, {LAWS[2]}, {LAWS[3]} err less" in verdict(made_up(by=30e-6), 0)
     assert "err more" in verdict(made_up(by=-30e-6), 0)
     assert "err as much" in verdict(made_up(by=0.0), 0)
-    assert told(settings(QUICK), made_up(by=-30e-6)).found["least_error"] == PLANNED
+    assert sentences_of(settings(QUICK), made_up(by=-30e-6)).found["least_error"] == PLANNED
 
 
 def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""The capability map against the formulas of the machine, the allocator and a linear programme."""
+"""The capability map against the formulas of the machine, the allocator and a linear program."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from front_door import antidrive, listing
 
 from allocation import Allocator, capability_map
 from antidrive.figures import capability_figure
-from antidrive.page import printed
+from antidrive.html_page import printed
 from plant.gears import GearTrain
 
 MOST = 161 / 20 * (0.25 - 0.01)
@@ -58,13 +58,13 @@ def test_words_and_page_say_the_same(tmp_path):
 def test_the_figure_leaves_out_what_is_out_of_reach():
     allocator = Allocator(GearTrain.paper(), min_torque=0.02, max_torque=0.3)
     found = capability_map(allocator, inertia=2.0, acceleration=[-1.0, 0.0, 1.0], load_torque=[-1.0, 0.0, 2.0])
-    drawn = capability_figure(found).data
+    drawn = [row["map"] for row in capability_figure(found).to_dict()["rows"]]
     assert len(drawn) == 3
     for trace, values in zip(drawn, (found.least_preload, found.margin, found.heat), strict=True):
-        expected = np.where(found.reachable, values, np.nan).T
-        np.testing.assert_allclose(np.asarray(trace.z, dtype=float), expected, rtol=1e-5)
+        expected = np.where(found.reachable, values, np.nan)
+        np.testing.assert_allclose(np.asarray(trace["z"], dtype=float), expected, rtol=1e-3)
         assert np.isnan(expected[2, 2])
-        assert list(trace.x) == [-1.0, 0.0, 1.0]
+        assert trace["x"] == [-1.0, 0.0, 1.0]
 
 
 @pytest.mark.parametrize(
@@ -73,8 +73,8 @@ def test_the_figure_leaves_out_what_is_out_of_reach():
         (("--inertia", "0"), "inertia"),
         (("--inertia", "nan"), "inertia"),
         (("--min-torque", "1"), "min_torque"),
-        (("--min-torque", "0.3"), "takes all the torque"),
-        (("--motor-friction", "5"), "takes all the torque"),
+        (("--min-torque", "0.3"), "takes all of max_torque"),
+        (("--motor-friction", "5"), "takes all of max_torque"),
         (("--rotor-inertia", "-1"), "rotor_inertia"),
     ],
 )

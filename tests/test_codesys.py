@@ -45,7 +45,7 @@ def read(folder, content, name="log.trace.csv"):
 @pytest.mark.parametrize(
     ("flags", "factor", "unit"), [("16", 1e3, "ms"), ("32", 1e6, "us"), ("36", 1e6, "us"), ("20", 1e3, "ms")]
 )
-def test_each_variable_has_its_clock_in_the_unit_that_the_flags_tell(tmp_path, flags, factor, unit):
+def test_each_variable_has_its_clock_in_the_unit_of_its_flags(tmp_path, flags, factor, unit):
     table = read(tmp_path, trace(VARIABLES, flags=flags, unit=factor))
     assert list(table.columns) == list(VARIABLES)
     assert table.units == {"time": unit}
@@ -93,7 +93,7 @@ def test_refused_in_one_sentence(tmp_path, kind):
     check_sentence(str(caught.value))
 
 
-def test_damaged_traces_are_read_as_what_they_still_say_or_refused(tmp_path):
+def test_damaged_traces_are_read_in_part_or_refused(tmp_path):
     rng = np.random.default_rng(0)
     sound = bytearray(trace(VARIABLES).encode())
     for _ in range(60):

@@ -10,8 +10,8 @@ import pytest
 from sample_logs import motion, text
 
 from identification import Log, MalformedLog, MissingColumns
+from identification.reading.column_meaning import AMONG_OTHERS, OWN, SYNONYM, meaning
 from identification.reading.headings import heading
-from identification.reading.meaning import AMONG_OTHERS, OWN, SYNONYM, meaning
 
 CASES = Path(__file__).parents[1].parent / "shared" / "cases"
 SOUND = motion(samples=600)
@@ -123,7 +123,7 @@ def test_counts_are_no_radians(csv):
     assert Log.read(path, units={"angle": "mrad"}).axis == "rotary"
 
 
-def test_a_unit_that_the_user_gives_comes_before_that_of_the_heading(csv):
+def test_the_users_unit_overrides_the_heading(csv):
     columns = {"time": TIME, "torque": TORQUE, "Angle (deg)": 1e3 * ANGLE}
     assert same(Log.read(csv(columns), units={"angle": "mrad"}))
 
@@ -150,7 +150,7 @@ def test_a_matrix_without_names_and_time(tmp_path):
         Log.read(path, mapping={"torque": "1", "angle": "2"})
 
 
-def test_a_torque_that_is_as_the_speed_is_believed_where_its_unit_is_stated(csv):
+def test_a_torque_like_the_speed_needs_a_stated_unit(csv):
     speed = motion(samples=3000)
     columns = {"time": speed["time"], "angle": speed["angle"]}
     (fault,) = Log.read(csv(columns | {"torque": speed["velocity"]})).faults
@@ -184,7 +184,7 @@ def test_all_that_is_missing_is_said_at_once(csv):
     assert shlex.split(caught.value.options)[-1] == "angle=angle a"
 
 
-def test_where_the_surest_names_are_two_no_less_sure_one_is_taken(csv):
+def test_two_equally_sure_effects_exclude_a_less_sure_one(csv):
     with pytest.raises(MissingColumns, match="the command"):
         Log.read(csv({"time": TIME, "tau": TORQUE, "trq": TORQUE, "Load torque": TORQUE, "angle": ANGLE}))
 
@@ -200,7 +200,7 @@ class Plain:
     torque_map = np.array([1.0, 1.0])
 
 
-def test_a_speed_does_not_stand_in_for_an_angle_that_is_not_clear(csv):
+def test_a_speed_does_not_replace_an_ambiguous_angle(csv):
     path = csv({"time": TIME, "torque": TORQUE, "angle a": ANGLE, "angle b": ANGLE, "velocity": SOUND["velocity"]})
     with pytest.raises(MissingColumns, match="the response"):
         Log.read(path)

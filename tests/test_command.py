@@ -68,7 +68,7 @@ def test_a_current_with_its_torque_constant_is_a_torque(in_torque):
     ("column", "unit", "said"),
     [("current", "A", "per ampere"), ("voltage", "V", "per volt"), ("duty", "duty", "per unit of duty")],
 )
-def test_parameters_are_per_unit_of_a_command_whose_scale_nobody_knows(in_torque, column, unit, said, tmp_path):
+def test_parameters_are_per_unit_of_an_unscaled_command(in_torque, column, unit, said, tmp_path):
     log = Log.from_arrays(**{"time": TIME, column: 8.0 * TORQUE, "angle": ANGLE})
     assert said in log.notes[0]
     assert log.command_unit == unit
@@ -130,7 +130,7 @@ def test_a_model_file_of_before_is_in_newton_metres(tmp_path):
     assert read_model(tmp_path / "model.json").model.torque_unit is None
 
 
-def test_a_position_servo_with_known_gains_is_identified_from_its_set_point():
+def test_a_position_servo_is_identified_from_its_set_point():
     kp, kd, setpoint = 6.0, 0.3, -np.pi / 2 + excited(1.0)
     angle = moved(kp * setpoint, kp, kd)
     log = Log.from_arrays(time=TIME, setpoint=setpoint, angle=angle, kp=kp, kd=kd)
@@ -195,7 +195,7 @@ def test_gear_trains_and_ratios_are_read():
             Ratios.parse(text)
 
 
-def test_two_motors_of_a_strangers_log_are_added_and_that_is_said():
+def test_the_torques_of_two_motors_are_added_and_reported():
     path = LOGS / "03-hidden-gears" / "log.csv"
     if not path.exists():
         pytest.skip("the case of hidden gears is not here")

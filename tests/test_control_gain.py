@@ -9,7 +9,7 @@ from functools import cache
 
 import pytest
 from closed_machine import Tracking, swing, track
-from hidden import CASES
+from hidden_effects import CASES
 from machine import Machine, excitation, record
 
 from identification.fit import fit

@@ -109,7 +109,7 @@ def test_a_hanging_pendulum_rests_where_gravity_is_stable(name):
         assert 6 < run.command_limit < 13
 
 
-def test_kscale_gravity_comes_out_positive_and_in_proportion_to_the_mass_torque():
+def test_kscale_gravity_is_positive_and_proportional_to_the_load():
     """Held against gravity at a slow sweep, the motor gives a voltage alpha cos x."""
     runs = [run for run in load_dataset("kscale", folder("kscale")).estimation.runs if "sin_sin" in run.label]
     alphas = [regression(run, [gravity, coulomb], 31)[0][2] for run in runs]

@@ -78,7 +78,7 @@ def told_and_seen(log: Log, model: ServoModel, initial: np.ndarray, bandwidth: f
 
 
 @pytest.mark.parametrize("colour", COLOURS)
-def test_the_response_to_a_constant_torque_is_what_the_predictor_does_with_an_offset(colour: tuple[float, ...]) -> None:
+def test_constant_torque_response_equals_a_predicted_offset(colour: tuple[float, ...]) -> None:
     command = excitation(3, duration=10.0)
     log = record(Machine(), command, load_torque=load_fluctuation(1, 0.05, (command.size, 1))).log()
     found = fit(log, ServoModel.paper())
@@ -88,7 +88,7 @@ def test_the_response_to_a_constant_torque_is_what_the_predictor_does_with_an_of
 
 
 @pytest.mark.parametrize("colour", COLOURS)
-def test_it_stands_where_the_observer_goes_whatever_the_colour_of_the_noise(colour: tuple[float, ...]) -> None:
+def test_an_extension_that_removes_the_observer_is_accepted(colour: tuple[float, ...]) -> None:
     """Corrections of half a radian: with gravity, which bends with the angle, the place makes the slope."""
     log = record(Machine(gravity=40.0), excitation(3, duration=5.0), noise=0.5).log()
     model = ServoModel(inertia=2.0, gravity=40.0, viscous_friction=0.8)

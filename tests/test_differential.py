@@ -13,7 +13,7 @@ import pytest
 from antidrive.cli import main
 from antidrive.experiments.differential import DifferentialSettings
 from antidrive.experiments.settings import read_settings
-from antidrive.page import printed
+from antidrive.html_page import printed
 from antidrive.scenario import scenario_text
 from identification import Log, lost_motion
 from plant.errors import BadParameter
@@ -57,7 +57,7 @@ def test_a_load_that_stands_leaves_17_bits_less_certain(summary: Any) -> None:
         assert abs(case["gaps"][0]["value"] - case["gap"]) < 3.5 * case["gaps"][0]["std"]
 
 
-def test_stiffness_and_friction_that_grows_with_the_load_are_found(summary: Any) -> None:
+def test_stiffness_and_load_dependent_friction_are_found(summary: Any) -> None:
     assert summary["stiffness"]["value"] == pytest.approx(2e4, rel=2e-3)
     assert summary["friction_coefficient"]["value"] == pytest.approx(0.05, rel=5e-3)
     damped = 5e-4 * 99.2307 + 6.0 * 7.4 / 2e4  # of the motor, and the damping of the teeth at the speed of the sweep

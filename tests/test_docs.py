@@ -169,7 +169,7 @@ def test_the_citation_is_of_this_version() -> None:
     assert "## [Unreleased]" in changes or f"## [{project['version']}]" in changes
 
 
-def test_the_list_for_adding_an_effect_names_files_that_there_are() -> None:
+def test_the_list_for_adding_an_effect_names_existing_files() -> None:
     listed = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     files = re.findall(r"`?((?:plant|tests|benchmarks)/[\w/]+\.py)", listed)
     assert len(files) > 6

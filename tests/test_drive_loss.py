@@ -70,7 +70,7 @@ def test_until_a_loss_is_known_the_other_drive_pushes_alone(drive: int) -> None:
     assert np.max(np.abs(played.angle - REFERENCE)) < 2e-3
 
 
-def test_motors_are_not_asked_where_the_load_is_once_the_loss_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_motor_encoders_are_ignored_after_a_known_drive_loss(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[bool] = []
     step = Controller.step
 
@@ -148,7 +148,7 @@ def test_the_moments_are_what_they_are_called() -> None:
     assert push[braking] == pytest.approx(-1.2, rel=1e-3)
 
 
-def test_the_later_a_loss_is_known_the_further_the_load_is_pushed() -> None:
+def test_a_later_reported_loss_pushes_the_load_further() -> None:
     changes = {"runs = 3": "runs = 1", "span = 1.0": "span = 0.02", "detection = 0.02": "detection = 0.1"}
     late = experiment(settings(changes), 0)
     assert late.peak[1, 0] > 3.0 * losses().peak[1, 0]  # drive 1 pushes with gravity; against it friction holds

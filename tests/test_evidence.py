@@ -13,12 +13,12 @@ from diagnosis.by_sets import SetDiagnosis, diagnose
 from diagnosis.evidence.discrepancy import _at
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import families_along, weigh
-from identification.certainty import fit_of
 from identification.fit import fit
 from identification.least_squares import bounded_least_squares
 from identification.log import Log
 from identification.predictor import Predictor
 from identification.problem import Problem
+from identification.standard_errors import fit_with_errors
 from plant.effects import CoulombFriction
 from plant.servo import ServoModel
 
@@ -59,7 +59,7 @@ def test_where_nothing_is_hidden_nothing_is_missing() -> None:
     assert found.posterior.best.weighed.share < 1e-3
 
 
-def test_what_no_name_explains_is_unknown_and_its_size_is_learned() -> None:
+def test_an_unexplained_torque_is_unknown_and_its_size_learned() -> None:
     found = diagnose(with_smooth_torque(log_of(7, noise=1e-5), 0.03), candidates=FEW)
     assert names(found) == []
     assert found.verdict == "unknown"
@@ -67,7 +67,7 @@ def test_what_no_name_explains_is_unknown_and_its_size_is_learned() -> None:
     assert 0.03 / 4.0 < found.posterior.best.weighed.share < 0.03 * 4.0
 
 
-def test_a_cause_larger_than_the_unmodelled_torque_keeps_its_name() -> None:
+def test_an_effect_above_the_unmodelled_torque_keeps_its_name() -> None:
     hidden = log_of(8, coulomb_friction={"torque": 0.5})
     found = diagnose(with_smooth_torque(hidden, 0.01), candidates=FEW)
     assert "coulomb_friction" in names(found)
@@ -75,7 +75,7 @@ def test_a_cause_larger_than_the_unmodelled_torque_keeps_its_name() -> None:
 
 
 @pytest.mark.parametrize("size", [0.03, 0.1])
-def test_beside_the_discrepancy_parameters_are_nearer_to_the_truth_than_by_least_squares(size: float) -> None:
+def test_the_discrepancy_brings_parameters_nearer_to_the_truth(size: float) -> None:
     log = with_smooth_torque(log_of(8, coulomb_friction={"torque": 0.5}), size)
     model = ServoModel.paper().with_effect(CoulombFriction(torque=0.5))
     plain = fit(log, model)
@@ -83,7 +83,7 @@ def test_beside_the_discrepancy_parameters_are_nearer_to_the_truth_than_by_least
     slower = Problem.of(log, model).minimise(
         Problem.of(log, model).pack(plain.model.values, plain.initial), plain.bandwidth / 4.0, 0.0
     )
-    least_squares = fit_of(Problem.of(log, model), plain.bandwidth / 4.0, slower, 0)
+    least_squares = fit_with_errors(Problem.of(log, model), plain.bandwidth / 4.0, slower, 0)
     beside = weigh(least_squares, {"dead_zone"}, families, catalogue=5, observer=plain.bandwidth)  # type: ignore[arg-type]
     assert beside is not None
     error = [abs(found.model.inertia - 2.0) for found in (least_squares, beside.fit)]
@@ -108,7 +108,7 @@ def test_a_given_load_acts_as_a_torque_on_the_load() -> None:
     )
 
 
-def test_probabilities_of_the_sets_sum_to_one_and_a_name_has_those_of_its_sets() -> None:
+def test_set_probabilities_sum_to_one_and_add_up_per_effect() -> None:
     posterior = diagnose(log_of(4, coulomb_friction={"torque": 0.18}), candidates=FEW).posterior
     assert sum(posterior.probabilities) == pytest.approx(1.0)
     pairs = list(zip(posterior.sets, posterior.probabilities, strict=True))

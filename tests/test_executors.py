@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 import pytest
 from distributed import Client
-from swung_load import BY_FLANK, RIG, swing
+from raised_load import BY_FLANK, RIG, swing
 
 from mpc import MonteCarlo, monte_carlo
 from plant.executors import in_order

@@ -15,17 +15,17 @@ from machine import Machine, excitation, record
 
 import diagnosis.experiment.separating as separating
 from diagnosis import Experiment, Limits, rivals_of, separating_experiment
-from diagnosis.experiment.reshaping import changed, rearranged
+from diagnosis.experiment.reshaping import rearranged, reshaped
 from diagnosis.experiment.separation import Rival, Trial, noise_factor
 from diagnosis.experiment.signal_design import Design
 from diagnosis.experiment.signal_families import Signal, shapes
-from identification.certainty import fit_of
 from identification.errors import MalformedLog
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.observer_gain import observer_gain
 from identification.problem import Problem
 from identification.reading.files import read_table
+from identification.standard_errors import fit_with_errors
 from plant import BadParameter, ServoModel, catalogue, simulate
 from plant.effects import InputDelay, QuadraticDrag
 from plant.simulation import beginning
@@ -47,7 +47,7 @@ def near(model: ServoModel, log: Log) -> Fit:
     """The fit of a model whose values are nearly right already."""
     problem = Problem.of(log, model)
     start = problem.minimise(problem.pack(model.values, np.zeros((1, 2))), 30.0, 0.0, iterations=6)
-    return problem.descend(fit_of(problem, 30.0, start, 0))
+    return problem.descend(fit_with_errors(problem, 30.0, start, 0))
 
 
 @lru_cache
@@ -117,11 +117,11 @@ def test_reshaping_goes_beyond_every_family() -> None:
     assert designed("lag").separation > 1.2 * task("lag").leaders()[0].log_odds
 
 
-def test_a_change_is_as_large_as_asked_for_and_local_or_everywhere() -> None:
+def test_a_reshaped_signal_changes_by_the_size_asked_for() -> None:
     torque = np.linspace(-1.0, 2.0, 400)
-    assert changed(torque, 0.0, np.random.default_rng(0)) == pytest.approx(torque, abs=1e-12)
+    assert reshaped(torque, 0.0, np.random.default_rng(0)) == pytest.approx(torque, abs=1e-12)
     rng = np.random.default_rng(1)
-    moves = np.array([changed(torque, 0.1, rng) - torque for _ in range(400)])
+    moves = np.array([reshaped(torque, 0.1, rng) - torque for _ in range(400)])
     assert 0.02 < np.abs(moves).max(axis=1).mean() < 0.2
     moved = (np.abs(moves) > 1e-9).mean(axis=1)
     assert (moved < 0.1).any()
@@ -177,7 +177,7 @@ def test_without_a_duration_it_is_as_short_as_settles_it(monkeypatch: pytest.Mon
     assert separating._chirp_duration(lambda length: replace(design, duration=length), ladder) == np.inf
 
 
-def test_a_servo_that_is_40_times_slower_gets_the_same_experiment_40_times_longer() -> None:
+def test_experiments_scale_with_the_speed_of_the_servo() -> None:
     """Once its signals were a chirp to 30 Hz or a few samples long, whatever the log."""
     slower = 40.0
     _, *quick = rivals("lag")
@@ -227,7 +227,7 @@ def test_a_plain_chirp_has_the_best_of_its_amplitudes() -> None:
     assert max(others) > 1.2 * others[0]
 
 
-def test_the_order_of_attempts_at_mimicry_changes_nothing_but_the_time() -> None:
+def test_order_of_refits_changes_only_the_time() -> None:
     design = task("presliding")
     found = design.leaders()[0]
     worth, weakest = found.trial.settled(design.start)
@@ -285,7 +285,7 @@ def test_what_the_log_left_open_is_free() -> None:
 
 
 def test_one_model_against_itself_is_said_to_be_inseparable(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Design, "refined", lambda design, found, rng: found)
+    monkeypatch.setattr(Design, "multistart_refit", lambda design, found, rng: found)
     first = rivals("load")[1]
     experiment = separating_experiment(first, first, LIMITS, duration=0.1)
     assert not experiment.separable
@@ -340,7 +340,7 @@ def test_impossible_experiments_are_refused(limits: Limits, duration: float, wor
         separating_experiment(first, second, limits, duration=duration)
 
 
-def test_where_friction_holds_the_machine_a_signal_too_weak_to_move_it_tells_nothing() -> None:
+def test_a_signal_below_breakaway_separates_nothing() -> None:
     _, first, second = rivals("load")
     experiment = separating_experiment(first, second, Limits(torque=4.0, speed=1e-9), duration=1.0)
     assert np.ptp(experiment.predictions[0]) < 1e-9
@@ -363,13 +363,13 @@ def test_waves_have_a_peak_of_one_and_the_length_asked_for(signal: Signal) -> No
     assert np.abs(torque - 0.1).max() > 1.5
 
 
-def test_a_special_case_cannot_be_told_from_the_general_form_by_being_true() -> None:
+def test_a_true_special_case_is_not_told_from_its_general_form() -> None:
     _, general, special = (Rival.of(fit) if isinstance(fit, Fit) else fit for fit in rivals("presliding"))
     assert general.contains(special)
     assert not special.contains(general)
 
 
-def test_the_louder_noise_of_an_observer_is_what_a_filter_of_white_noise_shows() -> None:
+def test_observer_noise_matches_filtered_white_noise() -> None:
     bandwidth, step, count = 20.0, 0.005, 200_000
     noise = np.random.default_rng(3).standard_normal(count)
     alpha, beta = observer_gain(bandwidth, np.array([step]))[:, 0]
@@ -382,7 +382,7 @@ def test_the_louder_noise_of_an_observer_is_what_a_filter_of_white_noise_shows()
     assert noise_factor(0.0, step) == 1.0
 
 
-def test_the_rivals_of_an_ambiguous_diagnosis_are_its_model_and_the_best_alternative() -> None:
+def test_an_ambiguous_diagnosis_compares_its_two_best_models() -> None:
     _, extended, alternative = rivals("lag")
     cause = SimpleNamespace(effect="actuator_lag", probability=0.6, alternatives=(("input_delay", 0.4),), missing=1.0)
     screened = SimpleNamespace(effect="input_delay", evidence=9.0, fitted=None)

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from front_door import antidrive, columns, write_csv
 from machine import Machine, excitation, record
-from test_unknown import Windage
+from test_unknown_causes import Windage
 
-from antidrive.page import printed
+from antidrive.html_page import printed
 from diagnosis import Diagnosis, Experiment, diagnose
 from diagnosis.experiment.signal_families import Signal
-from diagnosis.explanation.contest import AGAIN, NOTICED, Contest, contest_of
+from diagnosis.explanation.cumulative_evidence import cumulative_evidence, residual_over_variable
 from diagnosis.explanation.detectable import detectable
-from diagnosis.explanation.evidence_picture import gathered, shown
-from diagnosis.explanation.wording import measured, percent, power
+from diagnosis.explanation.hypothesis_comparison import AGAIN, NOTICED, HypothesisComparison, comparison_of
+from diagnosis.explanation.wording import measured, percent, strength
 from diagnosis.holdout import gain_errors
-from diagnosis.odds import NONE, probabilities
+from diagnosis.model_probability import NONE, probabilities
 from diagnosis.result import Candidate
 from identification.log import Log
 from plant import ServoModel
@@ -61,8 +61,8 @@ def nameless() -> Diagnosis:
 
 
 def numbers(text: str) -> list[float]:
-    """The exponents of e and the signed log-likelihoods in a sentence, in order."""
-    return [float(n) for n in re.findall(r"(?:e\^|log-likelihood |against )([+-]?\d[\d.e+-]*\d|\d)", text)]
+    """The rises of the log-likelihood and the log Bayes factors in a sentence, in order."""
+    return [float(n) for n in re.findall(r"(?:by |log Bayes factor )(-?\d+(?:\.\d+)?)", text)]
 
 
 def test_the_margin_is_that_of_the_round() -> None:
@@ -76,31 +76,27 @@ def test_the_margin_is_that_of_the_round() -> None:
     assert [c.effect for c in (contest.leader, *contest.rivals)] == [*asked, "none"]
     assert found.explain().short == (reason.sentences[0],)
     said = numbers(reason.sentences[0])
-    expected = [first.evidence - second.evidence, first.evidence, second.evidence, first.score - second.score]
-    assert said == pytest.approx([abs(expected[0]), *expected[1:]], rel=0.01)
-    pays = float(re.search(r"as presliding hysteresis pays ([\d.]+) more", reason.sentences[0])[1])
-    assert pays == pytest.approx(expected[3] - expected[0], rel=0.01)
+    assert said == pytest.approx([first.evidence, second.evidence, first.score - second.score], rel=0.01)
+    assert "runner-up, presliding hysteresis" in reason.sentences[0]
     shares = np.exp([c.score for c in (contest.leader, *contest.rivals)] - np.array(contest.leader.score))
     told = [c.probability for c in (contest.leader, *contest.rivals)]
     assert shares / shares.sum() == pytest.approx(told, rel=1e-6)
 
 
-def test_a_name_without_a_rival_stands_against_none_and_a_better_rival_is_admitted() -> None:
+def test_a_lone_effect_is_tested_against_none() -> None:
     found = friction()
     (cause,) = found.causes
     alone = replace(found, candidates=tuple(c for c in found.candidates if c.effect == "coulomb_friction"))
     said = alone.explain().short[0]
-    assert "no other effect came near" in said
+    assert "no other effect comes near" in said
     first = next(c for c in alone.candidates if c.round == 1)
     assert numbers(said) == pytest.approx([first.evidence, first.visible], rel=0.01)
     rival = replace(first, effect="stribeck_friction", evidence=first.evidence + 3.0, score=first.score - 4.0)
     said = replace(found, candidates=(first, rival)).explain().short[0]
-    assert "likelier with the runner-up, Stribeck friction, than with Coulomb friction" in said
-    assert numbers(said)[0] == pytest.approx(3.0, rel=0.01)
-    assert "as Stribeck friction pays 7 more" in said
-    assert "e^4 (55) to 1 for Coulomb friction" in said
+    assert numbers(said) == pytest.approx([first.evidence, first.evidence + 3.0, 4.0], rel=0.01)
+    assert said.endswith("for Coulomb friction against Stribeck friction is strong (log Bayes factor 4).")
     weighed = replace(cause, evidence=123.0, probability=0.8, alternatives=(("stribeck_friction", 0.2),))
-    again = contest_of(replace(found, causes=(weighed,)), weighed)
+    again = comparison_of(replace(found, causes=(weighed,)), weighed)
     assert again.round == AGAIN
     said = replace(found, causes=(weighed,)).explain().short[0]
     assert numbers(said) == pytest.approx([123.0, np.log(4.0)], rel=0.01)
@@ -117,9 +113,9 @@ def test_size_gain_and_rest_are_the_numbers_of_the_diagnosis() -> None:
     assert f"cut by {percent(gain.cut, error.cut)}, from {before} to {after} rms" in told
     floor = gain.noise_floor
     assert f"{measured(gain.held_out_rms_after / floor, error.after / floor)} times the noise floor" in told
-    missing = found.missing_before
-    assert f"lacks a torque of {measured(missing.rms, missing.rms_std, 'N m')} rms" in told
-    assert f"{percent(found.whiteness)} can still be predicted" in told
+    missing = found.residual_before
+    assert f"the residual torque of the base model is {measured(missing.rms, missing.rms_std, 'N m')} rms" in told
+    assert f"From their past {percent(found.whiteness)} of the variance" in told
     worse = replace(gain, held_out_rms_after=1.5 * gain.held_out_rms_before)
     assert "raised by 50" in str(replace(found, gain=worse).explain())
 
@@ -128,22 +124,22 @@ def test_the_evidence_adds_up_and_its_moments_are_told() -> None:
     found = friction()
     (reason,) = found.explain().reasons
     total = found.extended.log_likelihood - found.base.log_likelihood
-    assert reason.gathered is not None
-    assert reason.gathered.evidence[-1] == pytest.approx(total, rel=1e-3)
-    assert reason.gathered.densest[0] < 0.2
+    assert reason.cumulative_evidence is not None
+    assert reason.cumulative_evidence.evidence[-1] == pytest.approx(total, rel=1e-3)
+    assert reason.cumulative_evidence.densest[0] < 0.2
     assert "comes from the whole log" in str(found.explain())
     extended, base = found.extended, found.base
-    moment = (reason.gathered.time > 9.0) & (reason.gathered.time < 10.0)
+    moment = (reason.cumulative_evidence.time > 9.0) & (reason.cumulative_evidence.time < 10.0)
     lone = replace(base, innovations=np.where(moment, 4.0, 1.0) * extended.innovations, noise_std=extended.noise_std)
-    share, when = gathered(lone, extended).densest
+    share, when = cumulative_evidence(lone, extended).densest
     assert share > 0.5
     assert when == pytest.approx(9.5, abs=1.5)
-    assert "look there for a fault of the data" in str(replace(found, base=lone).explain())
+    assert "Look there for a fault in the data" in str(replace(found, base=lone).explain())
 
 
 def test_the_missing_torque_shows_the_jump_that_was_hidden() -> None:
     found = friction()
-    seen = found.explain().reasons[0].shown
+    seen = found.explain().reasons[0].residual_over_variable
     assert seen is not None
     assert (seen.variable, seen.unit, seen.torque_unit) == ("velocity", "rad/s", "N m")
     np.testing.assert_allclose(seen.predicted, seen.before - seen.after, atol=1e-12)
@@ -154,13 +150,13 @@ def test_the_missing_torque_shows_the_jump_that_was_hidden() -> None:
 
 
 def test_a_model_that_leaves_more_torque_missing_shows_nothing() -> None:
-    assert shown(friction().base, friction().extended) is not None
-    assert shown(friction().extended, friction().base) is None
+    assert residual_over_variable(friction().base, friction().extended) is not None
+    assert residual_over_variable(friction().extended, friction().base) is None
 
 
 def test_what_lags_or_bends_shows_over_no_variable() -> None:
     (reason,) = late().explain().reasons
-    assert reason.shown is None
+    assert reason.residual_over_variable is None
     assert "shows it over no single variable" in " ".join(reason.sentences)
 
 
@@ -172,15 +168,15 @@ def test_each_of_several_causes_is_weighed_beside_the_others() -> None:
         assert reason.effect == cause.effect
         assert reason.contest is not None
         assert not {c.effect for c in reason.contest.rivals} & {other.effect for other in found.causes}
-        assert reason.gathered is not None
-        assert 100.0 < reason.gathered.evidence[-1] < together - 10.0
-        costs = re.search(r"costs ([\d.]+) in log-likelihood", " ".join(reason.sentences))
+        assert reason.cumulative_evidence is not None
+        assert 100.0 < reason.cumulative_evidence.evidence[-1] < together - 10.0
+        costs = re.search(r"the extended model falls by ([\d.]+)\.", " ".join(reason.sentences))
         if reason.contest.round != AGAIN:
             assert costs is not None
-            assert float(costs[1]) == pytest.approx(reason.gathered.evidence[-1], rel=0.01)
+            assert float(costs[1]) == pytest.approx(reason.cumulative_evidence.evidence[-1], rel=0.01)
 
 
-def test_rivals_that_the_log_cannot_tell_apart_are_told_with_their_marks_and_the_experiment() -> None:
+def test_competing_hypotheses_come_with_signature_and_experiment() -> None:
     found = late()
     assert found.verdict == "ambiguous"
     experiment = Experiment(
@@ -199,16 +195,16 @@ def test_rivals_that_the_log_cannot_tell_apart_are_told_with_their_marks_and_the
     )
     explained = found.explain(experiment)
     text = str(explained)
-    assert "this log does not tell " in text
+    assert "This log does not tell " in text
     assert "the reading trails by a time" in text
     assert "phase falls with frequency" in text
-    assert "the two are known to look alike" in text
+    assert "the two are known to be confounded" in text
     assert str(experiment) in text
     assert str(experiment) not in str(found.explain())
     assert "does not tell" not in str(friction().explain())
 
 
-def test_sizes_that_could_hide_are_those_at_which_something_begins_to_be_noticed() -> None:
+def test_hidden_sizes_are_those_at_the_detection_threshold() -> None:
     found = clean()
     sizes = detectable(found.base, [c for c in found.candidates if c.round == 1])
     assert set(sizes) == {"torque_offset", "quadratic_drag"}
@@ -229,16 +225,18 @@ def test_names_that_are_not_believed_are_told_with_their_odds() -> None:
     assert found.verdict == "unknown"
     (reason,) = found.explain().reasons
     assert reason.effect is None
-    contest = Contest.of_round(found.candidates, 1)
+    contest = HypothesisComparison.of_round(found.candidates, 1)
     assert contest.something == pytest.approx(np.log(1 / contest_none(contest) - 1), rel=1e-6)
     if contest.something < NOTICED:
-        assert f"are {power(contest.something)} to 1, and {power(NOTICED)} to 1 is needed" in reason.sentences[0]
-    assert "curve over velocity without a name" in " ".join(reason.sentences)
+        assert (
+            f"is missing is {strength(contest.something)}; a log Bayes factor of {NOTICED:.3g}" in reason.sentences[0]
+        )
+    assert "A curve over velocity raises the log-likelihood" in " ".join(reason.sentences)
     dearer = tuple(replace(c, score=c.score + 100.0) for c in found.candidates)
-    assert "did not hold up" in replace(found, candidates=dearer).explain().short[0]
+    assert "it is rejected" in replace(found, candidates=dearer).explain().short[0]
 
 
-def contest_none(contest: Contest) -> float:
+def contest_none(contest: HypothesisComparison) -> float:
     return next(c.probability for c in (contest.leader, *contest.rivals) if c.effect == NONE)
 
 
@@ -257,9 +255,9 @@ def test_who_took_part_is_told() -> None:
         candidate("input_delay", 7.25, 3.0, refitted=False),
     )
     text = str(replace(found, candidates=tried).explain())
-    assert "It won as Stribeck friction; beside what was found later, only this special case" in text
-    assert "Asymmetric friction fits as well but says no more" in text
-    assert "In round 1 of the search 3 of 4 effects earned a full fit" in text
+    assert "It was found as Stribeck friction. Beside the effects found later only this special case" in text
+    assert "Asymmetric friction fits no better" in text
+    assert "In round 1 of the search 3 of 4 effects were fitted" in text
     assert "input delay promised most (+7.25)" in text
 
 
@@ -274,18 +272,25 @@ def test_an_effect_of_ones_own_has_its_title_and_its_mark() -> None:
     model = ServoModel.paper().with_effect(Ducts(drag=0.01))
     cause = replace(found.causes[0], effect="duct_air", parameters={})
     text = str(replace(found, causes=(cause,), extended=replace(found.extended, model=model)).explain())
-    assert "Why air in the ducts. The data are" in text
-    assert "Its mark: a roar." in text
+    assert "Why air in the ducts. Air in the ducts raises" in text
+    assert "Its signature: a roar." in text
 
 
-@pytest.mark.parametrize(("log_odds", "said"), [(0.0, "e^0 (1)"), (2.25, "e^2.25 (9.5)"), (10.6, "e^10.6 (40 000)")])
-def test_odds_in_words(log_odds: float, said: str) -> None:
-    assert power(log_odds) == said
-    assert power(314.159) == "e^314"
-    assert power(12345.6) == "e^12346"
+@pytest.mark.parametrize(
+    ("log_bayes", "said"),
+    [
+        (0.0, "weak (log Bayes factor 0)"),
+        (2.25, "positive (log Bayes factor 2.25)"),
+        (10.6, "decisive (log Bayes factor 10.6)"),
+        (27818.4, "decisive (log Bayes factor 27818)"),
+        (-3.5, "against it (log Bayes factor -3.5)"),
+    ],
+)
+def test_evidence_in_words(log_bayes: float, said: str) -> None:
+    assert strength(log_bayes) == said
 
 
-def test_the_command_prints_the_margin_and_the_report_explains_it_all(monkeypatch, tmp_path) -> None:
+def test_the_report_explains_the_margin_that_is_printed(monkeypatch, tmp_path) -> None:
     found = friction()
     monkeypatch.setattr(import_module("diagnosis.diagnose"), "diagnose", lambda *_, **__: found)
     log = write_csv(tmp_path / "log.csv", columns(duration=4.0))
@@ -297,19 +302,18 @@ def test_the_command_prints_the_margin_and_the_report_explains_it_all(monkeypatc
     page = (tmp_path / "out" / "report.html").read_text()
     for sentence in (*explained.missing, *explained.reasons[0].sentences, *explained.outcome):
         assert printed(sentence) in page
-    pictures = page.split("Its name, and how sure")[1].split("Before and after")[0].split("application/json")[1:]
-    assert [("no effect more" in p, "log-likelihood gained" in p, "what it predicts" in p) for p in pictures] == [
-        (True, False, False),
-        (False, True, False),
-        (False, False, True),
-    ]
+    part = page.split("<h2>Missing effects")[1].split("<h2>Validation error")[0]
+    bars, *pictures = part.split("application/json")
+    assert "no effect more" in bars.split('class="bars"')[1]
+    assert ["along the log" in pictures[0], "the effect as fitted" in pictures[1]] == [True, True]
+    assert len(pictures) == 2
 
 
-def test_overwhelming_and_absent_evidence_are_told_without_overflow() -> None:
+def test_extreme_evidence_is_reported_without_overflow() -> None:
     found = friction()
     for score in (5000.0, -5000.0):
         sure = replace(found.candidates[0], effect="coulomb_friction", evidence=score, score=score, visible=score)
-        contest = Contest.of_round((sure,), sure.round)
+        contest = HypothesisComparison.of_round((sure,), sure.round)
         assert contest.leader.effect == ("coulomb_friction" if score > 0 else "none")
         odds = probabilities({"coulomb_friction": score}, {"coulomb_friction": score})
         assert odds["coulomb_friction"] == pytest.approx(1.0 if score > 0 else 0.0, abs=1e-12)

@@ -94,7 +94,7 @@ def test_single_precision_keeps_limits(limits: dict[str, object], tmp_path: Path
 
 @pytest.mark.parametrize("single", [False, True])
 @pytest.mark.parametrize("name", ["rigid", "late", "lag"])
-def test_nothing_is_undefined_and_the_bounds_hold_whatever_it_is_fed(name: str, single: bool, tmp_path: Path) -> None:
+def test_no_nan_and_bounds_hold_for_any_input(name: str, single: bool, tmp_path: Path) -> None:
     made = export(controller(name), single=single)
     program = built(made.files, tmp_path, "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     rng, wild = np.random.default_rng(0), [np.nan, np.inf, -np.inf, 1e30, -1e18, 1e300, 1e-300, 1e6, 0.0]
@@ -131,7 +131,7 @@ int main(void)
 """
 
 
-def test_controllers_stand_side_by_side_and_take_the_memory_that_is_told(tmp_path: Path) -> None:
+def test_several_controllers_take_the_documented_memory(tmp_path: Path) -> None:
     made = export(controller("rigid"))
     program = built({**made.files, "pair.c": PAIR}, tmp_path, main="pair.c")
     said = subprocess.run([program], capture_output=True, text=True, check=True)
@@ -210,7 +210,7 @@ def test_a_step_takes_less_than_ten_microseconds(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("valgrind") is None, reason="no callgrind here: instructions are not counted")
 @pytest.mark.parametrize("single", [False, True])
-def test_the_instructions_of_a_step_are_in_proportion_to_its_operations(single: bool, tmp_path: Path) -> None:
+def test_instructions_of_a_step_scale_with_its_operations(single: bool, tmp_path: Path) -> None:
     made = export(controller("rigid"), single=single)
     lines = "".join(recorded(controller("rigid"), ahead=False).lines.splitlines(keepends=True)[100:160])
     steps = instructions(built(made.files, tmp_path / "usual", "-O2"), lines)
@@ -293,7 +293,7 @@ def test_what_cannot_be_exported_is_said_in_a_sentence(
     assert listing(tmp_path) == before
 
 
-def test_a_model_that_has_no_drives_or_is_not_there_is_not_exported(tmp_path: Path) -> None:
+def test_a_missing_model_or_one_without_drives_is_not_exported(tmp_path: Path) -> None:
     linear = write_model(tmp_path / "model.json", ServoModel(gravity=0.0, axis="linear"))
     for model, reason in ((linear, "--ratio"), (tmp_path / "absent.json", "cannot be read")):
         spoken = antidrive("export", model, "--out", tmp_path / "out")

@@ -10,7 +10,7 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import diagnose
-from diagnosis.extrapolation import goes_further
+from diagnosis.extrapolation import extrapolation_warning
 from identification.log import Log
 
 
@@ -24,24 +24,24 @@ def swinging(low: float, high: float, period: float = 5.0, axis: str = "rotary")
 
 def test_angles_that_the_log_has_not_reached_are_said() -> None:
     seen = swinging(0.0, 2.0)
-    assert goes_further(seen, seen) is None
-    assert goes_further(swinging(-0.09, 2.09), seen) is None  # hardly further
-    told = goes_further(swinging(-2.0, 2.0), seen)
+    assert extrapolation_warning(seen, seen) is None
+    assert extrapolation_warning(swinging(-0.09, 2.09), seen) is None  # hardly further
+    told = extrapolation_warning(swinging(-2.0, 2.0), seen)
     assert told is not None
     assert told.startswith("48 % of them lie at angles outside 0 to 2 rad")  # beyond a twentieth of the range
 
 
 def test_speeds_are_said_where_the_angles_are_known() -> None:
     seen = swinging(0.0, 2.0, axis="linear")
-    told = goes_further(swinging(0.0, 2.0, period=2.5, axis="linear"), seen)
+    told = extrapolation_warning(swinging(0.0, 2.0, period=2.5, axis="linear"), seen)
     assert told is not None
     assert "speeds outside -1.26 to 1.26 m/s" in told
 
 
-def test_a_diagnosis_that_is_refuted_where_its_log_has_not_been_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_diagnosis_refuted_by_extrapolation_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
     module = import_module("diagnosis.diagnose")
-    monkeypatch.setattr(module, "spoken_against", lambda before, after: "Refuted.")
+    monkeypatch.setattr(module, "falsified_sentence", lambda before, after: "Refuted.")
     machine = Machine().hiding(coulomb_friction={"torque": 0.2})
     log, near, far = (
         record(machine, scale * excitation(seed, duration=10.0), seed=seed, noise=1e-3).log()
@@ -50,6 +50,6 @@ def test_a_diagnosis_that_is_refuted_where_its_log_has_not_been_says_so(monkeypa
     few = ["coulomb_friction"]
     assert "Refuted." in diagnose(log, None, near, candidates=few).warnings
     assert any(
-        warning.startswith("Refuted. ") and "that the log has come by" in warning
+        warning.startswith("Refuted. ") and "of the estimation log" in warning
         for warning in diagnose(log, None, far, candidates=few).warnings
     )

@@ -26,8 +26,8 @@ from plant.effects import (
     StribeckFriction,
     TorqueOffset,
 )
-from plant.effects.curve import CurveOverTorque, CurveOverVelocity
-from plant.effects.varying import FrictionOverTurn
+from plant.effects.nonparametric_curve import CurveOverTorque, CurveOverVelocity
+from plant.effects.parameter_varying import FrictionOverTurn
 from plant.feedforward import Feedforward, feedforward_code
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")

@@ -12,7 +12,7 @@ from plant import ServoModel, catalogue, simulate
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
 from drawn_machines import drawn
-from drawn_machines.look_alikes import TABLE
+from drawn_machines.confounded import TABLE
 from drawn_machines.motion import play
 from drawn_machines.servo import Machine
 from field_scoring import VARIABLES, score

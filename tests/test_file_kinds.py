@@ -191,7 +191,7 @@ def test_a_missing_library_says_what_to_install(tmp_path, monkeypatch, module):
 
 
 @pytest.mark.parametrize("kind", [*KINDS, *PACKED])
-def test_damaged_files_are_read_as_what_they_still_say_or_refused(tmp_path, kind):
+def test_damaged_files_are_read_in_part_or_refused(tmp_path, kind):
     sound = PACKED[kind](TEXT) if kind in PACKED else KINDS[kind]
     rng = np.random.default_rng(0)
     for _ in range(25):

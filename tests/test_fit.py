@@ -58,7 +58,7 @@ def test_chirp_and_steps_give_the_four_parameters(number: int) -> None:
     assert found.noise_std == pytest.approx(1e-3, rel=0.05)
 
 
-def test_several_runs_count_together_and_each_has_its_initial_state() -> None:
+def test_several_runs_count_together_with_own_initial_states() -> None:
     together = fit(open_loop().log_of_runs())
     assert_recovers(together, dict(zip(NAMES, TRUE, strict=True)))
     assert together.initial == pytest.approx(np.array([[0.0, 0.0], [1.0, 0.5], [-2.0, -0.5]]), abs=2e-3)
@@ -95,7 +95,7 @@ def test_a_fluctuating_load_is_taken_as_process_noise() -> None:
     assert_recovers(found, dict(zip(NAMES, TRUE, strict=True)), within=0.05)
 
 
-def test_a_plant_that_integrates_drifts_in_simulation_but_not_in_the_fit() -> None:
+def test_an_integrating_plant_does_not_drift_in_the_fit() -> None:
     """No gravity, hardly any friction, and a load that fluctuates: a free simulation walks away by radians."""
     machine = Machine(gravity=0.0, viscous_friction=0.02, effects={})
     command = np.column_stack([chirp_and_steps(5, duration=30.0)])
@@ -126,7 +126,7 @@ def test_a_load_that_never_turns_says_nothing_about_gravity(torque: float) -> No
     assert "cannot be told" in str(found)
 
 
-def test_a_load_that_hangs_at_rest_says_nothing_about_inertia_and_friction() -> None:
+def test_a_load_at_rest_does_not_determine_inertia_and_friction() -> None:
     out = record(Machine(effects={}), np.zeros(2000), seed=6, angle=-np.pi / 2)
     found = fit(out.log(), ServoModel())
     assert {"inertia", "viscous_friction"} <= set(found.unidentifiable)
@@ -223,7 +223,7 @@ def test_no_dead_zone_is_found_as_none() -> None:
     assert_recovers(found, dict(zip(NAMES[:3], TRUE[:3], strict=True)))
 
 
-def test_a_model_with_everything_fixed_still_finds_its_initial_state() -> None:
+def test_a_fully_fixed_model_still_fits_its_initial_state() -> None:
     log = open_loop().log(1)
     found = fit(log, ServoModel.paper(), fixed=NAMES)
     assert found.initial == pytest.approx(np.array([[1.0, 0.5]]), abs=2e-3)
@@ -231,7 +231,7 @@ def test_a_model_with_everything_fixed_still_finds_its_initial_state() -> None:
     assert found.noise_std == pytest.approx(1e-3, rel=0.05)
 
 
-def test_a_model_that_says_less_than_its_start_is_given_an_observer() -> None:
+def test_a_model_worse_than_its_start_gets_an_observer() -> None:
     """From a free simulation with friction to one without: what friction did is left to the observer."""
     log = record(Machine().hiding(coulomb_friction={"torque": 0.1}), excitation(1, duration=20.0)).log()
     rich = fit(log, ServoModel.paper().with_effect(CoulombFriction(torque=0.1)))

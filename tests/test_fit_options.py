@@ -155,7 +155,7 @@ def test_effects_of_ones_own_are_read_in_the_order_of_their_file(tmp_path: Path)
     assert [kind.name for kind in read_effects(tmp_path / "two.py")] == ["windage", "second"]
 
 
-def test_a_model_with_an_effect_of_ones_own_is_read_by_every_command(place, monkeypatch, tmp_path) -> None:
+def test_every_command_reads_a_model_with_an_own_effect(place, monkeypatch, tmp_path) -> None:
     monkeypatch.chdir(place)
     known = ("--effects", OWN)
     for words in (
@@ -179,7 +179,7 @@ def test_an_effect_of_ones_own_is_named(place, tmp_path) -> None:
     words = ("--base", place / "plain.json", "--effects", OWN, "--candidates", "windage,coulomb_friction")
     spoken = antidrive("diagnose", place / "log.csv", *words, "--out", tmp_path / "out")
     assert spoken.code == 0, spoken.err
-    assert "Windage: > 99.9 % sure" in spoken.out
+    assert "Windage: probability > 99.9 %" in spoken.out
     assert "windage" in (tmp_path / "out" / "report.html").read_text()
 
 

@@ -30,7 +30,7 @@ def told(found: Fit, name: str) -> float:
 
 
 @pytest.mark.parametrize("file", ["log.csv", "log_first_4.35s.csv"])
-def test_a_laboratory_motor_is_found_in_the_whole_log_and_in_its_first_part(file: str) -> None:
+def test_a_laboratory_motor_is_identified_in_whole_and_in_part(file: str) -> None:
     """The part had ended at 1 kg m^2: its torque has one level, with which a dead zone trades places."""
     found = fitted(f"14-prbs-lab-kit/{file}", DEGREES)
     assert 1.1e-4 < told(found, "inertia") < 1.9e-4
@@ -45,7 +45,7 @@ def test_steady_levels_of_speed_give_the_friction() -> None:
     assert told(found, "inertia") < 1e-3
 
 
-def test_a_random_current_under_a_clock_that_scatters_gives_the_motor() -> None:
+def test_a_random_current_with_clock_jitter_gives_the_motor() -> None:
     found = fitted("02-eigenvalues-crash/log.csv", {})
     assert told(found, "inertia") == pytest.approx(2.0e-4, rel=0.25)
     assert told(found, "viscous_friction") == pytest.approx(1.9e-3, rel=0.25)

@@ -13,8 +13,8 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
+from fmu_instance import Slave
 from front_door import antidrive, listing, write_model
-from slave import Slave
 from target import MODELS, PAPER, UNEQUAL, recorded
 
 from mpc import Controller, controller_fmu
@@ -99,7 +99,7 @@ def test_a_tool_may_step_finer_and_coarser_than_a_sample(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("fmu", [servo_fmu(LATE, sample_time=DT), controller_fmu(Controller(LATE, PAPER))])
-def test_instances_are_apart_and_begin_anew_wherever_the_clock_stands(fmu: Fmu, tmp_path: Path) -> None:
+def test_fmu_instances_are_independent_and_restart_at_any_time(fmu: Fmu, tmp_path: Path) -> None:
     one, other = Slave(fmu, tmp_path / "one"), Slave(fmu, tmp_path / "other")
     inputs = [variable.name for variable in fmu.variables if variable.causality == "input"]
     outputs = [variable.name for variable in fmu.variables if variable.causality == "output"]

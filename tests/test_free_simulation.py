@@ -43,7 +43,7 @@ def test_a_last_piece_of_a_few_samples_goes_with_the_one_before() -> None:
     assert np.max(np.abs(cut[990:] - whole[990:])) > 1e-3
 
 
-def test_a_piece_without_a_measured_start_goes_on_from_the_piece_before() -> None:
+def test_a_piece_without_measured_start_continues_the_previous() -> None:
     (through,) = free_simulation(masked(400, 600), TRUTH, window=4.0)
     np.testing.assert_allclose(through, ANGLE, atol=1e-3)
     (blind,) = free_simulation(masked(0, 30), TRUTH)

@@ -89,7 +89,7 @@ def test_a_file_of_the_same_name_is_told_by_its_name(name, line, tmp_path):
     assert f"my_{name}.py" in said
 
 
-def test_a_folder_of_the_same_name_is_no_package_and_stands_in_nobodys_way(tmp_path):
+def test_a_folder_without_package_shadows_nothing(tmp_path):
     (tmp_path / "plant").mkdir()
     assert python("import antidrive", tmp_path).returncode == 0
     (tmp_path / "plant" / "__init__.py").write_text("")

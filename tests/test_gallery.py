@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from front_door import antidrive, listing
 from test_report import Outline
-from test_unknown import Windage
+from test_unknown_causes import Windage
 
-from antidrive.bench import SAMPLE_TIME, bench
+from antidrive.collinearity import absorbed_share, added_torque, collinear_share
 from antidrive.equations import forms, kinks, typeset
 from antidrive.gallery import bounds, gallery_page, paragraphs, table
-from antidrive.likeness import added, mistaken, swallowed
 from antidrive.provenance import Provenance
 from antidrive.signature import Signature, signature
+from antidrive.standard_excitation import SAMPLE_TIME, standard_excitation
 from plant import catalogue
 from plant.effects import CoulombFriction, Effect, QuadraticDrag, Stage
 from plant.effects.effect import parameter
@@ -37,7 +37,7 @@ def sections(page: str) -> dict[str, str]:
     return {name: part.split("</section>")[0] for name, part in zip(parts[::2], parts[1::2], strict=True)}
 
 
-def test_every_effect_has_its_part_with_its_parameters_and_neighbours(page: str) -> None:
+def test_every_effect_has_a_section_with_parameters_and_rivals(page: str) -> None:
     found = sections(page)
     assert set(found) == set(catalogue)
     for name, kind in catalogue.items():
@@ -53,7 +53,7 @@ def test_every_effect_has_its_part_with_its_parameters_and_neighbours(page: str)
                 assert spec.unit_on(axis) in row
         linked = re.findall(r'href="#(\w+)"', part)
         assert linked == [*kind.contains, *kind.confused_with]
-        shares = part.count("Here it could take over")
+        shares = part.count("Here it could absorb")
         assert shares == len(kind.confused_with) - (
             name == "goal_rate_limit"
         )  # a rate limit has no trace beside a goal
@@ -77,11 +77,11 @@ def test_every_picture_shows_something(name: str) -> None:
         assert np.isfinite(values).all()
         assert np.ptp(values) > 1e-4 or name == "torque_offset"
     rms = float(np.sqrt(np.mean(found.lacking**2)))
-    spread = found.bench.motion.torque if found.effect.stage is not Stage.SENSOR else found.without
+    spread = found.excitation.motion.torque if found.effect.stage is not Stage.SENSOR else found.without
     assert 0.005 < rms / float(np.std(spread)) < 3.0
     drawn = sections(gallery_page(PROVENANCE, {name: catalogue[name]}))[name] if name == "cogging" else ""
     for text in re.findall(r"application/json\">(.*?)</script>", drawn, re.DOTALL):
-        assert json.loads(text)["data"]
+        assert all(row["curves"] for row in json.loads(text)["rows"])
 
 
 @pytest.mark.parametrize(
@@ -126,30 +126,30 @@ def test_what_is_missing_is_the_law_of_the_effect() -> None:
 
 
 def test_the_torque_that_is_added_is_that_along_the_path_without() -> None:
-    on = bench(False, CoulombFriction)
+    on = standard_excitation(False, CoulombFriction)
     path = on.path
-    found = added(CoulombFriction(torque=0.3), on)
+    found = added_torque(CoulombFriction(torque=0.3), on)
     moves = np.minimum(np.abs(path[:-1, 1]), np.abs(path[1:, 1])) > 0.02
     np.testing.assert_allclose(found[moves], -0.3 * np.sign(path[:-1, 1])[moves], rtol=5e-3)
-    lag = added(catalogue["sensor_lag"](time_constant=0.05), on)
+    lag = added_torque(catalogue["sensor_lag"](time_constant=0.05), on)
     steady = np.abs(on.motion.acceleration) < 0.1
     np.testing.assert_allclose(lag[steady], -0.05 * on.motion.velocity[steady], atol=5e-3)
 
 
-def test_a_special_case_is_taken_over_whole_and_a_stranger_is_not() -> None:
+def test_a_special_case_is_adopted_whole_other_effects_are_not() -> None:
     for name in ("stribeck_friction", "asymmetric_friction"):
-        assert mistaken(CoulombFriction, catalogue[name]) > 0.99
-    assert mistaken(catalogue["asymmetric_friction"], CoulombFriction) < 0.5
-    assert mistaken(catalogue["periodic_disturbance"], catalogue["cogging"]) < 0.5
-    assert mistaken(catalogue["goal_rate_limit"], catalogue["rate_limit"]) is None
-    assert swallowed(*((s := seen(CoulombFriction)).effect, s.bench)) > 0.9
-    assert swallowed(*((s := seen(catalogue["compliance"])).effect, s.bench)) < 0.5
+        assert collinear_share(CoulombFriction, catalogue[name]) > 0.99
+    assert collinear_share(catalogue["asymmetric_friction"], CoulombFriction) < 0.5
+    assert collinear_share(catalogue["periodic_disturbance"], catalogue["cogging"]) < 0.5
+    assert collinear_share(catalogue["goal_rate_limit"], catalogue["rate_limit"]) is None
+    assert absorbed_share(*((s := seen(CoulombFriction)).effect, s.excitation)) > 0.9
+    assert absorbed_share(*((s := seen(catalogue["compliance"])).effect, s.excitation)) < 0.5
 
 
 @pytest.mark.parametrize("name", catalogue)
 def test_a_typical_effect_shows_in_a_motion_and_keeps_its_bounds(name: str) -> None:
     kind = catalogue[name]
-    motion = bench(name == "goal_rate_limit", kind).motion
+    motion = standard_excitation(name == "goal_rate_limit", kind).motion
     effect = kind.typical(motion)
     assert isinstance(effect, kind)
     doubled = kind.typical(replace(motion, torque=2.0 * motion.torque, command=2.0 * motion.command))
@@ -158,7 +158,7 @@ def test_a_typical_effect_shows_in_a_motion_and_keeps_its_bounds(name: str) -> N
 
 
 def test_waves_are_drawn_with_eight_periods() -> None:
-    motion = bench(False, catalogue["cogging"]).motion
+    motion = standard_excitation(False, catalogue["cogging"]).motion
     assert catalogue["cogging"].typical(motion).order * np.ptp(motion.angle) == pytest.approx(16 * np.pi)
     assert catalogue["periodic_disturbance"].typical(motion).frequency * np.ptp(motion.time) == pytest.approx(8.0)
     assert catalogue["encoder_eccentricity"].typical(motion).order == 1.0
@@ -200,7 +200,7 @@ def test_an_effect_of_ones_own_gets_its_part() -> None:
     assert Windage.trace in found["windage"]
     assert "Smooth as it stands" in found["windage"]
     ghost = found["ghost"]
-    assert "It leaves no trace on this bench." in ghost
+    assert "It has no signature under this excitation." in ghost
     assert "application/json" not in ghost
     assert "<code>one&#39;s own</code> &lt;b&gt;that&lt;/b&gt;" in ghost
     assert "<code>x_a_b</code>" in ghost
@@ -212,7 +212,7 @@ def test_an_effect_of_ones_own_gets_its_part() -> None:
 def test_an_effect_of_a_linear_axis_is_shown_on_one() -> None:
     sled = type("Sled", (Windage,), {"name": "sled", "axes": ("linear",), "__doc__": "A sled."})
     found = seen(sled)
-    assert (found.bench.model.axis, found.bench.model.gravity) == ("linear", 0.0)
+    assert (found.excitation.model.axis, found.excitation.model.gravity) == ("linear", 0.0)
     assert found.lacking.std() > 0.0
 
 
@@ -254,9 +254,9 @@ def test_without_a_name_the_gallery_is_written(monkeypatch, tmp_path) -> None:
 
 def test_a_bench_holds_what_it_says() -> None:
     for servo in (False, True):
-        motion = bench(servo, CoulombFriction).motion
+        motion = standard_excitation(servo, CoulombFriction).motion
         assert motion.sample_time == pytest.approx(SAMPLE_TIME)
         assert np.ptp(motion.angle) < 2 * np.pi  # it never goes over the top, beyond which small things grow large
         assert bool(np.any(motion.servo_gain)) == servo
-    assert bench(False, CoulombFriction) is bench(False, QuadraticDrag)
-    assert bench(False, catalogue["dead_zone"]).model.effects == ()
+    assert standard_excitation(False, CoulombFriction) is standard_excitation(False, QuadraticDrag)
+    assert standard_excitation(False, catalogue["dead_zone"]).model.effects == ()

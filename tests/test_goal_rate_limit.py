@@ -61,7 +61,7 @@ def held_out_error(model: ServoModel, log: Log) -> float:
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.0123])
-def test_at_every_gain_the_servo_moves_as_the_independent_machine_says(delay: float) -> None:
+def test_position_servo_matches_the_independent_machine(delay: float) -> None:
     """Also where a delay brings the goal late, by whole samples and a part of one."""
     effects = {"goal_rate_limit": {"rate": RATE}} | ({"input_delay": {"time": delay}} if delay else {})
     log = log_of(servo(**effects), 3, duration=8.0, noise=0.0, bits=None)
@@ -96,7 +96,7 @@ def test_a_servo_that_follows_its_goal_at_once_names_nothing() -> None:
     assert found.causes == ()
 
 
-def test_one_rate_of_the_goal_holds_at_several_gains_where_none_of_the_command_does() -> None:
+def test_a_set_point_rate_limit_holds_at_several_gains() -> None:
     log = log_of(servo(goal_rate_limit={"rate": RATE}), 1)
     limits = (GoalRateLimit(rate=4.0), RateLimit(rate=60.0 * RATE))
     goal, command = (fit(log, TRUTH.with_effect(effect)) for effect in limits)

@@ -147,7 +147,7 @@ def test_a_pickle_in_an_attribute_is_not_loaded(tmp_path):
     assert not (tmp_path / "trace").exists()
 
 
-def test_damaged_files_are_read_as_what_they_still_say_or_refused(tmp_path):
+def test_damaged_files_are_read_in_part_or_refused(tmp_path):
     rng = np.random.default_rng(0)
     for write in (grouped, pandas_table, pandas_fixed):
         path = written(tmp_path, write)

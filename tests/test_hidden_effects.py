@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hidden import CASES, Hidden, logs_of, oracle
+from hidden_effects import CASES, Hidden, logs_of, oracle
 from machine import Machine, excitation, record
 
 from diagnosis import diagnose
@@ -50,7 +50,7 @@ def test_a_gap_is_named_alone_in_a_short_log_and_measured() -> None:
     """A light motor crosses a wide gap in the time in which a heavy one crosses a narrow one.
 
     What such a log measures is therefore their product. How it is split between them hangs on the shape of the knocks,
-    behind which the likelihood is rugged: rounding alone, of another processor, moves each by a quarter. The standard
+    behind which the likelihood is multimodal: another processor's rounding alone moves each by a quarter. The standard
     errors say so.
     """
     gap, share = 0.02, 0.3

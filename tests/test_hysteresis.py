@@ -10,15 +10,15 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import diagnose
-from diagnosis.screen import Screen
+from diagnosis.score_test import Screen
 from identification.fit import fit
 from identification.log import Log
 from identification.problem import Problem
 from plant import Effect, ServoModel, simulate
 from plant.effects import PreslidingHysteresis, Stage, State
-from plant.effects.curve import HEIGHTS
 from plant.effects.effect import Expression, Moment, parameter
 from plant.effects.hysteresis import Hysteresis
+from plant.effects.nonparametric_curve import HEIGHTS
 
 KNOTS = np.linspace(-1.0, 1.0, len(HEIGHTS))
 
@@ -43,7 +43,7 @@ def test_its_trace_holds_that_of_dahls_friction() -> None:
         assert own.columns @ -KNOTS == pytest.approx(dahl.columns[:, 0], abs=1e-9)
 
 
-def test_dahls_friction_that_may_not_be_named_is_unknown_and_its_gain_is_had() -> None:
+def test_excluded_dahl_friction_is_unknown_but_modelled() -> None:
     """Friction that differs between the directions stood in for it, and left most of it to an observer."""
     hidden = {"presliding_hysteresis": {"torque": 0.3, "stiffness": 8.1}}
     log, held_out = (
@@ -92,7 +92,9 @@ def test_a_loop_that_nobody_listed_takes_no_name() -> None:
     near = ["coulomb_friction", "presliding_hysteresis", "torque_offset"]
     found = diagnose(logs[0], None, logs[1], candidates=near, progress=told.append)
     assert max(candidate.probability for candidate in found.candidates) > 0.99  # the search has found names
-    assert "or does the load only wander?" not in told  # which were so far behind that they were not even weighed
+    assert (
+        "comparing with a random-walk disturbance torque" not in told
+    )  # which were so far behind that they were not even weighed
     assert found.verdict == "unknown"
     assert found.unexplained.depends_on == ("angle", "velocity")
     assert found.gain.held_out_rms_after < 0.1 * found.gain.held_out_rms_before

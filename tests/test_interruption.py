@@ -97,7 +97,7 @@ def test_what_is_said_of_the_results_is_so(what, code, tmp_path, monkeypatch):
     def fail(*_: object, **__: object) -> None:
         raise what
 
-    monkeypatch.setattr("antidrive.voice.Voice.result", fail)
+    monkeypatch.setattr("antidrive.console.Console.result", fail)
     spoken = antidrive("capability", "--out", tmp_path / "out")
     assert spoken.code == code
     assert spoken.err.endswith(f"; the results are in {tmp_path / 'out'}.\n")

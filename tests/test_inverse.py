@@ -27,7 +27,7 @@ def recorded(model: ServoModel, command: Array = SWING) -> Log:
     return Log.from_arrays(time=TIME, **dict(zip(names, (command, path[:-1, 0]), strict=True)))
 
 
-def test_the_filtered_torque_is_what_the_drive_gives_within_its_limit() -> None:
+def test_filtered_torque_respects_the_limit_of_the_drive() -> None:
     (run,) = recorded(RIGID).runs
     held = replace(run, command=4.0 * np.sin(TIME), servo_gain=np.full(3000, 0.5), command_limit=1.5)
     drive = np.clip(4.0 * np.sin(TIME) - 0.5 * run.output, -1.5, 1.5)

@@ -27,10 +27,10 @@ from plant.effects import (
     TorqueSaturation,
     catalogue,
 )
-from plant.effects.curve import CurveOverTorque
 from plant.effects.effect import Stage
+from plant.effects.nonparametric_curve import CurveOverTorque
 from plant.effects.parameter import parameters_of
-from plant.inverse import lead, left_out
+from plant.inverse import time_lead, unmodelled_effects
 
 DT = 1e-3
 
@@ -134,15 +134,15 @@ def test_what_is_not_undone_is_said():
         PayloadChange(time=1.0, inertia=0.1, gravity=0.0),
     )
     model = ServoModel(effects=effects)
-    assert lead(model) == pytest.approx(0.014)
-    assert left_out(model) == [
+    assert time_lead(model) == pytest.approx(0.014)
+    assert unmodelled_effects(model) == [
         "The torque acts late: give set-points that lie 0.014 s ahead.",
         "Motor and load are taken as rigid, without backlash.",
         "Not compensated: encoder eccentricity, squared command.",
-        "Left out, because nobody keeps the log's clock: payload change, friction drift.",
+        "Left out, because it depends on the time of the log: payload change, friction drift.",
     ]
     assert model.inverse(0.0, 0.0, 1.0)["inertia"].tolist() == pytest.approx([2.1])  # the payload has come to stay
-    assert left_out(ServoModel()) == []
+    assert unmodelled_effects(ServoModel()) == []
 
 
 @pytest.mark.parametrize("name", catalogue)
@@ -156,7 +156,7 @@ def test_every_effect_acts_or_is_said_not_to(name):
     )
     found = model.inverse([0.2, 0.21], [0.5, 0.5], [1.0, 1.0])
     assert np.isfinite(found.to_numpy()).all()
-    assert (name in found) != any("late" in s or kind.title in s for s in left_out(model))
+    assert (name in found) != any("late" in s or kind.title in s for s in unmodelled_effects(model))
 
 
 @pytest.mark.parametrize(

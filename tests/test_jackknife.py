@@ -9,10 +9,10 @@ from scipy import signal
 
 from diagnosis.holdout import cut
 from diagnosis.jackknife import jackknife
-from diagnosis.missing_torque import missing_torque
+from diagnosis.residual_torque import residual_torque
 from identification import Log, fit
-from identification.certainty import bandwidth_std
 from identification.problem import Problem
+from identification.standard_errors import bandwidth_std
 from plant.effects import CoulombFriction
 
 
@@ -67,7 +67,7 @@ def test_a_free_simulation_has_no_bandwidth_to_be_sure_of() -> None:
 
 
 def test_the_missing_torque_says_how_sure_it_is(lacking) -> None:
-    missing = missing_torque(lacking)
+    missing = residual_torque(lacking)
     assert 0.01 < missing.rms_std / missing.rms < 0.3
     velocity = next(curve for curve in missing.curves if curve.variable == "velocity")
     assert 0.001 < velocity.share_std < 0.2

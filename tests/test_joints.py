@@ -144,7 +144,7 @@ def test_pictures_are_no_channels(tmp_path):
     assert list(table.columns) == ["/wrench.torque", *(f"/wrench.axis:{k}" for k in (1, 2, 3))]
 
 
-def test_a_topic_that_cannot_be_decoded_does_not_spoil_the_others(tmp_path):
+def test_an_undecodable_topic_leaves_the_others_readable(tmp_path):
     """The decoder knows no wide strings; and a message that ends too early."""
     path = tmp_path / "bag.mcap"
     with path.open("wb") as stream, Writer(stream) as writer:

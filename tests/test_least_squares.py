@@ -66,7 +66,7 @@ def test_information_counts_the_covariance_of_the_residuals() -> None:
     assert found == pytest.approx(level * jacobian.T @ answers @ answers.T @ jacobian, rel=1e-9)
 
 
-def test_errors_of_an_estimate_under_coloured_noise_are_the_ones_that_repetition_shows() -> None:
+def test_standard_errors_under_coloured_noise_match_repetitions() -> None:
     time = np.linspace(0.0, 4.0, 500)
     jacobian = np.column_stack((np.ones(500), np.sin(time)))
     noises = [coloured_noise(500, seed=seed) for seed in range(300)]
@@ -84,7 +84,7 @@ def test_a_parameter_without_effect_is_undetermined() -> None:
     assert told_uncertainty(rng.standard_normal(300), twins).undetermined.tolist() == [False, True, True]
 
 
-def test_of_a_parameter_that_overflows_nothing_is_known_and_of_the_others_what_was() -> None:
+def test_an_overflowing_parameter_leaves_the_others_known() -> None:
     """From a real log there was "Eigenvalues did not converge"."""
     rng = np.random.default_rng(0)
     jacobian, residuals = rng.standard_normal((300, 3)), rng.standard_normal(300)
@@ -213,7 +213,7 @@ def test_slopes_that_all_but_overflow_are_no_silence() -> None:
 
 @given(marks=st.lists(st.booleans(), min_size=1, max_size=4), seed=st.integers(0, 10**6))
 @settings(max_examples=100, deadline=None)
-def test_coefficients_that_cannot_be_negative_are_those_of_another_solver(marks: list[bool], seed: int) -> None:
+def test_nonnegative_coefficients_match_another_solver(marks: list[bool], seed: int) -> None:
     rng = np.random.default_rng(seed)
     regressors = rng.normal(size=(30, len(marks))) * 10.0 ** rng.integers(-6, 6, len(marks))
     values = rng.normal(size=30)

@@ -74,7 +74,7 @@ def test_it_is_the_plant_of_the_loop(name: str) -> None:
     np.testing.assert_allclose(found(z), expected(z), rtol=1e-5)
 
 
-def test_dry_friction_sticks_at_rest_unless_it_is_smoothed_and_a_dead_zone_lets_nothing_pass() -> None:
+def test_friction_sticks_at_rest_and_a_dead_zone_passes_nothing() -> None:
     model = RIGID.with_effect(CoulombFriction(torque=0.6))
     stuck = linearise(model, sample_time=DT)
     assert not np.any(stuck.B)

@@ -254,7 +254,7 @@ def test_missing_outputs_are_masked():
     np.testing.assert_array_equal(np.flatnonzero(~run.valid), [50, 51, 400])
 
 
-def test_missing_commands_are_held_and_what_they_disturb_is_masked():
+def test_missing_commands_are_held_and_their_effect_masked():
     columns = motion()
     columns["torque"][100] = np.nan
     run = only_repair(read(columns), "1 missing sample of 'torque' held")
@@ -302,7 +302,7 @@ def test_a_velocity_of_another_shaft_is_dropped_and_said():
 
 
 @pytest.mark.parametrize(("factor", "option"), [(1e3, "time=ms"), (1e6, "time=us")])
-def test_time_in_milliseconds_is_refused_with_the_option_that_helps(factor, option):
+def test_time_in_milliseconds_is_refused_with_the_right_option(factor, option):
     columns = motion()
     columns["time"] = factor * columns["time"]
     with pytest.raises(MalformedLog, match=f"--unit {option}"):

@@ -45,7 +45,7 @@ def test_quoted_decimal_commas_in_a_comma_table(tmp_path):
     same(read(tmp_path, [LINES[0].replace(";", ","), *rows]))
 
 
-def test_rows_keep_their_line_numbers_across_blank_and_preamble_lines(tmp_path):
+def test_line_numbers_survive_blank_and_preamble_lines(tmp_path):
     lines = ["# station 7", "", *LINES]
     lines[202] = "0.995;nan;nan;nan"
     lines.insert(100, "")
@@ -145,7 +145,7 @@ def test_speed_of_a_large_log():
     assert Log.from_arrays(**columns).repairs == ()
 
 
-def test_a_drive_sampled_so_slowly_that_it_stops_within_a_sample_is_not_clipped():
+def test_a_slowly_sampled_stop_is_not_taken_for_clipping():
     """Moves between set points at 10 Hz, each at one speed, held for a second or two."""
     holds = np.cumsum(np.tile([0.6, 0.9, -1.4, 0.5, -0.6], 8))
     angle = np.concatenate([np.r_[np.linspace(a, b, 8), np.full(15, b)] for a, b in pairwise(holds)])

@@ -49,7 +49,7 @@ def test_a_wave_in_time_is_named_whatever_the_clock_shows(start):
     assert "from 21 s on" in "".join(found.warnings)
 
 
-def test_dry_friction_is_not_called_drift_because_the_clock_began_long_ago():
+def test_a_late_clock_does_not_turn_friction_into_drift():
     log = at_clock(Machine().hiding(coulomb_friction={"torque": 0.3}), 2000.0)
     found = diagnose(log, candidates=["coulomb_friction", "friction_drift"])
     assert [cause.effect for cause in found.causes] == ["coulomb_friction"]

@@ -10,7 +10,7 @@ from scipy.stats import norm
 from swept_preload import ARCMIN, GEARS, Teeth, swept
 
 from identification import Log, LostMotion, MalformedLog, Unidentifiable, lost_motion
-from identification.lost_motion.rounded import rounded_likelihood
+from identification.lost_motion.quantised_likelihood import quantised_likelihood
 
 
 def found(teeth: Teeth, seed: int = 0, **sweep: float) -> LostMotion:
@@ -21,13 +21,13 @@ def found(teeth: Teeth, seed: int = 0, **sweep: float) -> LostMotion:
 
 
 def test_the_likelihood_is_that_of_a_count() -> None:
-    told = rounded_likelihood(np.array([0.0, 2.0, 9.0]), np.array([0.2, 0.2, -1.0]), count=1.0, noise=0.7)
+    told = quantised_likelihood(np.array([0.0, 2.0, 9.0]), np.array([0.2, 0.2, -1.0]), count=1.0, noise=0.7)
     edges = [(0.3, -0.7), (2.3, 1.3)]
     expected = [np.log(norm.cdf(b / 0.7) - norm.cdf(a / 0.7)) for b, a in edges]
     assert told.value[:2] == pytest.approx(expected, rel=1e-12)
     far = norm.logsf(9.5 / 0.7) + np.log(-np.expm1(norm.logsf(10.5 / 0.7) - norm.logsf(9.5 / 0.7)))
     assert told.value[2] == pytest.approx(far, rel=1e-12)  # nothing is lost far from the mean
-    fine = rounded_likelihood(np.array([0.3]), np.array([0.0]), count=1e-4, noise=0.7)
+    fine = quantised_likelihood(np.array([0.3]), np.array([0.0]), count=1e-4, noise=0.7)
     assert fine.value[0] == pytest.approx(norm.logpdf(0.3, scale=0.7) + np.log(1e-4), abs=1e-8)
 
 
@@ -36,7 +36,7 @@ def test_its_derivatives_are_those_of_differences() -> None:
     reading, expected, step = rng.integers(-3, 4, 50).astype(float), rng.normal(0, 1.5, 50), 1e-5
 
     def at(m: float, s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        told = rounded_likelihood(reading, expected + m, count=1.0, noise=0.6 * np.exp(s))
+        told = quantised_likelihood(reading, expected + m, count=1.0, noise=0.6 * np.exp(s))
         return told.value, told.slope, told.curvature
 
     for place, way in enumerate([(step, 0.0), (0.0, step)]):
@@ -80,7 +80,7 @@ def test_the_standard_error_is_that_of_repeated_logs(bits: int, motor_bits: int,
     assert 0.1 < np.sqrt(np.mean(totals**2)) < 1.3  # where the load creeps, visits repeat less than is allowed for
 
 
-def test_rounding_that_is_modelled_tells_more_than_rounding_as_noise() -> None:
+def test_modelled_quantisation_beats_quantisation_as_noise() -> None:
     """Oracle: a count of width c taken as noise of c/sqrt(12) would leave three times the error."""
     quiet = Teeth(gaps=(0.1 * ARCMIN, 0.1 * ARCMIN), noise=5e-7)
     count = 2 * np.pi / 2**17
@@ -95,7 +95,7 @@ def test_the_motors_alone_tell_the_sum_of_the_gaps() -> None:
     assert abs(blind.total_gap.value - 2.5 * ARCMIN) < 3 * blind.total_gap.std < 0.03 * ARCMIN
 
 
-def test_a_load_that_stands_within_a_count_leaves_the_division_open() -> None:
+def test_standstill_within_a_count_leaves_the_division_open() -> None:
     log = swept(Teeth(noise=0.0), 3, creep=0.0)
     with pytest.raises(Unidentifiable, match="never changes"):
         lost_motion(log, GEARS)
@@ -131,7 +131,7 @@ def test_a_log_that_cannot_tell_is_refused() -> None:
         lost_motion(Log(runs=(together,), axis="rotary"), GEARS)
 
 
-def test_visits_that_repeat_their_rounding_tell_the_sum_no_better() -> None:
+def test_repeated_quantisation_adds_no_information() -> None:
     smooth = Teeth(friction=(0.0, 0.0), coefficient=(0.0, 0.0))  # so that the load's encoder has no say in it
     few, many = (found(smooth, visits=visits, creep=0.0).total_gap.std for visits in (8, 32))
     assert many > 0.8 * few  # as independent visits they would say half

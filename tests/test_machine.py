@@ -48,7 +48,7 @@ def exact(machine: Machine, command: np.ndarray, **kwargs: float):
     return record(machine, command, noise=0.0, bits=None, **kwargs)
 
 
-def test_a_constant_torque_against_viscous_friction_has_its_closed_form() -> None:
+def test_torque_with_viscous_friction_has_its_closed_form() -> None:
     machine = Machine(inertia=2.0, gravity=0.0, viscous_friction=0.8, effects={"dead_zone": {"half_width": 0.5}})
     out = exact(machine, np.full(2000, 3.5))
     assert out.velocity[:, 0] == pytest.approx(3.0 / 0.8 * (1 - np.exp(-0.4 * out.time)), abs=1e-10)
@@ -86,7 +86,7 @@ def test_a_delay_moves_the_response_by_itself(delay: float) -> None:
 
 
 @pytest.mark.parametrize("lag", [1e-5, 4e-4, 0.04])
-def test_a_lag_loses_its_time_constant_of_impulse_also_when_it_is_shorter_than_a_step(lag: float) -> None:
+def test_a_lag_shorter_than_a_step_loses_the_right_impulse(lag: float) -> None:
     command = np.where(np.arange(1000) < 100, 0.0, 2.0)
     out = exact(plain(actuator_lag={"time_constant": lag}), command)
     assert out.velocity[-1, 0] == pytest.approx(2.0 / 1.5 * (out.time[-1] - 100 * SAMPLE - lag), abs=1e-9)
@@ -242,7 +242,7 @@ def test_back_emf_is_felt_in_front_of_the_dead_zone() -> None:
     assert exact(machine, np.zeros(400), velocity=0.55).velocity == pytest.approx(0.55, abs=1e-12)
 
 
-def test_two_masses_swing_at_their_frequency_and_keep_their_momentum() -> None:
+def test_two_masses_oscillate_and_keep_their_momentum() -> None:
     """Under a constant torque on the motor: J_r twist'' = torque J_r / J_m - k twist - d twist'."""
     swing, zeta, share, torque = 80.0, 0.05, 0.3, 2.0
     machine = plain(compliance={"frequency": swing, "damping": zeta, "motor_share": share})
@@ -255,7 +255,7 @@ def test_two_masses_swing_at_their_frequency_and_keep_their_momentum() -> None:
     assert motor - x == pytest.approx(static * (1 - np.exp(-zeta * swing * t) * ring), abs=1e-4 * static)
 
 
-def test_a_motor_swings_on_its_spring_while_friction_holds_the_load() -> None:
+def test_a_motor_oscillates_on_its_spring_while_the_load_sticks() -> None:
     """The anti-resonance: k = w^2 J_r lets the motor swing at w sqrt(1 - share); the load lets go at breakaway."""
     swing, share = 60.0, 0.4
     drivetrain = {"frequency": swing, "damping": 0.0, "motor_share": share}
@@ -298,7 +298,7 @@ def test_friction_grows_with_the_torque_that_arrives() -> None:
     assert slips.velocity[:, 0] == pytest.approx(-0.1 / 1.5 * slips.time, abs=1e-12)
 
 
-def test_behind_a_drivetrain_friction_follows_the_transmitted_torque() -> None:
+def test_friction_behind_a_drivetrain_follows_its_torque() -> None:
     """torque = J_m a + T and (1 - mu) T = J_l a, once the ringing has gone."""
     drivetrain = {"frequency": 60.0, "damping": 0.5, "motor_share": 0.4}
     out = exact(plain(compliance=drivetrain, load_dependent_friction={"coefficient": 0.3}), np.full(600, 2.0))
@@ -425,7 +425,7 @@ def test_a_lagging_sensor_falls_behind_a_ramp(time_constant: float) -> None:
     assert (out.angle - out.measured)[:, 0] == pytest.approx(behind, abs=1e-9)
 
 
-def test_the_lag_sees_what_the_encoder_reads_and_noise_comes_after() -> None:
+def test_sensor_lag_acts_before_the_noise() -> None:
     wave, time_constant, v = {"amplitude": 0.02, "order": 9.0, "phase": 0.0}, 0.02, 3.0
     machine = plain(encoder_eccentricity=wave, sensor_lag={"time_constant": time_constant})
     out = exact(machine, np.zeros(600), velocity=v)
@@ -441,7 +441,7 @@ def test_the_lag_sees_what_the_encoder_reads_and_noise_comes_after() -> None:
 
 
 @pytest.mark.parametrize("lag", [1e-4, 0.0015])
-def test_a_lag_that_fades_through_the_dead_zone_is_followed_closely(lag: float) -> None:
+def test_a_lag_decaying_through_the_dead_zone_is_exact(lag: float) -> None:
     command = excitation(14002, duration=1.0)
     machine = Machine().hiding(actuator_lag={"time_constant": lag}, torque_saturation={"limit": 2.0})
     usual, fine = (record(machine, command, noise=0.0, bits=None, steps=steps).angle for steps in (2, 64))

@@ -103,7 +103,7 @@ def test_both_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.Mo
         assert np.array_equal(slow, fast)
 
 
-def test_rows_are_followed_one_after_the_other_while_the_compiler_works_and_behind_it() -> None:
+def test_rows_stay_in_order_while_the_compiler_works() -> None:
     recursion = example()
     assert is_right(recursion)
     recursion.wait()
@@ -111,9 +111,7 @@ def test_rows_are_followed_one_after_the_other_while_the_compiler_works_and_behi
 
 
 @with_compiler
-def test_the_virtual_machine_soon_leaves_the_processor_to_the_compiler(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_virtual_machine_yields_to_the_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     slow, own = tmp_path / "cc", machine_code.compiler()
     assert own is not None
     slow.write_text(f'#!/bin/sh\nsleep 1\nexec {shlex.join(own)} "$@"\n')
@@ -235,7 +233,7 @@ if __name__ == "__main__":
 
 
 @pytest.mark.parametrize("method", sorted({"fork", "spawn"} & set(multiprocessing.get_all_start_methods())))
-def test_no_process_leaves_anything_behind_when_it_ends_before_its_compiler(method: str, tmp_path: Path) -> None:
+def test_an_early_exit_leaves_no_compiler_files(method: str, tmp_path: Path) -> None:
     folder, script, slow = tmp_path / "here", tmp_path / "build.py", tmp_path / "cc"
     folder.mkdir()
     script.write_text(BUILD)
@@ -248,7 +246,7 @@ def test_no_process_leaves_anything_behind_when_it_ends_before_its_compiler(meth
     assert not [path for path in folder.iterdir() if path.name.startswith("antidrive")]
 
 
-def test_a_compiler_that_came_as_a_wheel_serves_where_there_is_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_compiler_from_a_wheel_is_used_without_another(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setattr(machine_code.shutil, "which", lambda name: None)
     monkeypatch.setattr(machine_code, "find_spec", lambda name: name == "ziglang")

@@ -77,7 +77,7 @@ def test_the_margins_are_those_of_python_control() -> None:
         assert np.all(np.abs(loop.sensitivity.poles()) < 1.0)
 
 
-def test_the_terminal_cost_is_what_the_best_law_of_python_control_still_costs() -> None:
+def test_terminal_cost_equals_the_lqr_cost_of_python_control() -> None:
     J, K, dt, rate = RIGID.inertia, RIGID.viscous_friction, 0.005, rate_weight(RIGID, 4.0, 0.005)
     plant = control.c2d(control.ss([[0, 1], [0, -K / J]], [[0], [1 / J]], np.eye(2), 0), dt)
     A = np.block([[plant.A, plant.B], [np.zeros((1, 2)), np.eye(1)]])  # with the torque of the last sample

@@ -78,7 +78,7 @@ def test_a_model_that_knows_the_effect_tracks_better(rig: Rig, effect: CoulombFr
     assert settled(run(RIGID.with_effect(effect), rig)) < gain * settled(run(RIGID, rig))
 
 
-def test_a_jump_of_the_reference_does_not_open_the_teeth_or_overshoot() -> None:
+def test_a_reference_jump_keeps_contact_without_overshoot() -> None:
     result = closed_loop(four_hertz(RIGID, PAPER), RIG, lambda t: 0.5 * (t > 0.2), 3.0, seed=0)
     assert np.max(result.angle) < 0.512
     assert abs(result.angle[-1] - 0.5) < 2 * COUNT
@@ -172,7 +172,7 @@ def test_the_torque_changes_no_faster_than_it_may() -> None:
     assert state[0] == pytest.approx(0.2, abs=1e-4)
 
 
-def test_the_preload_falls_no_faster_than_it_may_and_rises_with_the_torque() -> None:
+def test_preload_falls_at_its_rate_and_rises_with_the_torque() -> None:
     advance, state = exact_servo(RIGID), np.zeros(2)
     slow, least = four_hertz(RIGID, PAPER, preload_rate=0.2), four_hertz(RIGID, PAPER)
     preloads, lowest = [], []

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from swung_load import BY_FLANK, BY_MOTOR, GEARS, LEAST, LIMITS, MESH, MODEL, MOST, RIG, ROTOR, swing
+from raised_load import BY_FLANK, BY_MOTOR, GEARS, LEAST, LIMITS, MESH, MODEL, MOST, RIG, ROTOR, swing
 
 from allocation import capability_map
 from mpc import ClosedLoopResult, Controller, closed_loop
@@ -20,7 +20,7 @@ def run(controller: Controller, acceleration: float, duration: float = 2.0) -> C
 
 
 @pytest.mark.parametrize("share", [0.7, 0.95, 1.05, 1.4])
-def test_least_motor_torque_loses_contact_where_its_rotor_takes_it(share: float) -> None:
+def test_a_minimum_motor_torque_loses_contact_with_heavy_rotors(share: float) -> None:
     # at the top gravity and not the motors turn the load back: they are near their least torque
     result = run(BY_MOTOR(), share * PARTING)
     assert np.min(np.abs(result.torques)) >= LEAST
@@ -67,7 +67,7 @@ def edge_of_the_map() -> float:
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8, 1.0, 1.5, 3.0])
-def test_at_the_edge_of_the_map_it_gives_up_acceleration_and_not_contact(share: float) -> None:
+def test_at_the_torque_limit_contact_comes_before_acceleration(share: float) -> None:
     edge = edge_of_the_map()
     assert edge == pytest.approx(MESH * (MOST - LEAST) / MODEL.inertia, rel=1e-6)
     result = run(BY_FLANK(), share * edge, duration=2.5)

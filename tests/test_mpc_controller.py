@@ -73,8 +73,8 @@ def test_it_keeps_the_bounds_whatever_it_is_fed(
 
 @settings(max_examples=15, deadline=None)
 @given(st.floats(-0.4, 0.4), st.integers(2, 25), st.floats(-0.05, 0.05))
-def test_the_torques_solve_the_programme_as_written(start: float, horizon: int, target: float) -> None:
-    """Against states and torques as variables of one large programme, handed to another solver."""
+def test_the_torques_solve_the_program_as_written(start: float, horizon: int, target: float) -> None:
+    """Against states and torques as variables of one large program, handed to another solver."""
     J, K, dt = 2.0, 0.8, 0.005
     model = ServoModel(inertia=J, gravity=0.0, viscous_friction=K)
     controller = interpreted(four_hertz(model, PAPER, horizon=horizon))
@@ -139,7 +139,7 @@ def nonlinear_optimum(controller: Controller, start: float, wanted: Array) -> Ar
     return np.asarray(solver(x0=0.0, lbx=-reach, ubx=reach)["x"])[:, 0]
 
 
-def test_a_full_solution_is_that_of_the_nonlinear_programme() -> None:
+def test_a_full_solution_is_that_of_the_nonlinear_program() -> None:
     errors = []
     for iterations in (1, 30):
         controller = interpreted(four_hertz(WAVY, PAPER, horizon=12, sqp_iterations=iterations))
@@ -226,8 +226,8 @@ def costs_the_plan_and_nothing_else(controller: Controller, planned: Array) -> N
 
 @pytest.mark.parametrize("answer", [np.nan, 1e9, 0.0])
 def test_a_solver_that_fails_costs_the_plan_and_nothing_else(monkeypatch: pytest.MonkeyPatch, answer: float) -> None:
-    def fail(programme: Programme) -> float:
-        programme.e[:] = answer
+    def fail(program: Programme) -> float:
+        program.e[:] = answer
         return np.inf
 
     controller = interpreted(four_hertz(RIGID, PAPER))
@@ -239,7 +239,7 @@ def test_a_solver_that_fails_costs_the_plan_and_nothing_else(monkeypatch: pytest
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-def test_a_solver_that_stops_early_costs_the_plan_and_nothing_else(compiled: bool) -> None:
+def test_an_early_stop_of_the_solver_costs_only_the_plan(compiled: bool) -> None:
     controller = four_hertz(RIGID, PAPER)
     if not compiled:
         interpreted(controller)
@@ -254,7 +254,7 @@ def test_a_solver_that_stops_early_costs_the_plan_and_nothing_else(compiled: boo
 
 
 def test_the_residual_of_the_solution_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Programme, "solve", lambda programme: 3e-7)
+    monkeypatch.setattr(Programme, "solve", lambda program: 3e-7)
     control = interpreted(four_hertz(RIGID, PAPER)).step(0.0, 0.0)
     assert control.status == "optimal"
     assert control.residual == 3e-7

@@ -39,7 +39,7 @@ def error(loop: ClosedLoopResult) -> float:
 
 @pytest.mark.parametrize("rig", FRICTION, ids=["Coulomb", "Stribeck"])
 @pytest.mark.parametrize("factor", [1.0, 0.7, 1.3])
-def test_a_model_that_knows_the_friction_tracks_better_on_a_light_axis(rig: Rig, factor: float) -> None:
+def test_known_friction_improves_tracking_on_a_light_axis(rig: Rig, factor: float) -> None:
     friction = FRICTION[rig]
     values = [getattr(friction, spec.name) for spec in friction.parameters()]
     told = friction.bound([factor * value for value in values[:2]] + values[2:])
@@ -48,7 +48,7 @@ def test_a_model_that_knows_the_friction_tracks_better_on_a_light_axis(rig: Rig,
     assert known.least_flank_torque > 0
 
 
-def test_a_creeping_load_does_not_stick_and_slip_for_its_friction_is_known() -> None:
+def test_known_friction_prevents_stick_slip_at_low_speed() -> None:
     known, unknown = (
         closed_loop(c, STICKY, lambda t: 0.01 * t, 1.5, seed=0)
         for c in (controller(FRICTION[STICKY], bandwidth=8.0), controller(bandwidth=8.0))
@@ -57,7 +57,7 @@ def test_a_creeping_load_does_not_stick_and_slip_for_its_friction_is_known() -> 
 
 
 @pytest.mark.parametrize("told", [0.18, 0.33])
-def test_the_scale_of_friction_is_found_while_the_load_slides_and_kept_at_rest(told: float) -> None:
+def test_friction_scale_is_learned_only_while_sliding(told: float) -> None:
     c = controller(CoulombFriction(torque=told), friction_std=0.3)
     closed_loop(c, LIGHT, lambda t: swing(np.minimum(t, 4.0)), 4.0, seed=0)
     learnt = c._arrays["learnt"].copy()
@@ -99,7 +99,7 @@ def test_friction_changes_no_faster_than_the_teeth_bear() -> None:
     assert np.max(np.abs(np.diff(rubs))) <= 0.02 * 161 / 20 + 1e-12
 
 
-def test_a_contact_that_gives_before_it_slides_is_taken_for_one_that_slides() -> None:
+def test_presliding_contact_is_exported_as_sliding() -> None:
     spring = PreslidingHysteresis(torque=0.25, stiffness=2e3)
     loop, same = (
         closed_loop(controller(effect), LIGHT, swing, 1.0, seed=0) for effect in (spring, CoulombFriction(torque=0.25))

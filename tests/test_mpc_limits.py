@@ -109,7 +109,7 @@ def test_from_beyond_the_limit_it_returns_smoothly_and_says_so() -> None:
     assert all(control.residual <= 1e-6 for control in controls)
 
 
-def test_what_noise_puts_beyond_a_limit_does_not_shake_the_torques() -> None:
+def test_noise_beyond_a_limit_does_not_shake_the_torques() -> None:
     level, greatest = replace(RIGID, gravity=0.0), []
     for limits in ((-9.0, 9.0), (-1.0, 0.3)):
         controller = four_hertz(level, PAPER, angle_limits=limits)

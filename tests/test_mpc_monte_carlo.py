@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from four_hertz import four_hertz
-from swung_load import BY_FLANK, BY_MOTOR, GEARS, LEAST, MESH, MODEL, MOST, MOTOR, RIG, ROTOR, swing
+from raised_load import BY_FLANK, BY_MOTOR, GEARS, LEAST, MESH, MODEL, MOST, MOTOR, RIG, ROTOR, swing
 
 from mpc import MonteCarlo, Sweep, Trial, closed_loop, monte_carlo, sweep
 from plant import BadParameter, ServoModel
@@ -52,9 +52,7 @@ def test_a_machine_depends_on_seed_and_number_alone() -> None:
 
 
 @pytest.mark.skipif(compiler() is None, reason="there is no compiler")
-def test_machines_and_models_of_one_structure_share_their_machine_code(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_models_of_one_structure_share_machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     designs = [
         partial(
@@ -67,7 +65,7 @@ def test_machines_and_models_of_one_structure_share_their_machine_code(
     assert len(list(tmp_path.rglob("controller-*/*.so"))) == 1
 
 
-def test_contact_is_kept_by_what_covers_the_unknown_and_lost_with_less() -> None:
+def test_contact_needs_the_margin_that_covers_the_unknown() -> None:
     # a rotor that is heavier than known takes 0.2 n^2 J_m a more, and 0.2 N m cover friction, corrections, vibration
     unknown = 0.2 * ROTOR * A
     enough, little = ((unknown + spare) / MESH for spare in (0.2, -0.25))

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fault_injection import GEARS, MISHAPS, PATIENCE, broken_promises, life
 from four_hertz import four_hertz
-from mishaps import GEARS, MISHAPS, PATIENCE, broken_promises, life
 
 from mpc import Controller
 from plant import ServoModel, machine_code
@@ -55,7 +55,7 @@ def of_form(compiled: bool, **options: float) -> Controller:
 
 
 @pytest.mark.parametrize("compiled", FORMS)
-def test_the_preload_falls_no_faster_because_the_estimate_is_lost(compiled: bool) -> None:
+def test_a_lost_estimate_does_not_speed_up_the_preload(compiled: bool) -> None:
     controller = of_form(compiled, preload_rate=0.2)
     preloads = []
     for k in range(6):

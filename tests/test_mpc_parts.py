@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from programmes import responses
+from random_quadratic_programs import responses
 from scipy.linalg import solve_discrete_are
 
 from mpc.corridor import SoftLimits
@@ -129,7 +129,7 @@ def test_it_finds_a_torque_that_the_model_does_not_have() -> None:
     assert filter_.state == pytest.approx(truth[799], abs=5e-3)
 
 
-def test_one_wild_reading_is_ignored_and_a_lasting_one_is_believed() -> None:
+def test_one_outlier_is_ignored_and_a_lasting_change_is_followed() -> None:
     filter_ = estimator(ServoModel(inertia=2.0, gravity=0.0, viscous_friction=0.8))
     for _ in range(50):
         assert filter_.advance(0.1, 0.0, 0.0) == ""
@@ -143,7 +143,7 @@ def test_one_wild_reading_is_ignored_and_a_lasting_one_is_believed() -> None:
     assert filter_.state[0] == pytest.approx(1.1, abs=1e-3)
 
 
-def test_a_fresh_start_forgets_the_disturbance_and_settles_the_actuator() -> None:
+def test_reset_clears_disturbance_and_actuator_state() -> None:
     filter_ = estimator(ServoModel(gravity=0.0).with_effect(ActuatorLag(time_constant=0.02)))
     filter_.disturbance = 0.7
     filter_.start(0.1, 1.5)

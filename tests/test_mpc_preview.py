@@ -46,7 +46,7 @@ def run(controller: Controller, *, ahead: bool, stuck: bool = False) -> tuple[Ar
 
 
 def plain(controller: Controller) -> Array:
-    """Errors of the programme as it stands in text books, with our weights and bounds and without a governor."""
+    """Errors of the program as it stands in text books, with our weights and bounds and without a governor."""
     N, P, w = controller.horizon, controller._terminal_weight, controller._rate_weight
     A, B = np.array([[1.0, DT], [0.0, 1.0]]), np.array([DT**2 / 2, DT]) / MODEL.inertia
     answer, free = np.zeros((N + 1, 2, N)), np.zeros((N + 1, 2, 2))

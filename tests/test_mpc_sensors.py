@@ -78,27 +78,27 @@ def test_motors_tell_that_the_encoder_of_the_load_stands(reference: Callable[[Ar
     assert np.all((torques * [1, -1] >= 0.02) & (torques * [1, -1] <= 0.3))
 
 
-def test_an_encoder_that_stood_still_already_is_noticed_when_the_load_is_to_move() -> None:
+def test_a_frozen_encoder_is_detected_once_the_load_should_move() -> None:
     errors, statuses, _ = loop(late_step, load=True, fitted=True)
     assert noticed(statuses) <= 100 + 10  # the step is 100 samples after
     assert np.max(np.abs(errors[500:])) < 4e-4
 
 
 @pytest.mark.parametrize("drift", [5e-4, -2e-4])
-def test_an_encoder_that_goes_another_way_than_the_motors_is_noticed(drift: float) -> None:
+def test_an_encoder_that_contradicts_the_motors_is_detected(drift: float) -> None:
     errors, statuses, _ = loop(sine, drift=drift, fitted=True)
     print(f"noticed after {noticed(statuses)} samples, {np.max(np.abs(errors[FROZEN:])):.1e} rad")
     assert noticed(statuses) <= 10
     assert np.max(np.abs(errors[FROZEN:])) < 1.5e-3
 
 
-def test_the_encoder_of_the_load_tells_that_those_of_the_motors_stand() -> None:
+def test_the_load_encoder_reveals_frozen_motor_encoders() -> None:
     errors, statuses, _ = loop(sine, motors=True, fitted=True)
     assert noticed(statuses) <= 10
     assert np.max(np.abs(errors[FROZEN:])) < 6e-4
 
 
-def test_without_motors_a_load_cannot_stop_from_one_sample_to_the_next() -> None:
+def test_a_sudden_stop_without_motor_encoders_is_rejected() -> None:
     """The model stands in, as for a reading that is missing; without a word it ran away by 3.8 rad."""
     errors, statuses, torques = loop(sine, load=True, fitted=False)
     print(f"noticed after {noticed(statuses)} samples, {np.max(np.abs(errors)):.2f} rad")
@@ -107,7 +107,7 @@ def test_without_motors_a_load_cannot_stop_from_one_sample_to_the_next() -> None
     assert np.all((torques * [1, -1] >= 0.02) & (torques * [1, -1] <= 0.3))
 
 
-def test_without_motors_a_reading_that_stands_under_the_full_torque_is_no_reading() -> None:
+def test_a_frozen_reading_under_full_torque_is_rejected() -> None:
     _, statuses, torques = loop(late_step, load=True, fitted=False)
     full = np.max(np.abs(torques[:, 1])) > 0.99 * 0.3
     assert full

@@ -71,7 +71,7 @@ def test_least_heat_keeps_a_speed_limit_and_pays_for_it() -> None:
     assert minimum_heat(ServoModel(), BOUNDS, 0.0, 0.6, 3.0, speed_limit=0.19).status.startswith("failed")
 
 
-def test_against_friction_it_accelerates_for_longer_than_it_brakes() -> None:
+def test_with_friction_acceleration_takes_longer_than_braking() -> None:
     rub, full = 0.6, N * (MOST - LEAST)
     move = time_optimal(PURE.with_effect(CoulombFriction(torque=rub)), BOUNDS, 0.0, 1.0)
     up, down = (full - rub) / J, (full + rub) / J
@@ -102,7 +102,7 @@ def test_least_heat_of_a_double_integrator_is_the_known_one() -> None:
     assert PAPER.follower_torque(move.torques) == pytest.approx(N * u.reshape(100, -1).mean(axis=1), abs=0.01)
 
 
-def test_least_heat_in_the_least_time_is_the_bang_bang_move_and_falls_with_time() -> None:
+def test_least_loss_move_in_least_time_is_bang_bang() -> None:
     quick = time_optimal(ServoModel(), BOUNDS, 0.0, 0.5)
     heats = [
         minimum_heat(ServoModel(), BOUNDS, 0.0, 0.5, share * quick.duration).heat for share in (1 + 1e-6, 1.2, 1.5)
@@ -154,7 +154,7 @@ def test_a_move_is_never_quicker_for_having_less_torque() -> None:
     assert limited.duration == pytest.approx(least[1], rel=1e-5)
 
 
-def test_what_makes_the_drive_late_or_the_sensor_wrong_is_left_to_the_controller() -> None:
+def test_feed_forward_leaves_lags_and_sensor_errors_out() -> None:
     plain = time_optimal(ServoModel(), BOUNDS, 0.0, 1.0, intervals=20)
     for effect in (ActuatorLag(time_constant=0.02), SensorLag(time_constant=0.02), Backlash(gap=0.01, motor_share=0.2)):
         other = time_optimal(ServoModel().with_effect(effect), BOUNDS, 0.0, 1.0, intervals=20)

@@ -82,7 +82,7 @@ def untold(prose: str, told: str) -> list[str]:
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_asks_a_question_and_keeps_its_pictures_and_no_paths(path):
+def test_a_notebook_asks_a_question_and_keeps_pictures_not_paths(path):
     title, _, question = "".join(cells(path)[0]["source"]).partition("\n\n")
     assert title.startswith("# ")
     assert re.match(r"\*\*[^*]*\?\*\*", question)
@@ -93,7 +93,7 @@ def test_a_notebook_asks_a_question_and_keeps_its_pictures_and_no_paths(path):
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_every_cell_puts_out_what_is_saved_and_every_sentence_says_it(path):
+def test_every_cell_prints_what_is_saved_and_the_text_says_it(path):
     """Numbers, names of effects and verdicts in prose: each is printed by a cell, or set in one."""
     saved, run = [cell for cell in cells(path) if cell["cell_type"] == "code"], played(path)
     for cell, found in zip(saved, run.outputs, strict=True):

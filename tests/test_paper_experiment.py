@@ -74,7 +74,7 @@ def test_the_load_still_accelerates_and_that_carries_the_gravity() -> None:
     assert three_equations(speed, np.cos(angle), inertia_torque) == pytest.approx([ALPHA, FRICTION, GAP], abs=1e-9)
 
 
-def test_averages_over_whole_turns_would_hold_next_to_nothing_of_gravity() -> None:
+def test_averages_over_whole_turns_cancel_gravity() -> None:
     motion = experiment()
     mean_cosine = []
     for angle in motion.angle.T:

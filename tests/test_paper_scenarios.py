@@ -15,9 +15,9 @@ import pytest
 
 from antidrive.cli import main
 from antidrive.experiments.outcome import Outcome
-from antidrive.page import printed
-from antidrive.plans import read_plan
+from antidrive.html_page import printed
 from antidrive.scenario import scenario_text
+from antidrive.scenario_file import read_scenario_file
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
@@ -27,7 +27,7 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
 
 @cache
 def outcome(name: str) -> Outcome:
-    result = read_plan(name).run(None, 0)
+    result = read_scenario_file(name).run(None, 0)
     assert isinstance(result, Outcome)
     return result
 
@@ -78,7 +78,7 @@ def test_section_4_asks_for_speeds_that_section_3_excludes() -> None:
 
 def test_another_train_has_another_envelope(tmp_path: Path) -> None:
     own = changed("section3", tmp_path, ("[46, 18, 41, 17, 42, 21]", "[46, 18, 41, 17]"), ("20.0, 25.0, 30.0", "12.0"))
-    found = read_plan(own).run(None, 0).summary()
+    found = read_scenario_file(own).run(None, 0).summary()
     assert found["ratio"] == pytest.approx(99.2307 / 2, rel=1e-5)
     assert found["stall_torque_both"] == pytest.approx(number("section3", "stall_torque_both") / 2)
     assert found["largest_difference"] < 1e-4
@@ -96,7 +96,7 @@ def test_the_papers_table_is_met_to_its_printed_digits() -> None:
     assert number("section4", "paper")["gamma"] == pytest.approx(0.47, abs=0.005)
 
 
-def test_each_cause_alone_leaves_alpha_wrong_and_both_make_it_right() -> None:
+def test_alpha_is_right_only_with_both_causes_corrected() -> None:
     assert abs(number("section4", "angles_in_radians")["alpha"]) < 0.02
     assert abs(number("section4", "inertia_torque_taken_along")["alpha"] - 0.5) > 0.1
     both = number("section4", "both")
@@ -191,7 +191,7 @@ def test_more_friction_widens_one_dead_zone_and_not_the_other(tmp_path: Path) ->
         ("[rig]", "[rig]\nmotor_coulomb = 4e-3"),
         ("gaps = [0.29e-3, 1.16e-3, 4.65e-3]", "gaps = [2e-3]"),
     )
-    found = read_plan(own).run(None, 3).summary()
+    found = read_scenario_file(own).run(None, 3).summary()
     assert found["torque_dead_zones"] == pytest.approx([4e-3 * 99.2307], rel=0.1)
     assert found["gaps"] == pytest.approx([2e-3], rel=0.01)
 
@@ -219,7 +219,7 @@ def test_the_command_writes_numbers_trajectory_and_page(
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_table_of_the_papers_claims_says_what_the_scenario_says(name: str) -> None:
+def test_the_claims_table_matches_the_scenarios(name: str) -> None:
     table = Path(__file__).parents[1] / "benchmarks" / "results" / "paper_claims.txt"
     part = re.search(rf"^{name}: .*?\n\n(.*?)\n(?:\n|\Z)", table.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
     assert part is not None
@@ -233,9 +233,9 @@ def test_every_file_of_the_package_is_a_scenario() -> None:
     names = [file.name.removesuffix(".toml") for file in files("antidrive").joinpath("scenarios").iterdir()]
     assert set(NAMES) < set(names)
     for name in names:
-        assert read_plan(name).name == name
+        assert read_scenario_file(name).name == name
     with pytest.raises(BadParameter, match="section4"):
-        read_plan("section5")
+        read_scenario_file("section5")
 
 
 @pytest.mark.parametrize(
@@ -263,10 +263,10 @@ def test_every_file_of_the_package_is_a_scenario() -> None:
 def test_a_bad_experiment_is_named(name: str, old: str, new: str, complaint: str, tmp_path: Path) -> None:
     own = changed(name, tmp_path, (old, new))
     with pytest.raises(BadParameter, match=complaint) as caught:
-        read_plan(own).run(None, 0)
+        read_scenario_file(own).run(None, 0)
     assert "\n" not in str(caught.value)
 
 
 def test_an_experiment_takes_no_model() -> None:
     with pytest.raises(BadParameter, match="takes no --model"):
-        read_plan("section4").run(ServoModel.paper(), 0)
+        read_scenario_file("section4").run(ServoModel.paper(), 0)

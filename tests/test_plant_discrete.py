@@ -57,7 +57,7 @@ def model_of(name: str) -> ServoModel:
 
 
 @pytest.mark.parametrize("name", HIDDEN)
-def test_every_effect_moves_the_load_as_the_independent_machine_says(name: str) -> None:
+def test_every_effect_matches_the_independent_machine(name: str) -> None:
     command = excitation(7, duration=8.0)
     drive = DRIVE.get(name, {})
     machine = Machine(effects={name: HIDDEN[name]}, **drive)
@@ -73,7 +73,7 @@ def test_every_effect_moves_the_load_as_the_independent_machine_says(name: str) 
 
 
 @pytest.mark.parametrize("time_constant", [1e-4, 0.0015, 0.03])
-def test_a_lag_before_a_dead_zone_agrees_with_the_independent_machine(time_constant: float) -> None:
+def test_a_lag_before_a_dead_zone_matches_the_machine(time_constant: float) -> None:
     """The torque crosses the edge of the dead zone inside a sample, where no fixed step can follow exactly."""
     command = excitation(7, duration=4.0)
     effects = {"actuator_lag": {"time_constant": time_constant}, "dead_zone": HIDDEN["dead_zone"]}
@@ -190,9 +190,7 @@ def test_a_fraction_of_a_sample_of_delay_is_exact(delay: float, torque: float) -
 
 @settings(max_examples=200, deadline=None)
 @given(st.floats(0.0, 0.008), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.sampled_from([0.0, 1e-6, 0.001, 0.005]))
-def test_steps_of_integration_cover_the_sample_and_are_as_few_as_will_do(
-    delay: float, goal: float, shown: float, dt: float
-) -> None:
+def test_the_fewest_integration_steps_cover_the_sample(delay: float, goal: float, shown: float, dt: float) -> None:
     names = ("input_delay", "goal_rate_limit", "compliance")
     effects = tuple(
         catalogue[name](**{**HIDDEN[name], "time": delay} if name == "input_delay" else HIDDEN[name]) for name in names

@@ -194,7 +194,7 @@ class Windage(Effect):
     drag: float = parameter("{torque} s^3/{angle}^3", "drag", lower=0.0)
 
 
-def test_an_effect_of_ones_own_comes_back_where_its_class_is_given(tmp_path: Path) -> None:
+def test_an_own_effect_is_restored_with_its_class(tmp_path: Path) -> None:
     model = ServoModel(effects=(Windage(drag=0.02),))
     ModelFile(model=model, std={"windage.drag": 0.001}).write(tmp_path / "model.json")
     found = read_model(tmp_path / "model.json", effects=[Windage])

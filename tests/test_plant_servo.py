@@ -63,7 +63,7 @@ def test_an_effect_acts_once() -> None:
         ServoModel(effects=(TorqueOffset(torque=0.1), TorqueOffset(torque=0.2)))
 
 
-def test_a_linear_axis_has_no_gravity_of_an_arm_and_its_own_units() -> None:
+def test_a_linear_axis_has_no_arm_gravity_and_its_own_units() -> None:
     with pytest.raises(BadParameter, match="gravity"):
         ServoModel(axis="linear")
     cart = ServoModel(inertia=100.0, gravity=0.0, viscous_friction=200.0, effects=(STRIBECK,), axis="linear")
@@ -82,7 +82,7 @@ def test_a_model_does_not_change_and_with_effect_makes_another() -> None:
     assert more.without_effect("coulomb_friction") == model
 
 
-def test_an_effect_takes_the_place_of_its_own_kind_and_of_what_it_contains() -> None:
+def test_an_effect_replaces_its_own_kind_and_special_cases() -> None:
     model = ServoModel(effects=(CoulombFriction(torque=0.2),))
     assert model.with_effect(CoulombFriction(torque=0.3)).effects == (CoulombFriction(torque=0.3),)
     for wider in (STRIBECK, AsymmetricFriction(forward=0.1, backward=0.2)):

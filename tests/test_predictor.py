@@ -62,7 +62,7 @@ def test_a_prediction_sees_nothing_of_a_masked_sample() -> None:
     assert np.array_equal(found[0].jacobian, found[1].jacobian)
 
 
-def test_a_prediction_begins_at_the_first_goal_though_the_drive_starts_late() -> None:
+def test_a_prediction_begins_at_the_first_set_point() -> None:
     gain = np.where(np.arange(12) < 4, 0.0, 8.0)
     run = run_of(servo_gain=gain, command=gain * 0.7, output=np.zeros(12))
     model = ServoModel.paper().with_effect(GoalRateLimit(rate=5.0))
@@ -72,7 +72,7 @@ def test_a_prediction_begins_at_the_first_goal_though_the_drive_starts_late() ->
         assert found.states[model.states.index("goal_rate_limit"), 0] == pytest.approx(goal)
 
 
-def test_a_masked_sample_counts_for_nothing_also_where_the_simulation_overflows() -> None:
+def test_masked_samples_count_for_nothing_even_in_an_overflow() -> None:
     model = ServoModel.paper()
     runaway = model.values
     runaway[model.names.index("viscous_friction")] = -1e6 * runaway[model.names.index("inertia")]

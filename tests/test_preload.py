@@ -21,13 +21,13 @@ trains = st.builds(GearTrain, pinion_teeth=st.tuples(teeth, teeth), follower_tee
 # SEW's first drive stands at D2, for its tension is positive where the second drive gives more.
 
 
-def test_sew_shares_120_newton_metres_under_50_percent_tension_as_30_and_90() -> None:
+def test_sew_example_splits_120_nm_into_30_and_90() -> None:
     tension = Preload.from_percent(DIRECT, 50.0, rated_torque=120.0)
     second, first = tension.split(-120.0)
     assert (first, second) == pytest.approx((30.0, 90.0))
 
 
-def test_sew_holds_plus_and_minus_30_newton_metres_under_minus_50_percent_without_demand() -> None:
+def test_sew_example_without_demand_holds_plus_and_minus_30_nm() -> None:
     tension = Preload.from_percent(DIRECT, -50.0, rated_torque=120.0)
     second, first = tension.split(0.0)
     assert (first, second) == pytest.approx((30.0, -30.0))
@@ -56,7 +56,7 @@ def test_it_is_the_preload_of_the_allocator() -> None:
     assert Preload(gears=gears, coefficient=shared.preload).split(0.7) == pytest.approx(shared.torques)
 
 
-def test_for_equal_gears_the_difference_is_twice_the_torque_of_each() -> None:
+def test_equal_gears_preload_is_half_the_difference_each() -> None:
     preload = Preload(gears=GearTrain.paper(), coefficient=0.01)
     assert preload.torques == pytest.approx([0.2, -0.2])
     assert preload.difference == pytest.approx(0.4)

@@ -67,7 +67,7 @@ def test_less_than_what_was_found_parts_the_teeth() -> None:
         assert not kept[len(rigs) :].any()
 
 
-def test_what_the_slave_needs_beyond_its_formula_is_its_own_friction() -> None:
+def test_preload_beyond_the_formula_is_the_friction_of_the_drive() -> None:
     smooth = experiment(sized({**ONE_MESH, "motor_coulomb = 0.0201551": "motor_coulomb = 0.0"}), 0)
     quiet = found().noises == 0.0
     assert np.all(found().least[quiet, SLAVE] > 2.0)

@@ -12,10 +12,10 @@ from front_door import TRUTH, antidrive, columns, write_csv, write_model
 from test_friction_test import PLAIN, SWEEP, driven
 
 import antidrive as ad
-from antidrive.changes import Change, Comparison
+from antidrive.model_comparison import Change, Comparison
 from identification.friction_test import friction_test
 from plant import BadParameter, drive_table
-from plant.presented import Presented
+from plant.result_display import Presented
 
 matplotlib.use("Agg")
 

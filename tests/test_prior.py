@@ -15,7 +15,7 @@ from identification.prior import natural_scales
 from identification.problem import Problem
 from plant import ServoModel
 from plant.effects import AsymmetricFriction, CoulombFriction
-from plant.effects.curve import HEIGHTS, CurveOverTorque, CurveOverVelocity
+from plant.effects.nonparametric_curve import HEIGHTS, CurveOverTorque, CurveOverVelocity
 
 PLAIN = Machine(effects={})
 
@@ -27,7 +27,7 @@ def in_levels(levels: tuple[float, ...], *, scale: float = 1.0, machine: Machine
     return Log(runs=(type(moved)(**{**vars(moved), "command": command}),), axis="rotary")
 
 
-def test_two_parameters_that_trade_places_keep_what_they_are_worth_together() -> None:
+def test_two_confounded_parameters_keep_their_joint_evidence() -> None:
     """Dry friction of one level and of two: none of the three is known, the sum is."""
     log = record(PLAIN.hiding(coulomb_friction={"torque": 0.4}), excitation(3, duration=20.0), seed=3).log()
     start = ServoModel(
@@ -48,7 +48,7 @@ def test_two_parameters_that_trade_places_keep_what_they_are_worth_together() ->
     assert log_likelihood(cost, found.samples) == pytest.approx(found.log_likelihood, abs=0.1)
 
 
-def test_between_the_few_torques_of_a_log_a_curve_is_no_higher_than_they_are() -> None:
+def test_a_curve_does_not_overshoot_between_few_torque_levels() -> None:
     log = in_levels((-6.0, -0.2, -0.1, 0.1, 0.2, 6.0), machine=PLAIN.hiding(coulomb_friction={"torque": 0.5}))
     start = CurveOverTorque(low=-6.0, high=6.0)
     model = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8, effects=(start,))
@@ -61,7 +61,7 @@ def test_between_the_few_torques_of_a_log_a_curve_is_no_higher_than_they_are() -
     assert stds[[0, 4, 8]].max() < 0.03 * level
 
 
-def test_what_a_log_says_of_a_curve_outweighs_what_was_known_before() -> None:
+def test_a_log_outweighs_the_prior_of_a_curve() -> None:
     """A sixth more torque than is read, over all of its range."""
     log = in_levels(tuple(np.linspace(-6.0, 6.0, 25)), scale=7.0 / 6.0)
     start = CurveOverTorque(low=-6.0, high=6.0)

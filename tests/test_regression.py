@@ -45,7 +45,7 @@ def test_a_start_is_tried_once() -> None:
     assert min(apart, default=1.0) > 0.01
 
 
-def test_the_regression_sees_a_dead_zone_that_the_start_does_not_have() -> None:
+def test_regression_finds_a_dead_zone_missing_at_the_start() -> None:
     truth = RIGID.with_effect(DeadZone(half_width=0.6))
     blind = RIGID.with_effect(DeadZone(half_width=0.0))
     found = nearest(starting_values(recorded(truth), replace(blind, inertia=9.0)), truth.values)
@@ -59,7 +59,7 @@ def test_a_linear_axis_has_no_gravity_to_start_from() -> None:
     assert found == pytest.approx([5.0, 0.0, 9.0], rel=0.02)
 
 
-def test_friction_an_offset_and_a_delay_bend_not_all_of_the_starts() -> None:
+def test_friction_offset_and_delay_leave_one_start_unbiased() -> None:
     """A small motor under a random binary command, as they come out of a laboratory."""
     motor = ServoModel(inertia=1.2e-4, gravity=0.0, viscous_friction=2.9e-3)
     hidden = (CoulombFriction(torque=0.03), TorqueOffset(torque=0.01), InputDelay(time=0.01))
@@ -92,7 +92,7 @@ def test_the_default_start_is_of_the_size_of_the_machine() -> None:
         assert 0.1 < begun.viscous_friction / truth.viscous_friction < 10.0
 
 
-def test_a_dead_zone_that_one_level_of_torque_cannot_tell_leaves_the_rest_to_be_told() -> None:
+def test_an_unidentifiable_dead_zone_leaves_the_other_parameters() -> None:
     """Of plus and minus one torque it only takes a share, as more of everything else would."""
     command = 0.7 * np.random.default_rng(2).choice([-1.0, 1.0], 120).repeat(5)
     motor = ServoModel(inertia=1.2e-3, gravity=0.0, viscous_friction=2.9e-2)

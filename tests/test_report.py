@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from sample_pages import HOSTILE, sample_diagnosis, sample_fit
 
+from antidrive.downsampling import LIMIT, downsample
+from antidrive.html_page import printed
 from antidrive.output import to_json
-from antidrive.page import printed
 from antidrive.provenance import Provenance
 from antidrive.report import diagnosis_page, fit_page
-from antidrive.thinning import LIMIT, thin
 from diagnosis.explanation.summary import headline, sentences
 from diagnosis.explanation.wording import measured, percent
 from identification import free_simulation
@@ -81,13 +81,13 @@ def outline(page):
 
 def test_the_page_reads_from_verdict_to_reproduction(outline):
     assert outline.headings == [
-        "The model misses Coulomb friction.",
-        "What is wrong",
-        "Where it lives",
-        "Its name, and how sure",
-        "Before and after",
+        "The model lacks Coulomb friction.",
+        "Measured and simulated",
+        "Residual torque",
+        "Missing effects",
+        "Validation error",
         "Parameters of the extended model",
-        "What was tried",
+        "All effects that were tried",
         "The data",
         "How to reproduce",
     ]
@@ -101,7 +101,7 @@ def test_the_page_loads_nothing_and_runs_nothing_of_the_user(page, outline):
     assert outline.loads == []
     assert "@import" not in page.split("<script>")[0]
     assert "alert(1)</script>" not in page
-    assert page.count("<script>") == 2
+    assert page.count("<script>") == 1
     assert HOSTILE in "".join(outline.text)
 
 
@@ -140,13 +140,13 @@ def test_numbers_keep_the_digits_that_their_error_leaves():
 
 
 def test_a_linear_axis_lacks_a_force(diagnosis):
-    lacked = replace(diagnosis.missing_before, unit="N")
+    lacked = replace(diagnosis.residual_before, unit="N")
     for unit, there, absent in (("N m", "torque", "force"), ("N", "force", "torque")):
-        told = replace(diagnosis, missing_before=replace(lacked, unit=unit), missing_after=replace(lacked, unit=unit))
-        lives = sections(diagnosis_page(told, Provenance.now(["antidrive"])))["Where it lives"]
-        assert f"missing {there} [{unit}]" in lives
-        assert f"of the missing {there}" in lives
-        assert f"missing {absent}" not in lives
+        told = replace(diagnosis, residual_before=replace(lacked, unit=unit), residual_after=replace(lacked, unit=unit))
+        lives = sections(diagnosis_page(told, Provenance.now(["antidrive"])))[f"Residual {there}"]
+        assert f"residual {there} [{unit}]" in lives
+        assert f"the variance of the residual {there} of the base model" in lives
+        assert f"residual {absent}" not in lives
         assert f"Relative {there} error" in sentences(told)[2]
 
 
@@ -193,22 +193,25 @@ def test_every_section_shows_its_own_numbers(diagnosis):
     std = diagnosis.base.parameters[0].std
     assert measured(22.5, std, "kg m^2").split(" kg")[0] in parameters.replace("\N{NO-BREAK SPACE}", " ")
     assert "11.25" not in parameters
-    places = [found["What was tried"].index(name) for name in ("Coulomb friction", "Stribeck friction", "cogging")]
+    places = [
+        found["All effects that were tried"].index(name)
+        for name in ("Coulomb friction", "Stribeck friction", "cogging")
+    ]
     assert places == sorted(places)
     assert found["The data"].count("a repair") == 1
     assert found["The data"].count("a warning") == 1
-    odds = found["Its name, and how sure"]
-    assert [odds.count(f'"{share} %"') for share in (97, 2, 1)] == [1, 1, 1]
+    odds = found["Missing effects"]
+    assert [odds.count(f"|{share} %|") for share in (97, 2, 1)] == [1, 1, 1]
 
 
-def test_curves_are_drawn_before_and_after_only_where_there_is_an_after(diagnosis):
+def test_curves_after_are_drawn_only_if_there_is_an_extension(diagnosis):
     extended = sections(diagnosis_page(diagnosis, Provenance.now(["antidrive"])))
     alone = replace(diagnosis, extended=diagnosis.base)
     before = sections(diagnosis_page(alone, Provenance.now(["antidrive"])))
     assert "Parameters of the base model" in before
-    named = '"name":"after naming"'
-    assert extended["Where it lives"].count(named) == len(diagnosis.missing_after.curves) > 0
-    assert named not in before["Where it lives"]
+    named = '"name":"extended model"'
+    assert extended["Residual torque"].count(named) == len(diagnosis.residual_after.curves) > 0
+    assert named not in before["Residual torque"]
 
 
 def test_the_worst_runs_are_drawn(diagnosis):
@@ -221,8 +224,8 @@ def test_the_worst_runs_are_drawn(diagnosis):
     ]
     spoilt = replace(runs[1], before=np.where(valid, runs[1].before, 1e9))
     page = sections(diagnosis_page(replace(diagnosis, replays=(runs[0], spoilt, *runs[2:])), Provenance.now([])))
-    assert re.findall(r"run 0\.\d", page["What is wrong"])[:3] == ["run 0.4", "run 0.3", "run 0.2"]
-    assert "1 more run not drawn" in page["What is wrong"]
+    assert re.findall(r"run 0\.\d", page["Measured and simulated"])[:3] == ["run 0.4", "run 0.3", "run 0.2"]
+    assert "1 more run with smaller errors is not drawn" in page["Measured and simulated"]
 
 
 def test_a_fit_draws_its_worst_runs_and_flags_its_parameters(fitted):
@@ -242,13 +245,19 @@ def test_a_fit_draws_its_worst_runs_and_flags_its_parameters(fitted):
 
 def test_figures_are_json_of_few_points(outline):
     assert len(outline.figures) >= 7
-    for text in outline.figures:
-        figure = json.loads(text)
-        for trace in figure["data"]:
-            for axis in ("x", "y"):
-                values = trace[axis]
-                if isinstance(values, dict):
-                    assert len(values["bdata"]) <= (LIMIT + 2) * 8 * 4 / 3 + 4
+    curves = [curve for text in outline.figures for row in json.loads(text)["rows"] for curve in row["curves"]]
+    assert len(curves) > len(outline.figures)
+    assert all(0 < len(curve["x"]) == len(curve["y"]) <= LIMIT + 2 for curve in curves)
+
+
+def test_a_page_is_small_whatever_the_length_of_its_log(diagnosis):
+    (replay,) = diagnosis.replays
+    time = np.linspace(0.0, 600.0, 600_000)
+    wave = np.sin(time)
+    longer = {"time": time, "measured": wave, "before": 0.9 * wave, "after": 0.99 * wave, "valid": time >= 0.0}
+    long = replace(replay, **longer)
+    page = diagnosis_page(replace(diagnosis, replays=(long,) * 3), Provenance.now(["antidrive"]))
+    assert len(page) < 1e6
 
 
 @pytest.mark.parametrize("verdict", ["nothing_missing", "unknown"])
@@ -256,7 +265,7 @@ def test_a_page_without_causes_stands_too(diagnosis, verdict):
     bare = replace(diagnosis, verdict=verdict, causes=(), gain=None, extended=diagnosis.base, candidates=(), replays=())
     text = diagnosis_page(bare, Provenance.now(["antidrive"]))
     assert headline(bare) in text
-    assert "Its name" not in text
+    assert "Missing effects" not in text
 
 
 def test_a_fit_has_its_page(fitted):
@@ -276,24 +285,23 @@ def test_words_say_how_sure(diagnosis):
     first, second, torque, third = sentences(diagnosis)
     floor = measured(0.001, 0.001 / np.sqrt(2 * diagnosis.extended.samples), "rad")
     assert first == (
-        "Coulomb friction: 97 % sure (torque 0.400 ± 0.010 N m); next would be Stribeck friction 2 %, none 1 %."
+        "Coulomb friction: probability 97 %, torque 0.400 ± 0.010 N m; alternatives: Stribeck friction 2 %, none 1 %."
     )
     assert second == (
-        "On 1 held-out run the simulation error falls from 0.05 rad to 0.01 rad rms (80 %); "
+        "On 1 validation run the simulation error falls from 0.05 rad to 0.01 rad rms (80 %); "
         f"the noise floor is {floor}."
     )
     assert torque == (
         "Relative torque error of the inverse model (below 5 Hz): "
-        "18.0 ± 1.0 % -> 4.00 ± 0.20 % on the estimation data, 19.0 ± 1.0 % -> 6.0 ± 0.4 % held out."
+        "18.0 ± 1.0 % -> 4.00 ± 0.20 % on the estimation data, 19.0 ± 1.0 % -> 6.0 ± 0.4 % on validation data."
     )
-    assert third == "2 % of the error power remains unexplained (over velocity)."
+    assert third == "2 % of the error power remains unexplained; it depends on velocity."
     cause = replace(diagnosis.causes[0], probability=0.6, alternatives=(("stribeck_friction", 0.39), ("none", 0.01)))
     torn = replace(diagnosis, verdict="ambiguous", causes=(cause,))
-    assert headline(torn) == "The model misses Coulomb friction or Stribeck friction, and this log does not tell which."
+    assert headline(torn) == "The model lacks Coulomb friction or Stribeck friction; this log does not tell which."
     both = replace(torn, causes=(diagnosis.causes[0], replace(cause, effect="cogging")))
     assert headline(both) == (
-        "The model misses Coulomb friction; it also misses cogging or Stribeck friction, and this log does not tell "
-        "which."
+        "The model lacks Coulomb friction. It also lacks cogging or Stribeck friction; this log does not tell which."
     )
     lost = replace(diagnosis, verdict="unknown", causes=())
     assert headline(lost).endswith("explains; it depends on velocity.")
@@ -302,9 +310,9 @@ def test_words_say_how_sure(diagnosis):
 def test_an_observer_that_takes_over_is_not_called_nothing(diagnosis):
     still, held = (replace(diagnosis.base, bandwidth=bandwidth) for bandwidth in (0.0, 12.0))
     bare = replace(diagnosis, verdict="nothing_missing", causes=(), base=still, extended=still)
-    assert headline(bare) == "Nothing is missing: what remains is what the noise accounts for."
+    assert headline(bare) == "No effect is missing: noise accounts for the remaining error."
     pushed = headline(replace(bare, base=held, extended=held))
-    assert "at random" in pushed
+    assert "random disturbance" in pushed
     assert "twice" in pushed
 
 
@@ -317,7 +325,7 @@ def test_nothing_is_certain_and_nothing_impossible():
 def test_thinning_keeps_ends_and_spikes(values, data):
     place = data.draw(st.integers(0, values.size - 1))
     values[place] = data.draw(st.sampled_from([-5.0, 7.0]))
-    kept = thin(values)
+    kept = downsample(values)
     assert kept.size <= LIMIT
     assert kept[0] == 0
     assert kept[-1] == values.size - 1
@@ -328,7 +336,7 @@ def test_thinning_keeps_ends_and_spikes(values, data):
 def test_thinning_keeps_a_long_gap_open():
     values = np.sin(np.linspace(0.0, 50.0, 100_000))
     values[40_000:60_000] = np.nan
-    kept = thin(values)
+    kept = downsample(values)
     inside = kept[(kept > 41_000) & (kept < 59_000)]
     assert inside.size > 0
     assert np.isnan(values[inside]).all()
@@ -343,7 +351,7 @@ def test_json_is_strict_whatever_the_numbers(content):
     json.loads(to_json({"content": content, "array": np.array([1.0, np.nan, np.inf])}), parse_constant=refuse)
 
 
-def test_printed_it_says_what_the_command_line_says_and_as_a_value_it_is_one_line(fitted, diagnosis):
+def test_str_is_the_command_line_text_and_repr_is_one_line(fitted, diagnosis):
     first, *others = str(diagnosis).splitlines()
     assert first == headline(diagnosis)
     assert [line.strip() for line in others] == [*sentences(diagnosis), *diagnosis.warnings]

@@ -9,20 +9,20 @@ from browser import Reader, chromium
 from sample_pages import sample_diagnosis, sample_fit
 
 from antidrive.gallery import gallery_page
-from antidrive.plans import read_plan
 from antidrive.provenance import Provenance
 from antidrive.report import diagnosis_page, experiment_page, fit_page
+from antidrive.scenario_file import read_scenario_file
 from identification import free_simulation
 from plant.effects import Cogging, CoulombFriction
 
 PHONE = {"viewport": {"width": 400, "height": 800}, "has_touch": True, "is_mobile": True}
-RANGE = "document.querySelector('.plot')._fullLayout.xaxis.range"
+RANGE = "[+document.querySelector('.plot').dataset.from, +document.querySelector('.plot').dataset.to]"
 # Words of a plot that reach over its edge, and plots that reach over the edge of the page.
 CUT = """[...document.querySelectorAll('.plot')].flatMap(plot => {
     const edge = plot.getBoundingClientRect();
     const over = box => Math.max(
         edge.left - box.left, box.right - edge.right, edge.top - box.top, box.bottom - edge.bottom) > 1;
-    const words = [...plot.querySelectorAll('text')].filter(text => text.textContent.trim());
+    const words = [...plot.querySelectorAll('text, .ytitle, .xtitle, .key')].filter(text => text.textContent.trim());
     const page = document.querySelector('main').getBoundingClientRect();
     return [...words.filter(text => over(text.getBoundingClientRect())).map(text => text.textContent),
             ...(edge.right > page.right + 1 ? ['the plot itself'] : [])];
@@ -34,8 +34,8 @@ CONTRAST = """(() => {
         return 0.2126 * part[0] + 0.7152 * part[1] + 0.0722 * part[2];
     };
     const ground = light(getComputedStyle(document.body).backgroundColor);
-    const inks = [...document.querySelectorAll('p, td, .xtitle, .ytitle, .legendtext')].map(
-        e => light(e.matches('p, td') ? getComputedStyle(e).color : getComputedStyle(e).fill));
+    const inks = [...document.querySelectorAll('p, td, .xtitle, .ytitle, .key, .plot text')].map(
+        e => light(e.matches('text') ? getComputedStyle(e).fill : getComputedStyle(e).color));
     return [ground, Math.min(...inks.map(ink => (Math.max(ink, ground) + 0.05) / (Math.min(ink, ground) + 0.05)))];
 })()"""
 
@@ -53,7 +53,7 @@ def pages(tmp_path_factory):
     written = {
         "diagnosis": diagnosis_page(sample_diagnosis(fitted), how),
         "fit": fit_page(fitted, free_simulation(fitted.log, fitted.model), how),
-        "experiment": experiment_page(read_plan("figure6").run(None, 0), how),
+        "experiment": experiment_page(read_scenario_file("figure6").run(None, 0), how),
         "gallery": gallery_page(how, {kind.name: kind for kind in (Cogging, CoulombFriction)}),
     }
     for name, text in written.items():
@@ -77,8 +77,8 @@ def test_it_opens_without_an_error_and_asks_for_nothing(browser, pages, kind):
 def test_a_plot_zooms_and_comes_back(browser, pages):
     with Reader(browser, pages["diagnosis"], viewport={"width": 1100, "height": 900}) as reader:
         low, high = reader.ask(RANGE)
-        reader.page.locator(".plot .nsewdrag").first.scroll_into_view_if_needed()
-        box = reader.page.locator(".plot .nsewdrag").first.bounding_box()
+        reader.page.locator(".plot .inside").first.scroll_into_view_if_needed()
+        box = reader.page.locator(".plot .inside").first.bounding_box()
         mouse, middle = reader.page.mouse, box["y"] + box["height"] / 2
         mouse.move(box["x"] + 0.25 * box["width"], middle)
         mouse.down()
@@ -102,7 +102,7 @@ def test_it_reads_well_on_a_phone(browser, pages, kind):
         assert reader.ask(f"{tables}.filter(table => table.scrollWidth > table.clientWidth).length") == 0
         assert reader.ask("[...document.querySelectorAll('.tile')].every(t => t.scrollWidth <= t.clientWidth)")
         # a finger on a plot scrolls the page
-        assert reader.ask("document.querySelector('.plot')._fullLayout.dragmode") is False
+        assert reader.ask("getComputedStyle(document.querySelector('.plot')).touchAction") == "pan-y"
 
 
 @pytest.mark.parametrize("kind", ["diagnosis", "fit"])
@@ -111,7 +111,7 @@ def test_words_stand_out_by_day_and_by_night(browser, pages, kind):
         ground, contrast = reader.ask(CONTRAST)
         assert ground > 0.9
         assert contrast > 4.5
-        ink = "document.querySelector('.plot')._fullLayout.font.color"
+        ink = "getComputedStyle(document.querySelector('.plot text')).fill"
         day = reader.ask(ink)
         reader.page.emulate_media(color_scheme="dark")
         reader.page.wait_for_function(f"{ink} != '{day}'")

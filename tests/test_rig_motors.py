@@ -20,7 +20,7 @@ NO_LOAD = 2000 * 2 * np.pi / 60  # [rad/s]
 
 
 @pytest.mark.parametrize("preload", [0.0, 0.2])
-def test_halving_the_fine_step_of_the_whole_machine_changes_next_to_nothing(preload: float) -> None:
+def test_halving_the_fine_step_changes_next_to_nothing(preload: float) -> None:
     """With everything at work the error is of first order: below a bound that halves with the step.
 
     Step by step it need not halve where teeth hit: when within a step they do is chance.
@@ -148,7 +148,7 @@ def test_encoders_show_where_the_shafts_were(delay: float) -> None:
     assert np.ptp(true.true_angle) > 0.01
 
 
-def test_after_steps_of_unequal_length_the_reading_is_on_a_straight_line() -> None:
+def test_readings_after_unequal_steps_lie_on_a_line() -> None:
     rig = Rig.paper_like(**PURE, encoder_delay=0.02)
     state = replace(rig.rest(), velocity=0.5, rotor_velocities=np.full(2, 0.5))
     for duration in (0.007, 0.011, 0.003, 0.013, 0.002):

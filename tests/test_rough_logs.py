@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rough_log_outcome import diagnosed, identified
 from rough_logs import KINDS, rough_log
-from rough_trial import diagnosed, identified
 
 from identification.fit import fit
 
@@ -34,7 +34,7 @@ def test_rough_logs_are_of_all_kinds_and_scales() -> None:
     assert all(np.isfinite(rough.angle).all() and np.ptp(rough.time) > 0.2 for rough in drawn)
 
 
-def test_a_fit_of_another_machines_torque_has_failed_and_says_what_to_do() -> None:
+def test_a_fit_to_the_wrong_torque_fails_with_advice() -> None:
     """No number is made up, and nobody is told that the log were to blame."""
     log = rough_log(14, longest=600).log()
     (run,) = log.runs

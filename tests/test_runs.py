@@ -7,13 +7,13 @@ import pytest
 from machine import Machine, excitation, record
 
 from identification import fit
-from identification.disagreement import disagreement
+from identification.between_run_differences import between_run_differences
 from identification.errors import MalformedLog
 from identification.inverse import torque_error
 from identification.log import Log
-from identification.over_runs import places, point_size
 from identification.predictor import Predictor
 from identification.run_parameters import own_values
+from identification.sums_over_runs import places, point_size
 from plant import ServoModel
 from plant.effects import Compliance, CoulombFriction
 from plant.errors import BadParameter
@@ -56,7 +56,7 @@ def loaded():
 TRUE = {"inertia": 2.0, "gravity": 0.5, "viscous_friction": 0.8, "coulomb_friction.torque": 0.3}
 
 
-def test_a_payload_that_is_known_in_each_run_is_no_part_of_the_model(loaded):
+def test_a_known_payload_of_a_run_is_no_part_of_the_model(loaded):
     mass = np.repeat(MASS, loaded["time"].size // 3)
     log = Log.from_arrays(
         **loaded, payload_mass=1e3 * mass, payload_radius=0 * mass + RADIUS, units={"payload_mass": "g"}
@@ -73,7 +73,7 @@ def test_a_payload_that_is_known_in_each_run_is_no_part_of_the_model(loaded):
     assert torque_error(log, found.model, cutoff=5.0) < 0.5 * torque_error(without, found.model, cutoff=5.0)
 
 
-def test_parameters_differ_from_run_to_run_and_the_others_are_shared(loaded):
+def test_chosen_parameters_differ_by_run_and_others_are_shared(loaded):
     log = Log.from_arrays(**loaded)
     found = fit(log, start(), per_run=("inertia", "gravity"))
     for run in range(3):
@@ -100,19 +100,19 @@ def test_runs_that_disagree_are_said_with_what_and_by_how_much(loaded):
     assert "viscous" not in said
 
 
-def test_runs_that_agree_are_not_said_to_disagree_also_where_the_model_lacks_something():
+def test_runs_that_agree_raise_no_warning_under_model_error():
     for seed, effects in enumerate(
         (PLAIN, {"coulomb_friction": {"torque": 0.3}}, {"cogging": {"amplitude": 0.2, "order": 6.0, "phase": 0.5}})
     ):
         log = made(Machine(effects=effects), seed=10 * seed).log_of_runs()
         rigid = ServoModel(inertia=1.0, gravity=0.0, viscous_friction=0.1)
-        assert disagreement(fit(log, rigid)) is None, effects
+        assert between_run_differences(fit(log, rigid)) is None, effects
 
 
-def test_a_difference_of_a_few_per_cent_is_seen_where_the_model_is_right():
+def test_a_few_per_cent_between_runs_are_detected():
     machine = Machine(inertia=np.array([2.0, 2.0, 2.06]), effects=PLAIN)
     rigid = ServoModel(inertia=1.0, gravity=0.0, viscous_friction=0.1)
-    said = disagreement(fit(made(machine).log_of_runs(), rigid))
+    said = between_run_differences(fit(made(machine).log_of_runs(), rigid))
     assert said is not None
     assert said.startswith("The runs disagree about inertia (")
     assert "machine 2 run 2 2.06" in said

@@ -12,8 +12,8 @@ from scipy.signal import lfilter
 
 from diagnosis import diagnose
 from diagnosis import refit as refits
-from diagnosis.odds import search_charge
-from diagnosis.screen import Screen, peaks_beside
+from diagnosis.model_probability import search_charge
+from diagnosis.score_test import Screen, excess_of_neighbouring_peaks
 from identification.fit import fit
 from plant import ServoModel, catalogue
 from plant.effects import (
@@ -25,7 +25,7 @@ from plant.effects import (
     PeriodicDisturbance,
     Trace,
 )
-from plant.effects.order_lines import neighbouring
+from plant.effects.spectral_lines import neighbouring
 
 WAVE = {"amplitude": 0.2, "frequency": 3.3, "phase": 0.4}
 
@@ -44,18 +44,20 @@ def peaks_on(seed: int, swing: float) -> float:
     machine = Machine().hiding(periodic_disturbance=WAVE)
     log = record(machine, commands, seed=seed, noise=1e-3, load_torque=load).log()
     model = ServoModel.paper().with_effect(PeriodicDisturbance(**WAVE))
-    peaks = peaks_beside(fit(log, model, fixed=["periodic_disturbance.frequency"]), "periodic_disturbance")
+    peaks = excess_of_neighbouring_peaks(
+        fit(log, model, fixed=["periodic_disturbance.frequency"]), "periodic_disturbance"
+    )
     assert peaks is not None
     return peaks
 
 
-def test_neighbours_of_a_line_explain_what_chance_does_or_more_where_no_model_is_right() -> None:
+def test_neighbouring_lines_explain_no_less_than_chance() -> None:
     white = [peaks_on(seed, 0.0) for seed in range(2)]
     assert np.mean(white) == pytest.approx(1.0, abs=0.25)
     assert np.mean([peaks_on(seed, 0.01) for seed in range(1, 4)]) > 1.8
 
 
-def test_it_costs_as_often_as_the_peaks_are_higher_than_chances_and_twice_where_nobody_knows() -> None:
+def test_search_charge_grows_with_the_number_of_higher_peaks() -> None:
     once = np.log(5000)
     for peaks, cost in ((None, 2.0), (0.3, 1.0), (1.5, 1.5), (9.0, 9.0)):
         assert search_charge(searched=5000, catalogue=1, peaks=peaks) == pytest.approx(cost * once)
@@ -71,7 +73,7 @@ def test_it_costs_as_often_as_the_peaks_are_higher_than_chances_and_twice_where_
     ],
     ids=lambda effect: effect.name,
 )
-def test_neighbours_are_lines_of_their_own_about_that_of_the_effect(effect: Any) -> None:
+def test_neighbouring_lines_surround_that_of_the_effect(effect: Any) -> None:
     place = np.linspace(-3.0, 9.0, 4001)
     motion: Any = SimpleNamespace(angle=place, time=place, sample_time=0.0)
     traces = list(effect.neighbours(motion))
@@ -83,7 +85,7 @@ def test_neighbours_are_lines_of_their_own_about_that_of_the_effect(effect: Any)
         assert seen @ seen < 0.05 * own @ own
 
 
-def test_a_line_is_tried_behind_a_slow_observer_though_drift_is_higher() -> None:
+def test_a_line_is_tried_under_a_slow_observer_despite_drift() -> None:
     """Six lines of the spectrum are higher than the one that is hidden, and none of them explains more."""
     hidden = {"amplitude": 0.002279, "order": 11.0, "phase": 0.7}
     machine = Machine().hiding(cogging=hidden)
@@ -93,7 +95,7 @@ def test_a_line_is_tried_behind_a_slow_observer_though_drift_is_higher() -> None
     assert any(abs(effect.order - 11.0) < 0.25 for effect in orders if isinstance(effect, Cogging))
 
 
-def test_neighbours_complete_two_periods_and_are_none_of_a_rate_that_ran_off() -> None:
+def test_neighbouring_lines_span_two_periods() -> None:
     place = np.linspace(0.0, 10.0, 1001)
     rates = neighbouring(place, 2.5)
     assert rates.min() >= 2.0 * 2.0 * np.pi / 10.0
@@ -104,8 +106,8 @@ def test_neighbours_complete_two_periods_and_are_none_of_a_rate_that_ran_off() -
 def test_effects_without_a_search_have_none() -> None:
     log = record(Machine(), excitation(1, duration=5.0), seed=1, noise=1e-3).log()
     found = fit(log, ServoModel.paper().with_effect(CoulombFriction(torque=0.1)))
-    assert peaks_beside(found, "coulomb_friction") is None
-    assert peaks_beside(found, "cogging") is None
+    assert excess_of_neighbouring_peaks(found, "coulomb_friction") is None
+    assert excess_of_neighbouring_peaks(found, "cogging") is None
 
 
 def peaks_beside_payload(seed: int, swing: float) -> float | None:
@@ -114,16 +116,18 @@ def peaks_beside_payload(seed: int, swing: float) -> float | None:
     commands = excitation(seed, duration=30.0)
     load = swinging(seed, swing, 1.0, commands.size)
     log = record(Machine().hiding(payload_change=change), commands, seed=seed, noise=1e-3, load_torque=load).log()
-    return peaks_beside(fit(log, ServoModel.paper().with_effect(PayloadChange(**change))), "payload_change")
+    return excess_of_neighbouring_peaks(
+        fit(log, ServoModel.paper().with_effect(PayloadChange(**change))), "payload_change"
+    )
 
 
-def test_of_shapes_that_are_alike_only_those_that_explain_little_tell() -> None:
+def test_only_similar_shapes_that_explain_little_count() -> None:
     white = [peaks_beside_payload(seed, 0.0) for seed in (0, 1)]
     assert all(peaks is not None and 0.3 < peaks < 2.0 for peaks in white)
     assert peaks_beside_payload(0, 0.05) is None
 
 
-def test_what_shapes_an_effect_is_paid_for_once_by_a_search_or_as_a_parameter() -> None:
+def test_a_shape_is_charged_once_as_search_or_as_parameter() -> None:
     log = record(Machine(), excitation(2, duration=10.0), seed=2, noise=1e-3).log()
     suspects = Screen.views(fit(log, ServoModel.paper()))[0][0].ask(catalogue)
     found = {suspect.name: (suspect.coefficients, suspect.searched > 1) for suspect in suspects}
@@ -139,7 +143,7 @@ def test_what_shapes_an_effect_is_paid_for_once_by_a_search_or_as_a_parameter() 
     assert {name: found[name] for name in paid} == paid
 
 
-def test_a_shape_that_was_not_searched_for_is_not_refitted_to_one_that_was() -> None:
+def test_unsearched_shapes_are_not_refitted() -> None:
     """Once round the turn is asked for alone; what is a little better among thousands would not have paid."""
 
     def regress(traces: Any) -> Any:
@@ -150,7 +154,7 @@ def test_a_shape_that_was_not_searched_for_is_not_refitted_to_one_that_was() -> 
         Trace(columns=np.zeros((1, 2)), start=lambda c, s=start: s, searched=searched)
         for start, searched in ((first, 2), (among, 5000))
     ]
-    kind = SimpleNamespace(name="any", rugged=True, traces=lambda motion: traces)
+    kind = SimpleNamespace(name="any", multimodal=True, traces=lambda motion: traces)
     screen: Any = SimpleNamespace(regress=regress, motion=None, innovations=[0.0], _sharpened=lambda shapes: shapes)
     found = Screen._suspect(screen, kind)  # type: ignore[arg-type]
     assert found is not None
@@ -173,7 +177,7 @@ def test_a_disturbance_of_barely_more_than_chance_is_named(seed: int) -> None:
 @pytest.mark.parametrize(
     ("bandwidth", "rise", "begun"), [(0.0, -5.0, 2), (0.0, 5.0, 1), (19.0, -5.0, 2), (21.0, -5.0, 1)]
 )
-def test_a_search_begins_anew_only_where_it_came_to_nothing_and_something_faint_could_show(
+def test_search_restarts_only_after_finding_nothing(
     monkeypatch: pytest.MonkeyPatch, bandwidth: float, rise: float, begun: int
 ) -> None:
     """Behind an observer nearly as fast as the sampling, 5 ms here, what hardly shows is nothing."""

@@ -51,7 +51,7 @@ def test_state_and_slopes_are_those_of_the_step(names: tuple[str, ...], position
         assert slopes == pytest.approx(chained, rel=1e-9, abs=1e-9 * np.abs(chained).max())
 
 
-def test_without_a_position_loop_the_way_of_the_torque_is_worked_out_once_a_step() -> None:
+def test_without_position_loop_torque_is_computed_once_a_step() -> None:
     model = ServoModel.paper().with_effect(catalogue["actuator_lag"](**HIDDEN["actuator_lag"]))
 
     def operations(positioned: bool) -> int:

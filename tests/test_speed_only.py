@@ -54,7 +54,7 @@ def base():
     [(0.3, 0.0, False), (0.0, RPM, False), (0.3, 0.0, True), (0.1, 10 * RPM, True)],
     ids=["noise", "tacho of 1 rpm", "uneven", "uneven tacho of 10 rpm"],
 )
-def test_inertia_and_friction_come_out_of_the_velocity_within_their_standard_errors(noise, step, uneven):
+def test_a_velocity_log_gives_inertia_and_friction_within_errors(noise, step, uneven):
     time, torque, velocity = spun(uneven=uneven)
     shown = velocity + noise * np.random.default_rng(9).standard_normal(velocity.size)
     shown = np.round(shown / step) * step if step else shown
@@ -97,7 +97,7 @@ def test_the_gain_is_that_of_the_stationary_filter():
         variance *= 1.0 - gain
     assert speed_gain(bandwidth, np.array([dt]))[:, 0] == pytest.approx([0.0, gain])
     assert speed_gain(0.0, np.array([dt]))[:, 0].tolist() == [0.0, 0.0]
-    wandering = speed_gain(bandwidth, np.array([dt]), wandering=True)
+    wandering = speed_gain(bandwidth, np.array([dt]), random_walk=True)
     assert wandering[1:] == pytest.approx(observer_gain(bandwidth, np.array([dt])))
 
 

@@ -48,7 +48,7 @@ def class_numbers(patterns: Signs) -> Signs:
 
 @settings(deadline=None)
 @given(st.integers(1, 4), st.integers(0, 2**32 - 1))
-def test_one_drive_more_than_joints_has_the_minors_as_null_vector(n: int, seed: int) -> None:
+def test_the_minors_are_the_null_vector_with_one_extra_drive(n: int, seed: int) -> None:
     A = np.random.default_rng(seed).normal(size=(n, n + 1))
     minors = np.array([(-1) ** k * np.linalg.det(np.delete(A, k, axis=1)) for k in range(n + 1)])
     result = admissible(A)
@@ -62,7 +62,7 @@ def test_one_drive_more_than_joints_has_the_minors_as_null_vector(n: int, seed: 
 
 @settings(deadline=None)
 @given(st.integers(1, 3), st.integers(1, 3), st.integers(0, 2**32 - 1))
-def test_an_admissible_structure_gives_every_torque_and_any_other_does_not(n: int, more: int, seed: int) -> None:
+def test_only_admissible_structures_give_every_torque(n: int, more: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     A = rng.normal(size=(n, n + more))
     result = admissible(A)
@@ -77,7 +77,7 @@ def test_an_admissible_structure_gives_every_torque_and_any_other_does_not(n: in
         assert np.min(result.null_vector) == pytest.approx(result.score)
 
 
-def test_the_papers_mechanism_is_admissible_and_its_twins_are_not() -> None:
+def test_the_papers_mechanism_is_admissible_its_variants_are_not() -> None:
     opposed = PAPER.torque_map * [1, -1]
     assert admissible([opposed]).admissible
     assert admissible([opposed]).null_vector == pytest.approx([0.5, 0.5])

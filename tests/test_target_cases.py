@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
+from fmu_instance import Slave
 from front_door import antidrive, write_model
-from slave import Slave
 from target import MODELS, PAPER, STRICT, built, played, recorded
 
-from antidrive.drive_words import DRIVES, LIMITS, TUNING
+from antidrive.cli_drive_options import DRIVES, LIMITS, TUNING
 from mpc import Controller, controller_fmu, export
 from plant import ServoModel, servo_fmu
 from plant.model_file import ModelFile, read_model
@@ -118,7 +118,7 @@ def test_every_option_of_the_controller_is_on_the_command_line() -> None:
     assert not set(DRIVES) & own
 
 
-def test_sample_time_and_gears_are_those_of_the_log_and_what_is_assumed_is_said(tmp_path: Path) -> None:
+def test_sample_time_and_gears_come_from_the_log_or_are_reported(tmp_path: Path) -> None:
     known = ModelFile(model=MODELS["rigid"], std={}, sample_time=0.004, gears=PAPER)
     known.write(tmp_path / "known.json")
     assert read_model(tmp_path / "known.json").gears == PAPER.__class__(pinion_teeth=(20, 20), follower_teeth=161)

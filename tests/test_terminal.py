@@ -19,18 +19,18 @@ import pandas as pd
 import pytest
 import typer
 from front_door import PLAIN, antidrive
-from rich.console import Console
+from rich.console import Console as Terminal
 
-from antidrive import exports, time_left, voice
+from antidrive import console, exports, remaining_time
 from antidrive.cli import app
-from antidrive.examples import EXAMPLES
+from antidrive.console import Console
 from antidrive.experiments.kinds import KINDS
+from antidrive.help_examples import EXAMPLES
 from antidrive.log_options import LogOptions
-from antidrive.plans import read_plan
 from antidrive.prediction import write_prediction
+from antidrive.remaining_time import Watch
 from antidrive.scenario import scenario_text
-from antidrive.time_left import Watch
-from antidrive.voice import Voice
+from antidrive.scenario_file import read_scenario_file
 from mpc import Controller
 from plant.gears import GearTrain
 
@@ -102,7 +102,7 @@ def test_json_is_all_that_is_on_stdout():
     assert json.loads(antidrive("effects", "cogging", "--json").out)["effects"][0]["name"] == "cogging"
 
 
-def test_colour_is_for_terminals_and_not_for_those_who_do_without():
+def test_colour_is_used_on_terminals_only_unless_switched_off():
     assert "\x1b[1m" in on_a_terminal("allocate", "0.5")
     assert "\x1b[3" in on_a_terminal("allocate", "--help")
     assert "\x1b[3" not in on_a_terminal("allocate", "--help", NO_COLOR="1")
@@ -111,7 +111,7 @@ def test_colour_is_for_terminals_and_not_for_those_who_do_without():
     assert "\x1b" not in piped.stdout + piped.stderr
 
 
-def test_a_warning_stands_out_on_a_terminal_and_goes_on_below_itself(monkeypatch):
+def test_a_warning_is_highlighted_and_indented_on_a_terminal(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self) -> bool:
             return True
@@ -121,7 +121,7 @@ def test_a_warning_stands_out_on_a_terminal_and_goes_on_below_itself(monkeypatch
     monkeypatch.setenv("COLUMNS", "40")
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.delenv("NO_COLOR", raising=False)
-    Voice().result(f"Verdict\n  warning: {'word ' * 12}", {})
+    Console().result(f"Verdict\n  warning: {'word ' * 12}", {})
     first, *warning = screen.getvalue().splitlines()
     assert first.strip() == "\x1b[1mVerdict\x1b[0m"
     assert len(warning) > 1
@@ -183,7 +183,7 @@ def test_the_time_left_follows_from_the_pace_of_the_parts():
 def test_of_a_fit_and_a_diagnosis_no_time_is_known():
     now = [0.0]
     watch = Watch("diagnosing", clock=lambda: now[0])
-    for line in ("observer at 10 rad/s: noise 0.1", "round 1: asking 23 effects", "looking for what has no name"):
+    for line in ("observer at 10 rad/s: noise 0.1", "round 1: asking 23 effects", "fitting non-parametric curves"):
         now[0] += 50.0
         watch.tell(line)
         assert str(watch) == f"{line} ({now[0]:.0f} s)"
@@ -195,7 +195,7 @@ def test_a_long_line_leaves_room_for_the_time_left():
     now[0] = 6.0
     watch.tell(f"round 2: refitting with {'friction, ' * 20}")
     screen = io.StringIO()
-    Console(file=screen, width=80).print(watch)
+    Terminal(file=screen, width=80).print(watch)
     (line,) = screen.getvalue().splitlines()
     assert line.startswith("round 2: refitting with friction, friction")
     assert line.endswith("... (6 s)")
@@ -208,7 +208,7 @@ def test_an_experiment_that_takes_long_tells_how_far_it_is(tmp_path):
     text = scenario_text("dwell").replace("[0.05, 0.15, 0.3]", "[2.0]").replace("[0.29e-3, 1.16e-3, 4.65e-3]", "[1e-3]")
     (tmp_path / "short.toml").write_text(text)
     told: list[str] = []
-    read_plan(str(tmp_path / "short.toml")).run(None, 0, told.append)
+    read_scenario_file(str(tmp_path / "short.toml")).run(None, 0, told.append)
     assert told == [f"simulating, {share} of 100 parts are done" for share in range(1, 101)]
 
 
@@ -217,7 +217,7 @@ def test_a_closed_loop_tells_how_far_it_is(tmp_path, more):
     text = 'duration = 0.8\nsample_time = 0.005\nreference = { kind = "constant", level = 0.1 }\n'
     (tmp_path / "short.toml").write_text(text + more)
     told: list[str] = []
-    read_plan(str(tmp_path / "short.toml")).run(None, 0, told.append)
+    read_scenario_file(str(tmp_path / "short.toml")).run(None, 0, told.append)
     assert told == [f"simulating, {share} of 100 parts are done" for share in range(1, 101)]
 
 
@@ -249,9 +249,9 @@ def test_progress_is_shown_where_somebody_watches(monkeypatch):
 
     screen = Terminal()
     monkeypatch.setattr(sys, "stderr", screen)
-    monkeypatch.setattr(time_left, "_WORTH_TELLING", 0.0)
+    monkeypatch.setattr(remaining_time, "_WORTH_TELLING", 0.0)
     monkeypatch.setenv("TERM", "xterm")
-    with Voice().progress("diagnosing [log]") as tell:
+    with Console().progress("diagnosing [log]") as tell:
         time.sleep(0.2)
         tell("drawing, 3 of 20 are done")
         time.sleep(0.2)
@@ -259,15 +259,15 @@ def test_progress_is_shown_where_somebody_watches(monkeypatch):
         time.sleep(0.15)
     assert "diagnosing [log]" in screen.getvalue()
     assert "about 1 s left" in screen.getvalue()
-    with Voice(quiet=True).progress("diagnosing") as tell:
+    with Console(quiet=True).progress("diagnosing") as tell:
         assert tell is None
 
 
 @pytest.mark.parametrize("json", [False, True])
 def test_where_there_is_no_terminal_a_line_comes_now_and_then(json, monkeypatch, capsys):
-    monkeypatch.setattr(voice, "_BETWEEN", 0.1)
-    monkeypatch.setattr(time_left, "_WORTH_TELLING", 0.0)
-    with Voice(json=json).progress("diagnosing") as tell:
+    monkeypatch.setattr(console, "_BETWEEN", 0.1)
+    monkeypatch.setattr(remaining_time, "_WORTH_TELLING", 0.0)
+    with Console(json=json).progress("diagnosing") as tell:
         tell("round 1: asking 23 effects")
         time.sleep(0.35)
     time.sleep(0.2)
@@ -275,7 +275,7 @@ def test_where_there_is_no_terminal_a_line_comes_now_and_then(json, monkeypatch,
     assert said.out == ""
     assert 2 <= len(said.err.splitlines()) <= 3
     assert set(said.err.splitlines()) == {"antidrive: round 1: asking 23 effects (0 s)"}
-    with Voice(quiet=True, json=json).progress("diagnosing") as tell:
+    with Console(quiet=True, json=json).progress("diagnosing") as tell:
         assert tell is None
         time.sleep(0.2)
     assert capsys.readouterr().err == ""

@@ -116,7 +116,7 @@ def test_a_matrix_without_names_has_numbers_for_names(tmp_path, above, separator
     assert read.notes == ("matrix.dat: no column names stand above the numbers; the columns are called 1 to 4",)
 
 
-def test_columns_without_a_name_or_with_one_twice_have_their_place_for_one(tmp_path):
+def test_unnamed_and_repeated_columns_are_called_by_position(tmp_path):
     read = table(tmp_path, ",torque,torque,2\n" + rows())
     assert list(read.columns) == ["1", "torque", "3", "2"]
     same(read, ("1", "torque", "3", "2"))

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hidden import CASES, Hidden, logs_of
+from hidden_effects import CASES, Hidden, logs_of
 from machine import excitation, record
 
 from diagnosis import diagnose
@@ -59,7 +59,7 @@ def test_what_a_log_can_tell_has_bounds(kind: type, name: str, expected: dict[fl
         assert spec.bounds(3.0, 7.0, sample_time) == bounds
 
 
-def test_a_fit_moves_what_the_log_tells_within_these_bounds_and_not_what_is_stated() -> None:
+def test_a_fit_keeps_bounds_and_fixed_values() -> None:
     log, _ = logs_of(CASES[0].machine(0.005), seed=12, duration=2.0)
     problem = Problem.of(smaller(log), ServoModel(effects=(Compliance(frequency=300.0, damping=0.1, motor_share=0.3),)))
     free = [problem.model.names[place] for place in problem.free]
@@ -114,7 +114,7 @@ def test_a_model_file_from_before_the_flanks_were_stated_is_read(tmp_path: Path)
 
 
 @pytest.mark.parametrize("time", [0.05, 4.0])
-def test_simulations_begin_anew_after_as_much_as_the_machine_does_in_a_second(time: float) -> None:
+def test_multi_step_windows_scale_with_the_machine(time: float) -> None:
     """Fixed at a second, a slow machine's starts were found from too few samples to tell anything."""
     log = record(CASES[0].machine(0.005), excitation(5, duration=30.0), seed=3).log()
     assert restart_window(log) == pytest.approx(1.0)

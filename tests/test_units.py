@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from hidden import CASES
+from hidden_effects import CASES
 from machine import Machine, excitation, record
 from rescaled import Units, differences, fit_differences
 from rough_logs import rough_log

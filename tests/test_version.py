@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
-def test_the_command_and_the_package_say_the_version_of_the_project():
+def test_command_and_package_report_the_project_version():
     assert __version__ == PROJECT["version"]
     spoken = antidrive("--version")
     assert (spoken.code, spoken.out, spoken.err) == (0, f"antidrive {PROJECT['version']}\n", "")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 import pytest
-from hidden import CASES
+from hidden_effects import CASES
 
 from mpc import Controller
 from plant import GearTrain, ServoModel, catalogue, simulate
@@ -24,9 +24,9 @@ from plant.effects import (
     StribeckFriction,
     TorqueOffset,
 )
-from plant.effects.curve import CurveOverTime
 from plant.effects.effect import parameter
-from plant.effects.unnamed import unnamed
+from plant.effects.nonparametric import unnamed
+from plant.effects.nonparametric_curve import CurveOverTime
 
 RIGID = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
 FLEXIBLE = Compliance(frequency=40.0, damping=0.1, motor_share=0.3)

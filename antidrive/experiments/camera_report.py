@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
 from antidrive.experiments.camera_tracking import CameraSettings, Tracked, experiment
 from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
 from antidrive.experiments.preload_laws import LAWS, ONE, PLANNED, SHAPED, SIZED, WARM
 from antidrive.experiments.targets import TARGETS
-from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, THIRD
-from antidrive.time_left import Tell
+from antidrive.remaining_time import Tell
 from diagnosis.explanation.wording import measured
 
 COLOURS = {ONE: MEASURED, SIZED: BEFORE, WARM: THIRD, SHAPED: SECOND, PLANNED: AFTER}
@@ -32,7 +32,7 @@ class Mean:
         spread = float(np.std(values, ddof=1)) / np.sqrt(values.size)
         return cls(value=float(np.mean(values)), half=float(student.ppf(0.975, values.size - 1)) * spread)
 
-    def told(self, unit: str) -> str:
+    def text(self, unit: str) -> str:
         """With as many digits as the interval leaves."""
         return measured(self.value, self.half, unit)
 
@@ -57,10 +57,10 @@ def verdict(found: Tracked, kind: int) -> str:
 
 def run(settings: CameraSettings, seed: int, tell: Tell | None = None) -> Outcome:
     """The camera, told."""
-    return told(settings, experiment(settings, seed, tell))
+    return sentences_of(settings, experiment(settings, seed, tell))
 
 
-def told(settings: CameraSettings, found: Tracked) -> Outcome:
+def sentences_of(settings: CameraSettings, found: Tracked) -> Outcome:
     """Results in sentences, tables and figures."""
     kinds = list(TARGETS)
     errors = {(law, kind): Mean.of(found.rms[a, b]) for a, law in enumerate(LAWS) for b, kind in enumerate(kinds)}
@@ -89,7 +89,7 @@ def told(settings: CameraSettings, found: Tracked) -> Outcome:
             "harder than they need be; the controller knows the mean friction of each.",
         ),
         comparison=[
-            (f"{law}, {kind} target", "", f"{errors[law, kind]}, {heats[law, kind].told('W')}")
+            (f"{law}, {kind} target", "", f"{errors[law, kind]}, {heats[law, kind].text('W')}")
             for a, law in enumerate(LAWS)
             for b, kind in enumerate(kinds)
         ],

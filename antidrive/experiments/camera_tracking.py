@@ -18,8 +18,8 @@ from antidrive.experiments.outcome import Array
 from antidrive.experiments.preload_laws import LAWS, ONE, PreloadLaws, joule
 from antidrive.experiments.settings import need_positive, need_samples
 from antidrive.experiments.targets import FADE_IN, TARGETS, target
+from antidrive.remaining_time import Parts, Tell
 from antidrive.simulation import rigid_model
-from antidrive.time_left import Parts, Tell
 from mpc import Controller
 from plant.effects import CoulombFriction
 from plant.errors import BadParameter

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND
 from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
 from antidrive.experiments.settings import need_positive, need_samples
-from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND
 from plant.errors import BadParameter
 from plant.fleet import Fleet
 from plant.rig import Rig

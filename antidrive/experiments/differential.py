@@ -15,7 +15,7 @@ import numpy as np
 from antidrive.experiments.outcome import Array
 from antidrive.experiments.preload_sweep import Sweep, logs_of
 from antidrive.experiments.settings import need_positive, need_samples
-from antidrive.time_left import Parts, Tell
+from antidrive.remaining_time import Parts, Tell
 from identification.fit import fit
 from identification.fit_result import Fit
 from identification.log import Log

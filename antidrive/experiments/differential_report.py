@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND
 from antidrive.experiments.differential import Case, Differential, DifferentialSettings, experiment
 from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
-from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND
-from antidrive.time_left import Tell
+from antidrive.remaining_time import Tell
 from identification.fit_result import Fit
 from identification.lost_motion import Measured
 

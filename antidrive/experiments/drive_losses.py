@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from antidrive.chart import AFTER, BEFORE, MEASURED
 from antidrive.drive_loss import loop_with_drive_loss
 from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
 from antidrive.experiments.settings import need_positive, need_samples
 from antidrive.experiments.targets import least_jerk
-from antidrive.figures import AFTER, BEFORE, MEASURED
+from antidrive.remaining_time import Parts, Tell
 from antidrive.simulation import rigid_model
-from antidrive.time_left import Parts, Tell
 from diagnosis.explanation.wording import measured
 from mpc import ClosedLoopResult, Controller
 from plant.effects import CoulombFriction

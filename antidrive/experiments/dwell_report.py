@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
 from antidrive.experiments.outcome import Curve, Outcome, Picture
 from antidrive.experiments.reversal_dwell import ONE, PLANNED, DwellSettings, experiment
-from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND, THIRD
-from antidrive.time_left import Tell
+from antidrive.remaining_time import Tell
 
 PAPER = (35, 12)
 """Samples with one actuator, and with drive/anti-drive."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from antidrive.chart import AFTER, BEFORE, SECOND
 from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
 from antidrive.experiments.settings import need_positive, need_samples
-from antidrive.figures import AFTER, BEFORE, SECOND
 from plant.errors import BadParameter
 from plant.fleet import Fleet
 from plant.gears import GearTrain

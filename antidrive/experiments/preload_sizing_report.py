@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND
 from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
 from antidrive.experiments.preload_sizing import STRATEGIES, Sizing, SizingSettings, experiment
-from antidrive.figures import AFTER, BEFORE, MEASURED, SECOND
-from antidrive.time_left import Tell
+from antidrive.remaining_time import Tell
 
 COLOURS = (BEFORE, SECOND, AFTER, MEASURED)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from antidrive.time_left import Parts
+from antidrive.remaining_time import Parts
 from identification.log import Log
 from identification.run import Run
 from plant.fleet import Fleet

@@ -18,7 +18,7 @@ import numpy as np
 from allocation import Bounds, least_effort
 from antidrive.experiments.outcome import Array
 from antidrive.experiments.settings import need_positive, need_samples
-from antidrive.time_left import Parts, Tell
+from antidrive.remaining_time import Parts, Tell
 from plant.errors import BadParameter
 from plant.fleet import Fleet
 from plant.rig import Rig

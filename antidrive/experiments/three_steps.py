@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from antidrive.chart import AFTER, BEFORE, SECOND
 from antidrive.experiments.outcome import Array, Curve, Outcome, Picture
 from antidrive.experiments.settings import need_positive, need_samples
-from antidrive.figures import AFTER, BEFORE, SECOND
 from identification.fit import fit
 from identification.log import Log
 from plant.effects import DeadZone

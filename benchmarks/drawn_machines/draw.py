@@ -1,4 +1,4 @@
-"""A log by lot: machine, drive, sensor, command, what is hidden and what has no name, all from one seed."""
+"""A randomly drawn log: machine, drive, sensor, command, what is hidden and what has no name, all from one seed."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from drawn_machines.commands import KINDS, pushes, smoothed
 from drawn_machines.hidden import Basis, drawn_effects, rms
 from drawn_machines.loop import Loop
 from drawn_machines.motion import Array, Law, Motion, play
-from drawn_machines.rest import drawn_rest
 from drawn_machines.servo import Machine
+from drawn_machines.unmodelled_torque import drawn_rest
 
 RATES = (50.0, 100.0, 125.0, 200.0, 250.0, 400.0, 500.0, 1000.0, 2000.0, 4000.0)  # [Hz]
 LOOPS = {"open": 0.45, "closed": 0.28, "closed, current": 0.15, "position servo": 0.12}

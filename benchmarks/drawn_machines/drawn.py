@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from drawn_machines.confounded import alike, left_out_with
 from drawn_machines.detectability import Seen
 from drawn_machines.draw import ATTEMPTS, Runs, Setting, basis_of, drawn_runs, drawn_setting, with_hidden
 from drawn_machines.hidden import Basis, rms
-from drawn_machines.look_alikes import alike, left_out_with
 from drawn_machines.motion import Array, Motion, RunsAway
 from drawn_machines.servo import Machine
 

@@ -16,11 +16,11 @@ from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import Explanation, families_along, weigh
 from diagnosis.evidence.signatures import Proposal, Signatures
 from diagnosis.refit import is_its_special_case, most_promising, problem_near
-from identification.certainty import fit_of
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
 from identification.predictor import HELD
-from identification.side_by_side import side_by_side, without_blas_threads
+from identification.standard_errors import fit_with_errors
+from identification.threads import in_threads, without_blas_threads
 from plant.effects import Effect
 from plant.servo import ServoModel
 
@@ -89,7 +89,7 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
         raise Unidentifiable("The motion of the base model grows without bound.")
     found = Explored(null=null, effects=effects, tell=tell, families=families)
     grid = {0.0, null.bandwidth, null.bandwidth / _STEP**2}
-    found.add(side_by_side(lambda bandwidth: found.weighed(_fitted(null, [null.model], bandwidth)), sorted(grid)))
+    found.add(in_threads(lambda bandwidth: found.weighed(_fitted(null, [null.model], bandwidth)), sorted(grid)))
     if not found.fits:
         raise Unidentifiable("The motion of the base model grows without bound.")
     _extend(found, list(found.fits.values()))
@@ -139,7 +139,7 @@ def _retune(found: Explored) -> None:
 
     if not found.held:
         ranked = sorted(found.known.values(), key=lambda each: -each.log_marginal)
-        found.add(chain.from_iterable(side_by_side(lowered, ranked[:_RETUNED])))
+        found.add(chain.from_iterable(in_threads(lowered, ranked[:_RETUNED])))
 
 
 def _replace(found: Explored) -> None:
@@ -212,7 +212,7 @@ def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanatio
 
 def _without_each(found: Explored, best: Explanation) -> None:
     """The sets with one name less."""
-    side_by_side(lambda name: _less(found, best, frozenset({name})), sorted(best.names))
+    in_threads(lambda name: _less(found, best, frozenset({name})), sorted(best.names))
 
 
 def _proposals(found: Explored, parent: Explanation) -> list[Proposal]:
@@ -254,7 +254,7 @@ def _try(found: Explored, pairs: Sequence[tuple[Explanation, Proposal]], bandwid
         found.tell(f"beside {', '.join(sorted(names)) or 'nothing'}: {told}")
     held = [(p, each) for p, each in chosen if any(starts[0].chaotic for starts in each.starts)]
     loose = [pair for pair in chosen if pair not in held]
-    found.add(chain.from_iterable(side_by_side(lambda pair: list(_tried(found, *pair, bandwidth)), loose)))
+    found.add(chain.from_iterable(in_threads(lambda pair: list(_tried(found, *pair, bandwidth)), loose)))
     if held:
         _try_held(found, held[:1])  # each takes as long as all others
 
@@ -279,7 +279,7 @@ def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -
     Where such a set is likelier there than the best of the others, all go on behind that observer.
     """
     bandwidth = max(HELD / found.null.log.sample_time, *(parent.fit.bandwidth for parent, _ in chosen))
-    tried = side_by_side(lambda pair: found.weighed(_with(pair[0].plain, pair[1], bandwidth)), chosen)
+    tried = in_threads(lambda pair: found.weighed(_with(pair[0].plain, pair[1], bandwidth)), chosen)
     loose = max((each for each in tried if each is not None), key=lambda each: each.log_marginal, default=None)
     if found.held or loose is None:
         found.add(tried)
@@ -311,14 +311,14 @@ def _fitted(start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
     (problem,) = problems
     begun = problem.begun(near)
     ended = problem.minimise(begun.point, bandwidth, 0.0, iterations=_ITERATIONS, at_start=begun.equations)
-    return fit_of(problem, bandwidth, ended, begun.evaluations)
+    return fit_with_errors(problem, bandwidth, ended, begun.evaluations)
 
 
 def _among_look_alikes(fit: Fit, name: str, bandwidth: float) -> Fit:
     """The best among shapes of an effect between which a descent cannot choose."""
     for stage in _STAGES:
         effect = fit.model.effect(name)
-        alike = () if effect is None else effect.look_alikes(stage)
+        alike = () if effect is None else effect.similar_shapes(stage)
         if not alike:
             break
         rest = fit.model.without_effect(name)

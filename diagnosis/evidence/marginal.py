@@ -23,7 +23,7 @@ from diagnosis.evidence.weighed import Weighed
 from diagnosis.linear import AT_ONCE, Linear, score
 from diagnosis.motion import motion_of
 from diagnosis.nuisance import Nuisance
-from diagnosis.screen import Screen
+from diagnosis.score_test import Screen
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects.effect import Array

@@ -16,12 +16,12 @@ import numpy as np
 from diagnosis.evidence.discrepancy import Posterior, Responses
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.linearised import by_run
-from identification.certainty import fit_of
 from identification.fit_result import Fit
 from identification.least_squares import NormalEquations
-from identification.over_runs import normal_equations, places
 from identification.predictor import Predictor
 from identification.problem import Problem
+from identification.standard_errors import fit_with_errors
+from identification.sums_over_runs import normal_equations, places
 from plant.effects.effect import Array
 
 _ITERATIONS = 20
@@ -66,7 +66,7 @@ class Beside(Problem):
         plain = Problem.of(fit.log, fit.model, known=fit.known)
         plain = replace(plain, predictor=self._predictor(coefficients))
         ended = replace(found, point=base, equations=plain.linearise(base, fit.bandwidth, 0.0))
-        return fit_of(plain, fit.bandwidth, ended, fit.evaluations), coefficients[:torques]
+        return fit_with_errors(plain, fit.bandwidth, ended, fit.evaluations), coefficients[:torques]
 
     def linearise(self, point: Array, bandwidth: float, width: float) -> NormalEquations:
         """The normal equations at a point."""

@@ -17,7 +17,7 @@ from diagnosis.evidence.prior import LOG_UNIFORM, forms
 from diagnosis.linear import AT_ONCE, response
 from diagnosis.nuisance import Nuisance
 from identification.least_squares import bounded_least_squares
-from identification.side_by_side import side_by_side
+from identification.threads import in_threads
 from plant.effects import Effect, Motion, Trace
 from plant.effects.effect import Array
 
@@ -136,7 +136,7 @@ class Signatures:
                     first = last
             return np.hstack(found) if found else np.empty((left.size, 0))
 
-        every = side_by_side(lambda item: [(item[0], t) for t in item[1].traces(screen.motion)], effects.items())
+        every = in_threads(lambda item: [(item[0], t) for t in item[1].traces(screen.motion)], effects.items())
         coarse = draw(pair for pair in chain.from_iterable(every) if pair[1].prior is None)
         first = Products(gram=coarse.T @ coarse, pull=coarse.T @ left, power=power)
         fine = draw(_closer(list(shapes), first, screen.motion))
@@ -230,7 +230,7 @@ class Signatures:
         for shape in shapes:
             last = first + len(shape.positive)
             own = shape.start(sizes[first:last])
-            starts.append((own, *self._others(products, shape)) if len(shapes) == 1 and own.rugged else (own,))
+            starts.append((own, *self._others(products, shape)) if len(shapes) == 1 and own.multimodal else (own,))
             first = last
         return Proposal(value=value, starts=tuple(starts))
 

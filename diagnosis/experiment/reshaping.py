@@ -10,7 +10,7 @@ _SHORTEST, _LONGEST = 0.01, 0.5  # width of what is changed, as a share of the d
 _FASTEST = 0.05  # cycles per sample of a sine that is added
 
 
-def changed(torque: Array, size: float, rng: np.random.Generator) -> Array:
+def reshaped(torque: Array, size: float, rng: np.random.Generator) -> Array:
     """(T,) the torque with a bump, a plateau or a sine added, or larger or smaller about its middle.
 
     Args:

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.experiment.pace import pace
 from diagnosis.experiment.separation import Rival
 from diagnosis.experiment.signal_design import Design, Found, Limits
 from diagnosis.experiment.signal_families import Signal
-from diagnosis.odds import CLEAR
+from diagnosis.experiment.time_scale import time_scale
+from diagnosis.model_probability import CLEAR
 from diagnosis.result import Findings
 from identification.fit_result import Fit
 from identification.problem import Problem
@@ -141,9 +141,13 @@ def separating_experiment(
         BadParameter: the log is of a position servo or of the velocity alone, or no signal keeps the limits.
     """
     if any(run.positioned for run in first.log.runs):
-        raise BadParameter("This log is of a position servo, which plays no torque: design its goal by hand.")
+        raise BadParameter(
+            "The experiment is a torque, and this log is of a position servo. Choose set-points by hand."
+        )
     if first.log.response == "velocity":
-        raise BadParameter("This log has the velocity alone, and an experiment is planned by the angle: log that too.")
+        raise BadParameter(
+            "The experiment is planned by the angle, and this log has only the velocity. Log the angle too."
+        )
     start, sample_time = float(first.initial[0, 0]), first.log.sample_time
     if not limits.travel[0] <= start <= limits.travel[1]:
         least, most = limits.travel
@@ -180,7 +184,7 @@ def separating_experiment(
 
 def durations(sample_time: float) -> tuple[float, ...]:
     """Those that are tried where none is given [s]."""
-    return tuple(length * pace(sample_time) for length in _DURATIONS)
+    return tuple(length * time_scale(sample_time) for length in _DURATIONS)
 
 
 def _shortest(lasting: Callable[[float], Design], ladder: tuple[float, ...], seed: int) -> Found:
@@ -237,6 +241,6 @@ def rivals_of(diagnosis: Findings) -> tuple[Fit, Fit] | None:
         fit = diagnosis.extended
         model = fit.model.without_effect(cause.effect).with_effect(rival)
         # A descent only ever lowers the bandwidth, and a rival may need one where the leader needs none.
-        start = replace(fit, bandwidth=max(fit.bandwidth, _WIDE / pace(fit.log.sample_time)))
+        start = replace(fit, bandwidth=max(fit.bandwidth, _WIDE / time_scale(fit.log.sample_time)))
         return fit, Problem.of(fit.log, model, known=fit.known).descend(start)
     return None

@@ -20,7 +20,7 @@ from typing import Self
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from diagnosis.experiment.pace import pace
+from diagnosis.experiment.time_scale import time_scale
 from identification.fit_result import Fit
 from identification.least_squares import NormalEquations, minimise
 from identification.log import Run
@@ -197,7 +197,7 @@ class _Mimicry:
     @property
     def bandwidths(self) -> tuple[float, ...]:
         """To which the mimic may set that of its observer [rad/s], its own first."""
-        own, slower = self.truth.bandwidth, pace(self.run.sample_time)
+        own, slower = self.truth.bandwidth, time_scale(self.run.sample_time)
         wider = (w / slower for w in _BANDWIDTHS if w / slower > own)
         return tuple(dict.fromkeys((max(own, self.mimic.bandwidth), own, *wider)))
 

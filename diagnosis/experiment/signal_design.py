@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.experiment.pace import pace
-from diagnosis.experiment.reshaping import changed, rearranged
+from diagnosis.experiment.reshaping import rearranged, reshaped
 from diagnosis.experiment.separation import Rival, Separation, Trial
 from diagnosis.experiment.signal_families import Signal, shapes
+from diagnosis.experiment.time_scale import time_scale
 from identification.log import Log
 from plant.effects.effect import Array
 from plant.errors import BadParameter
@@ -113,7 +113,7 @@ class Design:
         """All families on their grids, at every amplitude of the ladder that keeps the limits."""
         for bias in sorted({0.0, self.holding_torque()}):
             room = self.limits.torque - abs(bias)
-            for shape in shapes(bias, pace(self.sample_time)):
+            for shape in shapes(bias, time_scale(self.sample_time)):
                 for share in _LADDER[:: min(self.effort, 3)]:
                     found = self.attempt(replace(shape, amplitude=share * room))
                     if found is not None:
@@ -127,7 +127,7 @@ class Design:
         best, size = found, _LARGE
         for _ in range(max(_TRIES // self.effort, 5)):
             moves = rng.random() < 0.5
-            torque = rearranged(best.torque, rng) if moves else changed(best.torque, size * self.limits.torque, rng)
+            torque = rearranged(best.torque, rng) if moves else reshaped(best.torque, size * self.limits.torque, rng)
             near = self.tried(best.signal, np.clip(torque, -self.limits.torque, self.limits.torque))
             if near is not None:
                 near = self.settled(near, above=best.log_odds, weakest=best.weakest)
@@ -184,7 +184,7 @@ class Design:
             for share in np.geomspace(1.0, 0.05, 10):
                 amplitude = float(share) * (self.limits.torque - abs(bias))
                 plain = Signal(family="chirp", amplitude=amplitude, bias=bias, numbers=numbers)
-                found = self.attempt(plain.slower(pace(self.sample_time)))
+                found = self.attempt(plain.slower(time_scale(self.sample_time)))
                 if found is not None:
                     yield found
 
@@ -194,7 +194,7 @@ class Design:
 
     def holding_torque(self) -> float:
         """The constant torque that holds the machine where it begins, zero where the limit is too small for it."""
-        count = max(2, round(min(self.duration, 0.5 * pace(self.sample_time)) / self.sample_time))
+        count = max(2, round(min(self.duration, 0.5 * time_scale(self.sample_time)) / self.sample_time))
 
         def moved(torque: float) -> float:
             trial = self.play(np.full(count, torque))

@@ -12,10 +12,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from diagnosis.explanation.contest import NOTICED
+from diagnosis.explanation.hypothesis_comparison import NOTICED
 from diagnosis.linear import response
 from diagnosis.result import Candidate, Estimate
-from diagnosis.screen import Screen
+from diagnosis.score_test import Screen
 from identification.fit_result import Fit
 from identification.noise import coloured_information
 from plant.effects import Trace, catalogue

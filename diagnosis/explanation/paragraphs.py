@@ -8,12 +8,12 @@ import numpy as np
 
 from diagnosis.experiment import Experiment
 from diagnosis.explanation.reasons import Reason, reason_for, reason_for_none
-from diagnosis.explanation.wording import acting, change, listed, measured, percent
+from diagnosis.explanation.wording import change, joined_words, measured, percent, torque_or_force
 from diagnosis.holdout import gain_errors
 from diagnosis.result import Findings
-from identification.certainty import bandwidth_std
+from identification.standard_errors import bandwidth_std
 
-_CARRIES = 0.1  # share of the missing torque's variance from which it is said to depend on a variable
+_CARRIES = 0.1  # share of the residual torque's variance from which it is said to depend on a variable
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -21,10 +21,10 @@ class Explanation:
     """A diagnosis explained; as text it is everything in paragraphs.
 
     Attributes:
-        missing: what was missing, and over which variable it shows.
-        reasons: why each name won, or why there is none.
-        outcome: what the names brought on data that nothing has seen, and what remains.
-        short: the first sentence of each reason: by what margin.
+        missing: the residual torque, and over which variable it shows.
+        reasons: why each effect is named, or why none is.
+        outcome: the gain on validation data, and what remains.
+        short: the evidence, the first sentence of each reason.
     """
 
     missing: tuple[str, ...]
@@ -34,8 +34,8 @@ class Explanation:
 
     def __str__(self) -> str:
         """Everything, in paragraphs."""
-        parts = [("What was missing", self.missing), *((r.title, r.sentences) for r in self.reasons)]
-        parts.append(("What it brought, and what remains", self.outcome))
+        parts = [("Residual torque", self.missing), *((r.title, r.sentences) for r in self.reasons)]
+        parts.append(("Validation", self.outcome))
         return "\n\n".join(f"{title}. {' '.join(sentences)}" for title, sentences in parts if sentences)
 
 
@@ -54,22 +54,22 @@ def explain(diagnosis: Findings, experiment: Experiment | None = None) -> Explan
 
 def _missing(diagnosis: Findings) -> tuple[str, ...]:
     """What was missing and where it shows."""
-    lacked, base, extended = diagnosis.missing_before, diagnosis.base, diagnosis.extended
+    lacked, base, extended = diagnosis.residual_before, diagnosis.base, diagnosis.extended
     noise, inertia = float(lacked.band.mean()) / 1.96, base["inertia"]
     doubt = np.sqrt(0.5 / base.samples + (0.0 if not inertia.std else inertia.std / base.model.inertia) ** 2)
     lines = [
-        f"Below {lacked.cutoff:.2g} Hz the base model lacks a {acting(lacked.unit)} of "
-        f"{measured(lacked.rms, lacked.rms_std, lacked.unit)} rms; measurement noise alone would make "
-        f"{measured(noise, noise * doubt, lacked.unit)} of it."
+        f"Below {lacked.cutoff:.2g} Hz the residual {torque_or_force(lacked.unit)} of the base model is "
+        f"{measured(lacked.rms, lacked.rms_std, lacked.unit)} rms. Measurement noise alone would give "
+        f"{measured(noise, noise * doubt, lacked.unit)}."
     ]
     most = lacked.curves[0]
     if most.share >= _CARRIES:
         lines.append(
-            f"It depends on {most.variable}, which carries {percent(most.share, most.share_std)} of its variance."
+            f"It depends on {most.variable}, which explains {percent(most.share, most.share_std)} of its variance."
         )
     else:
         lines.append(
-            f"No single variable carries much of it; the most is {most.variable}, "
+            f"No single variable explains much of its variance; {most.variable} explains most, "
             f"{percent(most.share, most.share_std)}."
         )
     if base.bandwidth > 0.0:
@@ -77,8 +77,8 @@ def _missing(diagnosis: Findings) -> tuple[str, ...]:
         needs = "none" if extended.bandwidth == 0.0 else f"one of {observers[1]}"
         then = "" if extended is base else f"; the extended model needs {needs}"
         lines.append(
-            f"To follow the log the base model needs an observer of {observers[0]}, so there is more than "
-            f"noise of the measurement{then}."
+            f"To follow the log the base model needs an observer of {observers[0]}{then}. Without model errors or "
+            "disturbances it would need none."
         )
     return tuple(lines)
 
@@ -96,14 +96,16 @@ def _outcome(diagnosis: Findings) -> tuple[str, ...]:
         went = f"{'cut' if gain.cut >= 0.0 else 'raised'} {by}{change(gain.cut, error.cut)}, from "
         came = f"{went}{measured(gain.held_out_rms_before, error.before, gain.unit)} to " if extended else ""
         rms = f"{measured(gain.held_out_rms_after, error.after, gain.unit)} rms"
-        lines.append(f"On held-out data the simulation error is {', '.join(filter(None, (came + rms, floor)))}.")
+        lines.append(f"On validation data the simulation error is {', '.join(filter(None, (came + rms, floor)))}.")
     if extended:
         std = gain_errors(diagnosis).share if gain is not None else None
         lines.append(f"Of the error power above the {gain.floor_name} {percent(left.share, std)} remains.")
     if left.depends_on:
-        lines.append(f"What has no name depends on {listed(left.depends_on)}.")
+        lines.append(f"What remains unexplained depends on {joined_words(left.depends_on)}.")
     known = diagnosis.whiteness
     # of a squared multiple correlation from n samples (Olkin and Finn 1995)
     past = percent(known, 2.0 * np.sqrt(known / diagnosis.extended.samples) * (1.0 - known))
-    lines.append(f"Of the one-step errors that remain, {past} can still be predicted from their own past.")
+    lines.append(
+        f"From their past {past} of the variance of the one-step errors can be predicted; of white noise, none."
+    )
     return tuple(lines)

@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 from diagnosis.explanation.paragraphs import Explanation
-from diagnosis.explanation.wording import acting, change, listed, measured, percent, sentence_case, size, title_of
+from diagnosis.explanation.wording import (
+    change,
+    joined_words,
+    measured,
+    percent,
+    sentence_case,
+    size,
+    title_of,
+    torque_or_force,
+)
 from diagnosis.holdout import gain_errors
-from diagnosis.odds import CLEAR
+from diagnosis.model_probability import CLEAR
 from diagnosis.repeated_runs import repeated_pairs
 from diagnosis.result import Cause, Findings
 
@@ -16,25 +25,26 @@ def headline(diagnosis: Findings) -> str:
     if diagnosis.verdict == "nothing_missing":
         if diagnosis.extended.bandwidth > 0.0 and not repeated_pairs(diagnosis.extended.log):
             return (
-                "Nothing that has a name is missing, but something pushes the load, at random as far as this log "
-                "tells; record the same run twice to see whether it comes again."
+                "No effect of the catalogue is missing, but a random disturbance acts on the load. Record the same run "
+                "twice: what repeats is no random disturbance."
             )
-        return "Nothing is missing: what remains is what the noise accounts for."
+        return "No effect is missing: noise accounts for the remaining error."
     if diagnosis.verdict == "unknown" or not causes:
         where = ", ".join(diagnosis.unexplained.depends_on)
         lives = f"; it depends on {where}" if where else ""
-        return f"Something is missing that no effect of the catalogue explains{lives}."
+        return f"The model has an error that no effect of the catalogue explains{lives}."
     if len(causes) == 1 and causes[0].missing < CLEAR:
         names = " or ".join(map(title_of, (causes[0].effect, *_close(causes[0]))))
         return (
-            f"The model probably misses {names}; that anything is missing at all is {percent(causes[0].missing)} sure."
+            f"The model probably lacks {names}. The probability that any effect is missing is "
+            f"{percent(causes[0].missing)}."
         )
     named = [title_of(cause.effect) for cause in causes if cause.probability >= CLEAR]
     open_ones = [" or ".join(map(title_of, (c.effect, *_rivals(c)))) for c in causes if c.probability < CLEAR]
-    known = f"The model misses {listed(named)}" if named else ""
-    unclear = f"misses {listed(open_ones)}, and this log does not tell which" if open_ones else ""
+    known = f"The model lacks {joined_words(named)}" if named else ""
+    unclear = f"lacks {joined_words(open_ones)}; this log does not tell which" if open_ones else ""
     if known and unclear:
-        return f"{known}; it also {unclear}."
+        return f"{known}. It also {unclear}."
     return f"{known}." if known else f"The model {unclear}."
 
 
@@ -48,28 +58,28 @@ def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> li
         before = measured(gain.held_out_rms_before, error.before, gain.unit)
         after = measured(gain.held_out_rms_after, error.after, gain.unit)
         floor = f"the {gain.floor_name} is {measured(gain.noise_floor, error.noise_floor, gain.unit)}"
-        what = f"On {len(gain.runs)} held-out {runs} the simulation error"
+        what = f"On {len(gain.runs)} validation {runs} the simulation error"
         if diagnosis.extended is diagnosis.base:
             lines.append(f"{what} is {before} rms; {floor}.")
         else:
             went = "falls" if gain.cut >= 0.0 else "rises"
             lines.append(f"{what} {went} from {before} to {after} rms ({change(gain.cut, error.cut)}); {floor}.")
     else:
-        lines.append("Nothing could be held out, so the gain is not proven.")
+        lines.append("There is no validation data, so the gain is not proven.")
     inverse = diagnosis.torque_error
     shares = {name: percent(getattr(inverse, name), std) for name, std in inverse.std.items()}
     lines.append(
-        f"Relative {acting(diagnosis.missing_before.unit)} error of the inverse model (below {inverse.cutoff:.3g} Hz): "
+        f"Relative {torque_or_force(diagnosis.residual_before.unit)} error of the inverse model "
+        f"(below {inverse.cutoff:.3g} Hz): "
         f"{shares['estimation_before']} -> {shares['estimation_after']} on the estimation data, "
-        f"{shares['held_out_before']} -> {shares['held_out_after']} held out."
+        f"{shares['held_out_before']} -> {shares['held_out_after']} on validation data."
     )
     share = diagnosis.unexplained.share
     if diagnosis.verdict != "nothing_missing" and share >= 0.005:
         where = ", ".join(diagnosis.unexplained.depends_on)
         std = None if gain is None else gain_errors(diagnosis).share
-        lines.append(
-            f"{percent(share, std)} of the error power remains unexplained{f' (over {where})' if where else ''}."
-        )
+        over = f"; it depends on {where}" if where else ""
+        lines.append(f"{percent(share, std)} of the error power remains unexplained{over}.")
     return lines
 
 
@@ -77,8 +87,8 @@ def _cause(cause: Cause) -> str:
     sizes = size(cause.parameters.items())
     rivals = ", ".join(f"{title_of(name)} {percent(p)}" for name, p in cause.alternatives[:2])
     return (
-        f"{sentence_case(title_of(cause.effect))}: {percent(cause.probability)} sure"
-        f"{f' ({sizes})' if sizes else ''}{f'; next would be {rivals}' if rivals else ''}."
+        f"{sentence_case(title_of(cause.effect))}: probability {percent(cause.probability)}"
+        f"{f', {sizes}' if sizes else ''}{f'; alternatives: {rivals}' if rivals else ''}."
     )
 
 

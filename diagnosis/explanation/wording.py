@@ -11,8 +11,8 @@ from plant.effects import Effect, catalogue
 
 _PREFIXED = ("rad", "m")
 _PREFIXES = {-9: "n", -6: "µ"}
+_PRINTED = {"rad/rad": "cycles/rev"}  # a number of waves in a turn
 _ROUNDING = 1e-9  # relative: a smaller standard error is one of rounding
-_SPOKEN = 12.0  # log odds up to which a number says more than a power of e
 
 
 def percent(share: float, std: float | None = None) -> str:
@@ -42,6 +42,7 @@ def measured(value: float, std: float | None, unit: str = "") -> str:
     The standard error has one digit, or two if the first is a 1 or a 2; far from one the unit has a prefix, or both
     share a power of ten. Without a standard error the number has three digits.
     """
+    unit = _PRINTED.get(unit, unit)
     if std is None or not (_ROUNDING * abs(value) < std < np.inf):
         return f"{value:.3g} {unit}".rstrip()
     most = int(np.floor(np.log10(max(abs(value), std))))
@@ -57,13 +58,16 @@ def measured(value: float, std: float | None, unit: str = "") -> str:
     return f"{said} {prefix}{unit}".rstrip()
 
 
-def power(log_odds: float) -> str:
-    """Odds, or a ratio of likelihoods, from their logarithm: e^2.25 (9.5)."""
-    said = f"e^{log_odds:.3g}" if abs(log_odds) < 1000.0 else f"e^{log_odds:.0f}"
-    if abs(log_odds) >= _SPOKEN:
-        return said
-    number = float(f"{np.exp(log_odds):.2g}")
-    return f"{said} ({number:g})" if number < 1000.0 else f"{said} ({number:,.0f})".replace(",", " ")
+def strength(log_bayes: float) -> str:
+    """How strong evidence is (Kass and Raftery 1995), with its number: decisive (log Bayes factor 48.3)."""
+    grades = ((5.0, "decisive"), (3.0, "strong"), (1.0, "positive"), (-1.0, "weak"), (-np.inf, "against it"))
+    grade = next(word for least, word in grades if log_bayes >= least)
+    return f"{grade} (log Bayes factor {rise(log_bayes)})"
+
+
+def rise(log_likelihood: float) -> str:
+    """By how much a log-likelihood rises: three digits, whole numbers above, never a power of ten."""
+    return f"{log_likelihood:.3g}" if abs(log_likelihood) < 1000.0 else f"{log_likelihood:.0f}"
 
 
 def size(parameters: Iterable[tuple[str, Estimate]]) -> str:
@@ -73,7 +77,7 @@ def size(parameters: Iterable[tuple[str, Estimate]]) -> str:
     )
 
 
-def acting(unit: str) -> str:
+def torque_or_force(unit: str) -> str:
     """What acts along an axis of that unit of the command."""
     return {"N m": "torque", "N": "force"}.get(unit, "command")
 
@@ -83,7 +87,7 @@ def sentence_case(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def listed(names: Sequence[str], last: str = "and") -> str:
+def joined_words(names: Sequence[str], last: str = "and") -> str:
     """A, B and C."""
     return f" {last} ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else ""
 

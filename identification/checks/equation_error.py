@@ -111,7 +111,7 @@ def _profile(recording: Recording, width: float) -> Profile | None:
         return None
     rows = np.arange(edge, count - edge, max(1, int(sigma / 4), (count - 2 * edge) // _ROWS))
     clock = recording.time[0] + dt * np.arange(count)
-    sound, output, command, returned = evenly(recording, clock)
+    sound, output, command, returned = resampled_evenly(recording, clock)
     rows = rows[gaussian(1.0 - sound, sigma)[rows] < 1e-3]  # nothing masked or saturated within the filter's reach
     if len(rows) < 50:
         return None
@@ -148,7 +148,7 @@ def _profile(recording: Recording, width: float) -> Profile | None:
     )
 
 
-def evenly(recording: Recording, clock: Array) -> tuple[Array, Array, Array, Array]:
+def resampled_evenly(recording: Recording, clock: Array) -> tuple[Array, Array, Array, Array]:
     """Soundness, output, command and the servo's return (gain times output) at even times."""
     drive = recording.drive
     sound = recording.valid & (np.abs(drive) < recording.command_limit)
@@ -207,4 +207,4 @@ def gaussian(values: Array, sigma: float, order: int = 0) -> Array:
     return np.asarray(oaconvolve(centred, kernel, mode="same"), dtype=np.float64)
 
 
-__all__ = ["Profile", "evenly", "gaussian", "middle", "motion_terms", "profiles"]
+__all__ = ["Profile", "gaussian", "middle", "motion_terms", "profiles", "resampled_evenly"]

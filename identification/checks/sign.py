@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.checks.equation_error import evenly, gaussian, middle, motion_terms
+from identification.checks.equation_error import gaussian, middle, motion_terms, resampled_evenly
 from identification.recording import Array, Finding, Recording
 
 WIDTHS = (1.5, 3.0, 6.0, 12.0, 24.0)  # standard deviations of the filter, in samples
@@ -86,7 +86,7 @@ def views(recording: Recording) -> tuple[Recording, list[View]]:
     if count > 4 * len(part):
         return part, []
     clock = part.time[0] + dt * np.arange(count)
-    sound, output, command, _ = evenly(part, clock)
+    sound, output, command, _ = resampled_evenly(part, clock)
 
     def at(values: Array) -> Array:
         return np.asarray(np.interp(clock, part.time, values))
@@ -153,7 +153,7 @@ def undisputed(told: Sequence[float]) -> float:
     return 0.0 if any(t * np.sign(best) < -DOUBTFUL for t in told) else best
 
 
-def heard(command: Array, seen: Sequence[View]) -> Witnesses:
+def usable_witnesses(command: Array, seen: Sequence[View]) -> Witnesses:
     """What both witnesses say of a command (T,)."""
     told = [view.inertia(command) for view in seen]
     view = seen[int(np.argmax(np.abs(told)))]
@@ -203,13 +203,13 @@ def _turned(part: Recording, seen: Sequence[View]) -> tuple[str, ...]:
     """Columns whose other sign makes the command drive the motion, none if it does or if that is open."""
     pair = pinion_torques(part)
     if pair is None:
-        return (_column(part),) if heard(part.command, seen).against else ()
+        return (_column(part),) if usable_witnesses(part.command, seen).against else ()
     first, second = pair
     if opposed(first, second, seen):
-        told = heard(first - second, seen)
+        told = usable_witnesses(first - second, seen)
         drives = told.inertia if abs(told.inertia) > SURE else told.work
         return ("torque_2",) if drives > 0 else ("torque_1",)
-    return ("torque_1", "torque_2") if heard(part.command, seen).against else ()
+    return ("torque_1", "torque_2") if usable_witnesses(part.command, seen).against else ()
 
 
 def _options(columns: Sequence[str]) -> str:

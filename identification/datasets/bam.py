@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from identification.datasets.dataset import Dataset, source
-from identification.datasets.pendulum import ENDS_WHEN_OFF, VOLTS_UNKNOWN_SCALE, swing
+from identification.datasets.pendulum import ENDS_WHEN_OFF, VOLTS_UNKNOWN_SCALE, pendulum_run
 from identification.errors import MalformedLog
 from identification.log import Log
 from identification.recording import Recording
@@ -68,7 +68,7 @@ def _recording(file: Path, content: dict[str, Any], number: int) -> Recording:
         def channel(name: str) -> np.ndarray:
             return np.array([entry[name] for entry in entries], dtype=float)
 
-        return swing(
+        return pendulum_run(
             label=f"{file.stem} {content['trajectory']} kp {content['kp']}",
             number=number,
             time=channel("timestamp"),

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.datasets.dataset import Dataset, arrays_of, source
-from identification.datasets.pendulum import ENDS_WHEN_OFF, VOLTS_UNKNOWN_SCALE, swing
+from identification.datasets.pendulum import ENDS_WHEN_OFF, VOLTS_UNKNOWN_SCALE, pendulum_run
 from identification.errors import MalformedLog
 from identification.log import Log
 from identification.recording import Recording
@@ -47,7 +47,7 @@ def read(files: list[Path], *, select: Mapping[str, float] | None = None) -> Dat
         for row in range(len(pairs)):
             if any(not np.isclose(float(data[name][row]), value) for name, value in wanted.items()):
                 continue
-            run = swing(
+            run = pendulum_run(
                 label=f"{data['trajectory'][row]} kp {data['kp'][row]} rep {data['rep'][row]}",
                 number=row,
                 time=data["timestamp"][row].astype(float),

@@ -19,7 +19,7 @@ VOLTS_UNKNOWN_SCALE = (
 )
 
 
-def swing(
+def pendulum_run(
     *,
     label: str,
     number: int,

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from identification.checks.faults import quantum
 from identification.lost_motion.flank_visits import FlankSamples
-from identification.lost_motion.rounded import rounded_likelihood
+from identification.lost_motion.quantised_likelihood import quantised_likelihood
 
 Array = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ class _Sweep:
         noise, by, _ = self.noise(float(unknowns[10]))
         left = self._apart - self._of_apart @ unknowns[:10]
         expected = self._middle - self._of_middle @ unknowns[:10]
-        told = rounded_likelihood(self._reading, expected, count=self._count, noise=noise)
+        told = quantised_likelihood(self._reading, expected, count=self._count, noise=noise)
         slope = self._of_middle.T @ told.slope[:, 0] - self._of_apart.T @ left
         value = 0.5 * float(left @ left) - float(np.sum(told.value))
         return value, np.append(slope, -by * np.sum(told.slope[:, 1]))
@@ -108,7 +108,7 @@ class _Sweep:
         """(11, 11) Hessian."""
         noise, by, twice = self.noise(float(unknowns[10]))
         expected = self._middle - self._of_middle @ unknowns[:10]
-        told = rounded_likelihood(self._reading, expected, count=self._count, noise=noise)
+        told = quantised_likelihood(self._reading, expected, count=self._count, noise=noise)
         found = np.empty((11, 11))
         of_middle = self._of_middle.T * told.curvature[:, 0, 0] @ self._of_middle
         found[:10, :10] = self._of_apart.T @ self._of_apart - of_middle

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
+from identification.reading.cell_values import numbers_of
 from identification.reading.clocks import on_one_clock
 from identification.reading.command import Command, command_of
 from identification.reading.headings import heading
@@ -22,7 +23,6 @@ from identification.reading.stated_units import stated_units
 from identification.reading.table import Table
 from identification.reading.time_stamps import seconds_of, with_whole_stamps
 from identification.reading.units import kind_of, si_factor
-from identification.reading.values import numbers_of
 from identification.recording import Array, Recording, Response
 from plant.effects import catalogue
 from plant.errors import BadParameter

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.reading.meaning import is_time, time_unit
+from identification.reading.column_meaning import is_time, time_unit
 from identification.reading.table import Table
 from identification.reading.time_stamps import clock_of, with_whole_stamps
 from identification.reading.units import si_factor

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 
 from identification.errors import MalformedLog
 from identification.reading.cia402 import find_objects
+from identification.reading.column_meaning import AMONG_OTHERS, OWN, SYNONYM, Meaning, meaning
 from identification.reading.headings import heading
 from identification.reading.join import join_tables
-from identification.reading.meaning import AMONG_OTHERS, OWN, SYNONYM, Meaning, meaning
 from identification.reading.reading_options import ALIASES, COLUMNS, Reading
 from identification.reading.table import Table
 from identification.reading.units import kind_of

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.reading.order import Told, in_order
+from identification.reading.row_order import Told, sorted_rows
 from identification.reading.table import Table
 from identification.recording import Array, Recording, counted
 
@@ -50,7 +50,7 @@ def split_runs(whole: Recording, labels: NDArray[np.object_] | None) -> tuple[tu
     found: list[Recording] = []
     told: list[Told] = []
     for label, group in groups:
-        parts, done = in_order(group)
+        parts, done = sorted_rows(group)
         told += done
         for place, part in enumerate(parts):
             again = f" ({place + 1})" if place else ""

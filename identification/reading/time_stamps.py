@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from identification.checks.plausibility import FASTEST_SAMPLING, SLOWEST_SAMPLING
 from identification.errors import MalformedLog
+from identification.reading.cell_values import numbers_of
 from identification.reading.table import Table
-from identification.reading.values import numbers_of
 from identification.recording import Array
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ class BackEmf(Effect):
     title = "back-EMF"
     stage = Stage.ACTUATOR
     equation = r"\tau \leftarrow \tau - k_e \dot x"
-    trace = "viscous, but not where the dead zone swallows it"
+    trace = "viscous, but not within the dead zone"
     confused_with = ("quadratic_drag", "torque_saturation")
 
     constant: float = parameter("{torque} s/{angle}", "torque lost per speed k_e", lower=0.0)

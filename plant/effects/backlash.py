@@ -62,7 +62,7 @@ class Backlash(Effect):
     )
     trace = "dwell and a knock at each reversal of the torque"
     confused_with = ("dead_zone", "compliance", "presliding_hysteresis")
-    rugged = True
+    multimodal = True
     chaotic = True
     states = (State.ANGLE, State.VELOCITY)
     flexible = True
@@ -110,7 +110,7 @@ class Backlash(Effect):
             )
         return replace(self, motor_share=within(self.motor_share * before / after, Backlash, "motor_share"))
 
-    def look_alikes(self, stage: int) -> tuple[Effect, ...]:
+    def similar_shapes(self, stage: int) -> tuple[Effect, ...]:
         """A light motor crosses a wide gap in the time in which a heavy one crosses a narrow one."""
         width = self.gap * self.motor_share
         if stage == 0:

@@ -20,7 +20,7 @@ class CableStiffness(Effect):
     stage = Stage.LOAD
     needs_angle = True
     equation = r"\tau_c = -k_1 (x - x_0) - k_3 (x - x_0)^3"
-    trace = "missing torque over angle, aperiodic"
+    trace = "residual torque over angle, aperiodic"
     confused_with = ("gravity_offset", "torque_offset", "asymmetric_friction")
     contains = ("torque_offset",)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import as_wave, closer, eight_periods, lines_over_angle, neighbouring, waves
+from plant.effects.spectral_lines import as_wave, closer, eight_periods, lines_over_angle, neighbouring, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class Cogging(Effect):
     equation = r"\tau_c = A \sin(n x + \varphi)"
     trace = "order lines over angle, constant in torque"
     confused_with = ("encoder_eccentricity", "gravity_offset")
-    rugged = True
+    multimodal = True
     of_lines = True
 
     amplitude: float = parameter("{torque}", "amplitude A", lower=0.0)

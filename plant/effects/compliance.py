@@ -36,7 +36,7 @@ class Compliance(Effect):
     equation = r"\tau_l = k(\theta - x) + d(\dot\theta - \dot x)"
     trace = "ringing; an anti-resonance and a resonance"
     confused_with = ("backlash", "input_delay", "actuator_lag")
-    rugged = True
+    multimodal = True
     states = (State.ANGLE, State.VELOCITY)
     flexible = True
 

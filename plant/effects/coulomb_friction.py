@@ -16,7 +16,7 @@ class CoulombFriction(Effect):
     title = "Coulomb friction"
     stage = Stage.LOAD
     equation = r"\tau_f \in -F_c\,\mathrm{sgn}(\dot x)"
-    trace = "jump in missing torque at zero velocity"
+    trace = "jump in residual torque at zero velocity"
     confused_with = ("stribeck_friction", "asymmetric_friction", "dead_zone", "presliding_hysteresis")
 
     torque: float = parameter("{torque}", "friction torque F_c", lower=0.0)

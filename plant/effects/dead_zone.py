@@ -19,7 +19,7 @@ class DeadZone(Effect):
     title = "dead zone"
     stage = Stage.ACTUATOR
     equation = r"h(\tau) = \tau - \mathrm{clip}(\tau, -\gamma, \gamma)"
-    trace = "missing torque against torque, near zero"
+    trace = "residual torque against torque, near zero"
     confused_with = ("coulomb_friction", "backlash")
 
     half_width: float = parameter("{torque}", "half width gamma", lower=0.0)

@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from numpy.typing import ArrayLike
 
-from plant.effects.characteristic import characteristic, curve
 from plant.effects.moment import Expression as Expression
 from plant.effects.moment import Moment as Moment
 from plant.effects.motion import TURN as TURN
@@ -38,6 +37,7 @@ from plant.effects.parameter import fastest_swing as fastest_swing
 from plant.effects.parameter import parameter as parameter
 from plant.effects.parameter import parameters_of as parameters_of
 from plant.effects.parameter import within as within
+from plant.effects.static_characteristic import characteristic, curve
 
 if TYPE_CHECKING:
     from plant.servo import ServoModel
@@ -63,7 +63,7 @@ class State(StrEnum):
     ANGLE = "angle"
     VELOCITY = "velocity"
     RELAXED = "relaxed"  # begins at zero
-    WANDERING = "wandering"  # begins at zero too, and only an observer moves it
+    RANDOM_WALK = "random_walk"  # begins at zero too, and only an observer moves it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,7 +103,7 @@ class Effect:
     """States that it brings."""
     flexible: ClassVar[bool] = False
     """Whether it puts a motor of its own motion before the load; it then has the states ANGLE, VELOCITY of it."""
-    rugged: ClassVar[bool] = False
+    multimodal: ClassVar[bool] = False
     """Whether its likelihood has many peaks over its shape, so that a fit should start from several of them."""
     of_lines: ClassVar[bool] = False
     """Whether its shapes are lines of a spectrum, of which each is a chance of its own."""
@@ -256,7 +256,7 @@ class Effect:
         """Its special cases, as they would be if its own parameters were right: where a refit of them may start."""
         return ()
 
-    def look_alikes(self, stage: int) -> tuple[Effect, ...]:
+    def similar_shapes(self, stage: int) -> tuple[Effect, ...]:
         """Other values of its parameters with nearly the same trace, among which a descent cannot choose.
 
         Args:
@@ -309,7 +309,7 @@ class Effect:
 
         What they explain beside the effect itself says how high the peaks are that mean nothing.
         """
-        return self.traces(motion) if self.rugged else iter(())
+        return self.traces(motion) if self.multimodal else iter(())
 
     def closer(self, motion: Motion) -> Iterator[Trace]:
         """Traces of shapes between its own and the next that `traces` has, where a peak may be narrower than that."""

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.effect import TURN, Effect, Expression, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import as_wave, closer, lines_over_angle, neighbouring, waves
+from plant.effects.spectral_lines import as_wave, closer, lines_over_angle, neighbouring, waves
 
 _FIRST = (1.0, 2.0)  # orders of a disc off its centre, and of one that is not round
 _ONCE = 0.9  # order below which it is not once a turn, as well as a short travel tells
@@ -26,7 +26,7 @@ class EncoderEccentricity(Effect):
     equation = r"y = x + a \sin(n x + \varphi)"
     trace = "order lines in the position error that no torque explains"
     confused_with = ("cogging", "gravity_offset")
-    rugged = True
+    multimodal = True
     of_lines = True
 
     amplitude: float = parameter("{angle}", "amplitude a", lower=0.0)
@@ -38,7 +38,7 @@ class EncoderEccentricity(Effect):
         return angle + self.amplitude * ca.sin(self.order * angle + self.phase)
 
     def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
-        """Once a turn or more often, or two periods were seen: a slower wave is the bend of something else."""
+        """Once a turn or more often, or two periods were seen: a slower wave is the bend of another effect."""
         return bool(self.order * turn >= _ONCE * TURN or self.order * (high - low) >= 2.0 * TURN)
 
     @classmethod

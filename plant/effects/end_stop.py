@@ -20,7 +20,7 @@ class EndStop(Effect):
     stage = Stage.LOAD
     needs_angle = True
     equation = r"\tau_e = -k\,\max(\mathrm{sgn}(k)(x - x_e), 0)"
-    trace = "missing torque on one side of one position"
+    trace = "residual torque on one side of one position"
     confused_with = ("cable_stiffness",)
     longest_step = 1e-3
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from scipy.linalg import block_diag
 
-from plant.effects.curve import Curve, CurveOverVelocity
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Trace, parameter
+from plant.effects.nonparametric_curve import Curve, CurveOverVelocity
 
 if TYPE_CHECKING:
     from plant.servo import ServoModel

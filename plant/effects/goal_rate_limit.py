@@ -23,7 +23,7 @@ class GoalRateLimit(Ramp):
     title = "goal rate limit"
     stage = Stage.ACTUATOR
     equation = r"|\dot g| \le r,\quad \tau = k_p\,(g - x)"
-    trace = "missing torque after fast changes of the goal, as long at every servo gain"
+    trace = "residual torque after fast changes of the set-point, equally long at every servo gain"
     confused_with = ("input_delay", "actuator_lag", "rate_limit", "torque_saturation")
     states = (State.GOAL,)
 

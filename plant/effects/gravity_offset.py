@@ -20,7 +20,7 @@ class GravityOffset(Effect):
     stage = Stage.LOAD
     needs_angle = True
     equation = r"\tau_g = -\beta \sin x"
-    trace = "sin x in missing torque"
+    trace = "sin x in residual torque"
     axes = ("rotary",)
     confused_with = ("torque_offset", "cable_stiffness", "encoder_eccentricity")
 

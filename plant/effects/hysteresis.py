@@ -1,4 +1,4 @@
-"""Hysteresis of any shape: a curve over the way that the load has come since it turned, as `plant.effects.curve`.
+"""Hysteresis of any shape: a curve over the travel since the last reversal, as in `nonparametric_curve`.
 
 What gives before it slides, creeps or drags something along depends on more than where the load is and how fast.
 """
@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from plant.effects.curve import HEIGHTS, KNOTS, Curve
 from plant.effects.effect import POSITIVE, Expression, Moment, Motion, State, Trace, parameter
+from plant.effects.nonparametric_curve import HEIGHTS, KNOTS, Curve
 from plant.effects.presliding_hysteresis import remembered, slid
 
 
@@ -25,7 +25,7 @@ class Hysteresis(Curve):
     states = (State.RELAXED,)
     longest_step = 1e-3
 
-    way: float = parameter("{angle}", "way l after which it is forgotten where the load came from", lower=POSITIVE)
+    way: float = parameter("{angle}", "travel l after which the past is forgotten", lower=POSITIVE)
 
     def slide(self, state: Expression, travel: Expression) -> Expression:
         """The memory after a travel in one direction."""

@@ -33,7 +33,7 @@ class PayloadChange(Effect):
     equation = r"J \leftarrow J + \Delta J,\; \alpha \leftarrow \alpha + \Delta\alpha \quad (t > t^*)"
     trace = "an error that begins at a time"
     confused_with = ("friction_drift",)
-    rugged = True
+    multimodal = True
     clocked = True
     axes = ("rotary",)
 
@@ -52,7 +52,7 @@ class PayloadChange(Effect):
         """The gravity of what has come."""
         return -self.gravity * self._after(at) * ca.cos(at.angle)
 
-    def look_alikes(self, stage: int) -> tuple[PayloadChange, ...]:
+    def similar_shapes(self, stage: int) -> tuple[PayloadChange, ...]:
         """Instants before and after: whatever the load did in between has a peak of its own."""
         steps = _APART[stage] * np.arange(1, _ALIKE[stage] + 1)
         return tuple(replace(self, time=float(self.time + step)) for step in (*-steps[::-1], *steps))

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import as_wave, closer, eight_periods, lines_over_time, neighbouring, waves
+from plant.effects.spectral_lines import as_wave, closer, eight_periods, lines_over_time, neighbouring, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class PeriodicDisturbance(Effect):
     equation = r"\tau_p = A \sin(2\pi f t + \varphi)"
     trace = "a line in time, not in angle"
     confused_with = ("cogging",)
-    rugged = True
+    multimodal = True
     of_lines = True
     clocked = True
 

@@ -19,7 +19,7 @@ class QuadraticDrag(Effect):
     title = "quadratic drag"
     stage = Stage.LOAD
     equation = r"\tau_d = -c\,\dot x\,|\dot x|"
-    trace = "curved missing torque over velocity"
+    trace = "curved residual torque over velocity"
     confused_with = ("stribeck_friction", "coulomb_friction")
 
     drag: float = parameter("{torque} s^2/{angle}^2", "drag coefficient c", lower=0.0)

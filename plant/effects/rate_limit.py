@@ -23,7 +23,7 @@ class RateLimit(Ramp):
     title = "rate limit"
     stage = Stage.ACTUATOR
     equation = r"|\dot\tau| \le r"
-    trace = "missing torque after fast changes of the command, and only there"
+    trace = "residual torque after fast changes of the command, and only there"
     confused_with = ("actuator_lag", "torque_saturation", "input_delay")
     states = (State.COMMAND,)
 

@@ -1,4 +1,4 @@
-"""A ripple of any shape: a Fourier series over angle or time, without a name, as `plant.effects.curve`.
+"""A ripple of any shape: a Fourier series over angle or time, without a name, as `plant.effects.nonparametric_curve`.
 
 The catalogue's waves are single sines. What repeats with teeth, balls or a neighbour's machine seldom is.
 """
@@ -12,21 +12,21 @@ from types import MappingProxyType
 import casadi as ca
 import numpy as np
 
-from plant.effects.curve import Unnamed
 from plant.effects.effect import Array, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.order_lines import lines_over_angle, lines_over_time, neighbouring, waves
+from plant.effects.nonparametric_curve import Nonparametric
+from plant.effects.spectral_lines import lines_over_angle, lines_over_time, neighbouring, waves
 
 HARMONICS = 4
 _PRIOR = np.diag(np.repeat(1.0 / np.arange(1, HARMONICS + 1) ** 2, 2))  # higher ones are smaller
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ripple(Unnamed):
+class Ripple(Nonparametric):
     """Four harmonics of a fundamental, whose rate is fitted too; their size has the unit of what they add to."""
 
     equation = r"f = \sum_{k=1}^{4} a_k \sin(k n s) + b_k \cos(k n s)"
     trace = "order lines and their harmonics"
-    rugged = True
+    multimodal = True
     of_lines = True
 
     rate: float = parameter("-", "fundamental n [rad per unit of the variable]", lower=0.0)

@@ -23,7 +23,7 @@ class StribeckFriction(Effect):
     title = "Stribeck friction"
     stage = Stage.LOAD
     equation = r"\tau_f \in -\left(F_c + \Delta F\,e^{-(\dot x/v_s)^2}\right)\mathrm{sgn}(\dot x)"
-    trace = "jump and hump in missing torque near zero velocity"
+    trace = "jump and hump in the residual torque near zero velocity"
     confused_with = ("coulomb_friction", "presliding_hysteresis", "quadratic_drag")
     contains = ("coulomb_friction",)
 

@@ -18,7 +18,7 @@ class TorqueOffset(Effect):
     title = "torque offset"
     stage = Stage.ACTUATOR
     equation = r"\tau \leftarrow \tau + \tau_0"
-    trace = "missing torque: constant"
+    trace = "residual torque: constant"
     confused_with = ("gravity_offset", "asymmetric_friction", "cable_stiffness")
 
     torque: float = parameter("{torque}", "constant bias")

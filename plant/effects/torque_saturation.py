@@ -19,7 +19,7 @@ class TorqueSaturation(Effect):
     title = "torque saturation"
     stage = Stage.ACTUATOR
     equation = r"\tau \leftarrow \mathrm{clip}(\tau, -\tau_{max}, \tau_{max})"
-    trace = "missing torque against torque, only above a level"
+    trace = "residual torque against torque, only above a level"
     confused_with = ("rate_limit", "back_emf", "load_dependent_friction")
 
     limit: float = parameter("{torque}", "largest torque", lower=POSITIVE)

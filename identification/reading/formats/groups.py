@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.reading.meaning import is_time, time_unit
+from identification.reading.column_meaning import is_time, time_unit
 from identification.reading.table import Table
 
 Groups = Mapping[str, Mapping[str, NDArray[Any]]]

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from identification.errors import MalformedLog
+from identification.reading.column_meaning import is_time
 from identification.reading.formats.unit_row import row_of_units
-from identification.reading.meaning import is_time
 
 COMMENT = ("#", "%", "//")
 SEARCHED_LINES = 200  # no export has a longer preamble

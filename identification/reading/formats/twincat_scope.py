@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.reading.meaning import is_time, time_unit
+from identification.reading.column_meaning import is_time, time_unit
 
 _SEARCHED_LINES = 200
 _PROOF = {"SampleTime[ms]", "Starttime of export", "StartRecord"}  # nobody but TwinCAT Scope writes these

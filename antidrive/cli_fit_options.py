@@ -1,0 +1,55 @@
+"""The options on a command line that say what is known of parameters and effects; read by `fit_options`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from antidrive import completion
+
+Fixed = Annotated[
+    list[str] | None,
+    typer.Option("--fixed", metavar="NAME[=VALUE]", help="Parameter to keep at its value. May be repeated."),
+]
+Bounds = Annotated[
+    list[str] | None,
+    typer.Option("--bounds", metavar="NAME=LOW:HIGH", help="Bounds of a parameter: inertia=0.1:0.3."),
+]
+Prior = Annotated[
+    list[str] | None,
+    typer.Option("--prior", metavar="NAME=MEAN:STD", help="Gaussian prior of a parameter: inertia=0.2:0.05."),
+]
+PerRun = Annotated[
+    list[str] | None,
+    typer.Option("--per-run", metavar="NAME", help="Parameter that is fitted for each run separately: inertia."),
+]
+Exclude = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--exclude",
+        metavar="EFFECT",
+        help="Effect that is not tried. May be repeated.",
+        autocompletion=completion.effects,
+    ),
+]
+Candidates = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--candidates",
+        metavar="EFFECT",
+        help="Try these effects only. May be repeated.",
+        autocompletion=completion.effects,
+    ),
+]
+Effects = Annotated[
+    Path | None, typer.Option("--effects", metavar="FILE.py", help="Python file with effects of your own.")
+]
+
+
+def fit_options(**words: Any) -> Any:
+    """The `FitOptions` of these words; its module is imported only now, for the plant behind it is heavy."""
+    from antidrive.fit_options import FitOptions
+
+    return FitOptions.typed(**words)

@@ -1,0 +1,15 @@
+"""The options on a command line that many commands share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Out = Annotated[Path, typer.Option(help="Folder for the results.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print errors only.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON only.")]
+Force = Annotated[bool, typer.Option("--force", help="Use the log although it contradicts every machine.")]
+OUT = Path("antidrive-out")

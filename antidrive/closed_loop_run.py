@@ -1,0 +1,233 @@
+"""A closed loop on the rig, told: numbers, sentences, a table and a figure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from antidrive.scenario import Scenario
+from diagnosis.explanation.wording import measured
+from mpc import ClosedLoopResult
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClosedLoopRun:
+    """A closed loop and what it was for.
+
+    Attributes:
+        title: for people.
+        scenario: what was asked.
+        result: what happened.
+        min_torque: least pinion torque that the controller had to keep [N m].
+        max_torque: greatest [N m].
+        single: the same motion with one drive alone, when it was compared.
+        intact: the same motion with both drives throughout, when one was lost.
+        words: what moves and what pushes it, each with its unit.
+        notes: what is to be known of the machine, in sentences.
+        again: summaries of the same with other noise of the encoders.
+    """
+
+    title: str
+    scenario: Scenario
+    result: ClosedLoopResult
+    min_torque: float
+    max_torque: float
+    single: ClosedLoopResult | None = None
+    intact: ClosedLoopResult | None = None
+    again: tuple[dict[str, Any], ...] = ()
+    notes: tuple[str, ...] = ()
+    words: tuple[str, str, str, str] = ("angle", "rad", "torque", "N m")
+
+    def table(self) -> pd.DataFrame:
+        """The trajectory, one row a sample, SI units."""
+        import pandas as pd
+
+        r, angle = self.result, self.words[0]
+        columns: dict[str, Any] = {
+            "time": r.time,
+            "reference": r.reference,
+            angle: r.angle,
+            f"measured_{angle}": r.measured_angle,
+            "velocity": r.velocity,
+            **{f"torque_{i + 1}": torque for i, torque in enumerate(r.torques.T)},
+            **{f"flank_torque_{i + 1}": torque for i, torque in enumerate(r.flank_torques.T)},
+            "disturbance_estimate": r.disturbance,
+            "status": r.status,
+        }
+        if self.single is not None:
+            columns |= {"single_drive_angle": self.single.angle, "single_drive_torque": self.single.torques[:, 0]}
+        if self.intact is not None:
+            columns |= {"angle_without_loss": self.intact.angle}
+        return pd.DataFrame(columns)
+
+    def summary(self) -> dict[str, Any]:
+        """The numbers of the trial, SI units, and how much they scatter if it was run again."""
+        found = self._one_summary()
+        return found if not self.again else {**found, "runs": 1 + len(self.again), "std": self.scatter()}
+
+    def scatter(self) -> dict[str, float]:
+        """Standard deviation of each number over all runs, which differ in the noise of the encoders."""
+        runs = [flat(found) for found in (self._one_summary(), *self.again)]
+        names = [name for name, value in runs[0].items() if name != "schema" and _is_number(value)]
+        columns = {name: [run.get(name) for run in runs] for name in names}
+        return {
+            name: float(np.std(np.array(column, dtype=float), ddof=1))
+            for name, column in columns.items()
+            if len(column) > 1 and all(map(_is_number, column))
+        }
+
+    def _one_summary(self) -> dict[str, Any]:
+        r, kept = self.result, self._preloaded()
+        found: dict[str, Any] = {
+            "schema": 1,
+            "scenario": self.scenario.name,
+            "synthetic": True,
+            "tracking_rms": r.tracking_rms,
+            "largest_error": float(np.max(np.abs(r.angle - r.reference))),
+            "final_error": float(np.mean((r.angle - r.reference)[-20:])),
+            "least_preload_margin": float(np.min(r.flank_torques[kept])) if kept.stop else None,
+            "teeth_parted": bool(np.min(r.flank_torques) <= 0.0),
+            "heat": r.heat,
+            "samples": int(r.time.size),
+            "degraded_samples": r.degraded,
+        }
+        if self.scenario.drive_loss is not None:
+            found |= self._loss(kept.stop)
+        if self.single is not None:
+            alone = self.single.flank_torques[:, 0]
+            found["samples_apart"] = int(np.sum(np.any(r.flank_torques <= 0.0, axis=1)))
+            found["single_drive"] = {
+                "tracking_rms": self.single.tracking_rms,
+                "samples_apart": int(np.sum(alone == 0.0)),
+                "hardest_hit_on_far_flank": float(max(-np.min(alone), 0.0)),
+            }
+        return found
+
+    def _loss(self, first: int) -> dict[str, Any]:
+        """What the loss of a drive at sample `first` cost: errors from then on, and without it in the same samples."""
+        error = (self.result.angle - self.result.reference)[first:]
+        if error.size == 0:
+            return {"backlash_control": "kept"}
+        after = float(np.sqrt(np.mean(error**2)))
+        found = {"tracking_rms_after_loss": after, "largest_error_after_loss": float(np.max(np.abs(error)))}
+        if self.intact is not None:
+            spared = (self.intact.angle - self.intact.reference)[first:]
+            without = float(np.sqrt(np.mean(spared**2)))
+            largest = float(np.max(np.abs(spared)))
+            found |= {"tracking_rms_without_loss": without, "largest_error_without_loss": largest}
+            found["error_growth"] = after / without
+        lost = any("backlash control with it" in status for status in self.result.status)
+        return {**found, "backlash_control": "lost" if lost else "kept"}
+
+    def _preloaded(self) -> slice:
+        """The samples in which both drives worked."""
+        loss = self.scenario.drive_loss
+        count = self.result.time.size
+        return slice(0, count if loss is None else min(count, round(loss.time / self.scenario.sample_time)))
+
+    def sentences(self) -> list[str]:
+        """What happened, in words."""
+        s, told = flat(self._one_summary()), dict(self.numbers())
+        lines = [
+            *self.notes,
+            f"Tracking error {told['tracking_rms']} rms, {told['largest_error']} at most, on the rig (synthetic) over "
+            f"{self.scenario.duration:g} s.",
+        ]
+        margin = s["least_preload_margin"]
+        if margin is not None:
+            held = "contact was never lost" if margin > 0.0 else "contact was lost"
+            while_both = "" if self.scenario.drive_loss is None else " while both drives worked"
+            least = told["least_preload_margin"]
+            lines.append(f"Least flank torque on the rig{while_both}: {least} at the follower; {held}.")
+        if "tracking_rms_after_loss" in s:
+            growth = ""
+            if "error_growth" in s:
+                growth = (
+                    f", {told['error_growth']} times the {told['tracking_rms_without_loss']} without the loss "
+                    f"(at most {told['largest_error_after_loss']} and {told['largest_error_without_loss']})"
+                )
+            lines.append(
+                f"After the loss of drive {self.scenario.drive_loss.drive if self.scenario.drive_loss else ''} the "
+                f"motion goes on with {told['tracking_rms_after_loss']} rms{growth}; backlash control is "
+                f"{s['backlash_control']}."
+            )
+        if self.single is not None:
+            hardest = told["hardest_hit_on_far_flank_single_drive"]
+            lines.append(
+                f"Teeth apart in {told['samples_apart']} samples with both drives, in "
+                f"{told['samples_apart_single_drive']} with one, which then hits the far flank with up to {hardest}; "
+                f"tracking error with one drive: {told['tracking_rms_single_drive']} rms."
+            )
+        if s["degraded_samples"]:
+            first = next(status for status in self.result.status if status != "optimal")
+            lines.append(f"{told['degraded_samples']} of {s['samples']} samples were not optimal ({first}).")
+        if self.again:
+            count = 1 + len(self.again)
+            lines.append(
+                f"± is the standard deviation over {count} runs with different encoder noise; numbers without "
+                "it are the same in all runs."
+            )
+        return lines
+
+    def numbers(self) -> list[tuple[str, str]]:
+        """The summary for a table: name, and value with its unit and its standard deviation over all runs."""
+        _, rad, _, newton = self.words
+        units = {"heat": "N² m²", **dict.fromkeys(("tracking", "largest", "final"), rad)}
+        units |= dict.fromkeys(("least", "hardest"), newton)
+        scatter, rows = self.scatter(), []
+        for name, value in flat(self._one_summary()).items():
+            if name in ("schema", "synthetic"):
+                continue
+            if isinstance(value, bool):
+                agree = sum(value == flat(run)[name] for run in self.again) + 1
+                over = f", in {agree} of {1 + len(self.again)} runs" if self.again else ""
+                rows.append((name, ("yes" if value else "no") + over))
+            elif isinstance(value, float | int):
+                std = scatter.get(name)
+                exact = f"{value:.4g} {units.get(name.split('_')[0], '')}".strip()
+                rows.append((name, measured(value, std, units.get(name.split("_")[0], "")) if std else exact))
+        return rows
+
+    def figure(self) -> Any:
+        """Reference and angle, error, pinion torques, flank torques."""
+        from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
+        from antidrive.figures import traces_figure
+
+        r, (angle, rad, torque, newton) = self.result, self.words
+        angles = [("reference", MEASURED, r.reference), (angle, AFTER, r.angle)]
+        errors = [(angle, AFTER, r.angle - r.reference)]
+        if self.intact is not None:
+            errors.append(("angle, nothing lost", MEASURED, self.intact.angle - self.intact.reference))
+        if self.single is not None:
+            angles.append(("angle, one drive", BEFORE, self.single.angle))
+            errors.append(("angle, one drive", BEFORE, self.single.angle - self.single.reference))
+        torques, flanks = (
+            [(f"drive {i + 1}", (SECOND, THIRD)[i], column) for i, column in enumerate(both.T)]
+            for both in (r.torques, r.flank_torques)
+        )
+        return traces_figure(
+            r.time,
+            [
+                (f"{angle} [{rad}]", angles),
+                (f"error [{rad}]", errors),
+                ("pinion torque [N m]", torques),
+                (f"flank {torque} [{newton}]", flanks),
+            ],
+            bounds={3: (-self.max_torque, -self.min_torque, self.min_torque, self.max_torque), 4: (0.0,)},
+        )
+
+
+def flat(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """A summary without parts: what one drive did alone has its own names."""
+    alone = {f"{name}_single_drive": value for name, value in summary.get("single_drive", {}).items()}
+    return {name: value for name, value in summary.items() if not isinstance(value, dict)} | alone
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, float | int) and not isinstance(value, bool)

@@ -1,0 +1,81 @@
+"""How alike effects are: what a refit, or another effect, takes over of an effect's mark, to first order.
+
+The mark is what the torque of an effect along the motion without it does to the reading; it passes through the same
+linearised model as the traces by which the diagnosis asks for effects, and the rivals are asked by their traces.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from antidrive.standard_excitation import SAMPLE_TIME, StandardExcitation, standard_excitation
+from plant.discrete import INPUTS, integration_steps, sample_reading, sample_step
+from plant.effects import Effect, Stage
+from plant.effects.effect import Array
+from plant.simulation import beginning
+
+
+def absorbed_share(effect: Effect, on: StandardExcitation) -> float:
+    """Share of an effect's mark that a refit of the model without it takes over [-]."""
+    mark = _mark(effect, on)
+    return 1.0 - _power(_beyond(on, mark)) / max(_power(mark), 1e-300)
+
+
+def collinear_share(kind: type[Effect], other: type[Effect]) -> float | None:
+    """Share of what a refit leaves of an effect's mark that another effect, of its best shape, would take over [-].
+
+    None where one of the two has no trace.
+    """
+    for on in (standard_excitation(False, kind, other), standard_excitation(True, kind, other)):
+        effect = kind.typical(on.motion)
+        if effect is not None:
+            left = _beyond(on, _mark(effect, on))
+            torque, reading = on.score(left[:, 0])
+            motion = replace(on.motion, score=torque, reading_score=reading, chance=on.chance)
+            shapes = ((trace.columns, trace.acts_on == "reading") for trace in other.traces(motion))
+            seen = (_beyond(on, on.response(columns, on_reading=reading)) for columns, reading in shapes)
+            return max((_explained(left, each) for each in seen), default=None)
+    return None
+
+
+def _mark(effect: Effect, on: StandardExcitation) -> Array:
+    """(T, 1) what an effect does to the reading, to first order [rad]."""
+    return on.response(added_torque(effect, on)[:, None], on_reading=effect.stage is Stage.SENSOR)
+
+
+def added_torque(effect: Effect, on: StandardExcitation) -> Array:
+    """(T,) mean torque over each sample that an effect adds along the motion without it [N m]; a sensor's error [rad].
+
+    The load is led along the path that it takes without the effect, and only the effect's own states go on.
+    """
+    model = on.model.with_effect(effect)
+    values, inputs = on.step_inputs(model)
+    begin = beginning(model, angle=on.start)
+    step = sample_step(model, substeps=integration_steps(model, SAMPLE_TIME))
+    state, given, path = ca.MX.sym("state", begin.size), ca.MX.sym("given", len(INPUTS)), ca.MX.sym("path", 2)
+    after = step(state, given, values)
+    error = sample_reading(model)(state, values) - state[0]
+    led = ca.Function("led", [state, given, path], [ca.vertcat(path, after[2:]), after[1], error])
+    following = on.path[1:].T
+    _, velocity, errors = led.mapaccum(following.shape[1])(begin, inputs, following)
+    if effect.stage is Stage.SENSOR:
+        return np.array(errors).ravel()
+    return np.asarray(on.model.inertia * (np.array(velocity).ravel() - following[1]) / SAMPLE_TIME)
+
+
+def _beyond(on: StandardExcitation, responses: Array) -> Array:
+    """(T, m) what a refit of the model does not take over of the responses (T, m)."""
+    return np.asarray(responses - on.absorbed @ (on.absorbed.T @ responses))
+
+
+def _explained(mark: Array, responses: Array) -> float:
+    """Share of a mark (T, 1) that lies in the span of responses (T, m) [-]."""
+    found = np.linalg.lstsq(responses, mark, rcond=1e-8)[0]
+    return 1.0 - _power(mark - responses @ found) / max(_power(mark), 1e-300)
+
+
+def _power(values: Array) -> float:
+    return float(np.sum(values**2))

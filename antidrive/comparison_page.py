@@ -1,0 +1,43 @@
+"""The picture of what has changed, and the page around it."""
+
+from __future__ import annotations
+
+from antidrive.chart import BEFORE, MEASURED, Bar, Bars
+from antidrive.html_page import page
+from antidrive.model_comparison import Comparison
+from antidrive.provenance import Provenance
+
+
+def change_bars(found: Comparison) -> Bars:
+    """By how many standard errors each parameter has changed; in colour what changed beyond chance."""
+    told = [change for change in found.changes if change.errors is not None]
+    bars = [
+        Bar(
+            name=change.name,
+            length=abs(change.errors),
+            label=f"{change.errors:+.1f}".replace("-", "\N{MINUS SIGN}"),
+            colour=BEFORE if change.moved else MEASURED,
+        )
+        for change in told
+        if change.errors is not None
+    ]
+    return Bars(bars=bars, full=max([bar.length for bar in bars], default=1.0))
+
+
+def changes_page(found: Comparison, provenance: Provenance) -> str:
+    """Sentences and the picture."""
+    log = found.diagnosis.base.log
+    return page(
+        "picture",
+        provenance,
+        found.sentences()[0].rstrip("."),
+        kind="Comparison with a known model",
+        sentences=found.sentences(),
+        pictures=[
+            (
+                change_bars(found),
+                "Change of each parameter, in standard errors of the difference. In colour: more than chance allows.",
+            )
+        ],
+        data={"warnings": log.warnings, "repairs": log.repairs, "notes": log.notes},
+    )

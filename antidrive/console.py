@@ -1,0 +1,110 @@
+"""What a command says: progress on a terminal, words or JSON at the end."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import textwrap
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from antidrive.output import to_json
+
+if TYPE_CHECKING:
+    from antidrive.remaining_time import Watch
+
+_BETWEEN = 10.0  # seconds between two lines of progress where there is no terminal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Console:
+    """How one command speaks.
+
+    Attributes:
+        quiet: print nothing but errors (and JSON, when asked for).
+        json: print the result as JSON and nothing else on stdout.
+        words: the command as typed.
+    """
+
+    quiet: bool = False
+    json: bool = False
+    words: tuple[str, ...] = ("antidrive",)
+
+    def result(self, text: str, content: Any) -> None:
+        """Print a result, in words or as JSON."""
+        if self.json:
+            print(to_json(content, ascii=not (sys.stdout.encoding or "utf-8").lower().startswith("utf")))
+        elif not self.quiet and sys.stdout.isatty():
+            _shown(text)
+        elif not self.quiet:
+            print(text)
+
+    @contextmanager
+    def progress(self, begin: str) -> Iterator[Callable[[str], None] | None]:
+        """A function that shows a line of progress, and the time left, as long as the block runs; None if unwatched.
+
+        A terminal shows it all the time; elsewhere on stderr, in a log of some service, a line every ten seconds.
+        """
+        if self.quiet:
+            yield None
+            return
+        from antidrive.remaining_time import Watch
+
+        watch = Watch(begin)
+        with _on_a_terminal(watch) if sys.stderr.isatty() else _now_and_then(watch):
+            yield watch.tell
+
+
+def _on_a_terminal(watch: Watch) -> AbstractContextManager[object]:
+    from rich.console import Console
+
+    return Console(stderr=True).status(watch)
+
+
+@contextmanager
+def _now_and_then(watch: Watch) -> Iterator[None]:
+    ended, stream = threading.Event(), sys.stderr
+
+    def speak() -> None:
+        while not ended.wait(_BETWEEN):
+            print(f"antidrive: {watch}", file=stream, flush=True)
+
+    speaker = threading.Thread(target=speak, daemon=True)
+    speaker.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        speaker.join()
+
+
+def print_error(sentence: str) -> None:
+    """Print what went wrong on stderr: a sentence in one line, or on a terminal without breaking words.
+
+    Lines below it, such as a table, stay as they are.
+    """
+    sentence, *lines = sentence.splitlines()
+    sentence = f"antidrive: {' '.join(sentence.split())}"
+    if sys.stderr.isatty():
+        width = shutil.get_terminal_size().columns
+        sentence = textwrap.fill(sentence, width, break_long_words=False, break_on_hyphens=False)
+    print("\n".join([sentence, *lines]), file=sys.stderr)
+
+
+def _shown(text: str) -> None:
+    """Lines on a terminal: the first stands out, warnings have a colour, and what is long goes on below its beginning.
+
+    Colour is left out where NO_COLOR asks for that.
+    """
+    from rich.console import Console
+    from rich.padding import Padding
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    for number, line in enumerate(text.splitlines()):
+        words = line.lstrip()
+        style = "bold" if number == 0 else "yellow" if words.startswith("warning:") else ""
+        console.print(Padding(Text(words, style=style), (0, 0, 0, len(line) - len(words))))

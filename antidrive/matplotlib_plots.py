@@ -1,0 +1,114 @@
+"""Pictures of results with matplotlib, for scripts and notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from antidrive.chart import AFTER, BEFORE, MEASURED
+from antidrive.model_comparison import Comparison
+from diagnosis.diagnosis import Diagnosis
+from identification.fit_result import Fit
+from identification.friction_test import FrictionTest
+from identification.log import Log
+from identification.simulation import free_simulation
+from plant.drive_table import DriveTable
+from plant.errors import BadParameter
+
+
+def plot(result: Any, axes: Any = None) -> Any:
+    """See `plant.result_display.Presented.plot`."""
+    try:
+        from matplotlib import pyplot
+    except ImportError:
+        raise BadParameter("A picture needs matplotlib: pip install matplotlib.") from None
+    rows, draw = next((how for kind, how in _PICTURES.items() if isinstance(result, kind)), (0, None))
+    if draw is None:
+        raise BadParameter(f"A {type(result).__name__} has no picture.")
+    if axes is None:
+        axes = pyplot.subplots(rows, 1, sharex=rows > 1, layout="constrained", squeeze=False)[1][:, 0]
+    given = np.atleast_1d(np.asarray(axes, dtype=object))
+    if given.size != rows:
+        raise BadParameter(f"This picture needs {rows} axes, not {given.size}.")
+    draw(result, given)
+    return given if rows > 1 else given[0]
+
+
+def _draw_log(log: Log, axes: Any) -> None:
+    for run in log.runs:
+        axes[0].plot(run.time, run.command, color=MEASURED, lw=0.8)
+        axes[1].plot(run.time, np.where(run.valid, run.measured, np.nan), color=AFTER, lw=1.0)
+    _label(axes[0], y=f"command [{log.command_unit}]")
+    _label(axes[1], y=f"{log.response} [{log.measured_unit}]", x="time [s]")
+
+
+def _draw_fit(fit: Fit, axes: Any) -> None:
+    for run, simulated in zip(fit.log.runs, free_simulation(fit.log, fit.model), strict=True):
+        seen, first = np.where(run.valid, run.measured, np.nan), run is fit.log.runs[0]
+        axes[0].plot(run.time, seen, color=MEASURED, lw=2.5, label="measured" if first else None)
+        axes[0].plot(run.time, simulated, color=AFTER, lw=1.0, label="simulated" if first else None)
+        axes[1].plot(run.time, seen - simulated, color=BEFORE, lw=0.8)
+    axes[0].legend(frameon=False)
+    _label(axes[0], y=f"output [{fit.log.measured_unit}]")
+    _label(axes[1], y=f"error [{fit.log.measured_unit}]", x="time [s]")
+
+
+def _draw_diagnosis(found: Diagnosis, axes: Any) -> None:
+    """The validation runs: measured and simulated with the base and the extended model, and both errors."""
+    unit, extended = found.base.log.measured_unit, found.extended is not found.base
+    for replay in found.replays:
+        seen, first = np.where(replay.valid, replay.measured, np.nan), replay is found.replays[0]
+        curves = [("base model", BEFORE, replay.before)]
+        curves += [("extended model", AFTER, replay.after)] if extended else []
+        axes[0].plot(replay.time, seen, color=MEASURED, lw=2.5, label="measured" if first else None)
+        for name, colour, simulated in curves:
+            axes[0].plot(replay.time, simulated, color=colour, lw=1.0, label=name if first else None)
+            axes[1].plot(replay.time, seen - simulated, color=colour, lw=0.8)
+    if found.replays:
+        axes[0].legend(frameon=False)
+    _label(axes[0], y=f"output [{unit}]")
+    _label(axes[1], y=f"error [{unit}]", x="time [s]")
+
+
+def _draw_friction(found: FrictionTest, axes: Any) -> None:
+    axes[0].errorbar(found.velocity, found.torque, found.error, fmt="o", ms=4, color=BEFORE, label="measured")
+    for speeds in (found.velocity[found.velocity < 0.0], found.velocity[found.velocity > 0.0]):
+        if speeds.size:
+            course = np.linspace(speeds.min(), speeds.max(), 300)
+            axes[0].plot(course, found.curve(course), color=AFTER)
+    _label(axes[0], x=f"velocity [{found.units['speed']}]", y=f"friction and offset [{found.log.command_unit}]")
+
+
+def _draw_changes(found: Comparison, axes: Any) -> None:
+    told = [change for change in found.changes if change.errors is not None][::-1]
+    colours = [BEFORE if change.moved else MEASURED for change in told]
+    axes[0].barh([change.name for change in told], [change.errors or 0.0 for change in told], color=colours)
+    _label(axes[0], x="change, in standard errors of the difference")
+
+
+def _draw_table(table: DriveTable, axes: Any) -> None:
+    first, last = table.ends
+    for name, values in table.columns.items():
+        if name != first:
+            style = {"color": AFTER, "lw": 1.6} if name == last else {"lw": 0.8}
+            axes[0].plot(table.columns[first], values, label=name, **style)
+    axes[0].legend(frameon=False)
+    _label(axes[0], x=f"{first} [{table.units[first]}]", y=f"{last} [{table.units[last]}]")
+
+
+def _label(axes: Any, *, x: str = "", y: str = "") -> None:
+    axes.set(xlabel=x, ylabel=y)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+_PICTURES: dict[type, tuple[int, Callable[[Any, Any], None]]] = {
+    Log: (2, _draw_log),
+    Fit: (2, _draw_fit),
+    Diagnosis: (2, _draw_diagnosis),
+    FrictionTest: (1, _draw_friction),
+    Comparison: (1, _draw_changes),
+    DriveTable: (1, _draw_table),
+}
+"""How many axes the picture of a result needs, and what draws in them."""

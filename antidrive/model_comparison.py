@@ -1,0 +1,216 @@
+"""What has changed since a model was identified: parameters that moved beyond their errors, and new effects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.stats import norm
+
+from diagnosis.explanation.wording import title_of
+from identification.log import Log
+from identification.log_like import LogLike, log_of
+from identification.simulation import free_simulation
+from plant.model_file import ModelFile, read_model
+from plant.result_display import Presented
+from plant.servo import ServoModel
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from diagnosis.diagnosis import Diagnosis
+
+_CHANCE = 0.01  # that any of the parameters is said to have moved where none has
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """One parameter then and now.
+
+    Attributes:
+        before, after: its value, and their standard errors; None where nobody knows them.
+        moved: whether they differ by more than chance allows among so many parameters.
+    """
+
+    name: str
+    unit: str
+    before: float
+    before_std: float | None
+    after: float | None
+    after_std: float | None
+    moved: bool
+
+    @property
+    def errors(self) -> float | None:
+        """By how many standard errors of the difference it moved; None where that is not known."""
+        if self.after is None or not self.after_std:
+            return None
+        return (self.after - self.before) / float(np.hypot(self.before_std or 0.0, self.after_std))
+
+    def __str__(self) -> str:
+        """In a line."""
+        if self.after is None:
+            return f"{self.name}: this log does not determine it (it was {self.before:.4g} {self.unit})"
+        change = "" if not self.before else f"{100.0 * (self.after / self.before - 1.0):+.2g} %"
+        size = abs(self.errors or 0.0)
+        errors = "" if self.errors is None else f"{size:.{0 if size >= 10.0 else 1}f} standard errors"
+        about = ", ".join(part for part in (change, errors) if part)
+        now = f"{self.after:.4g}{_error(self.after_std)} {self.unit}".rstrip(" -")
+        return f"{self.name}: {self.before:.4g}{_error(self.before_std)} -> {now}{f' ({about})' if about else ''}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Comparison(Presented):
+    """A known model beside a new log.
+
+    Attributes:
+        changes: one for each parameter of the known model that the new one still has.
+        diagnosis: of the log, from the known model on.
+        new: names of the effects that it found and the model does not have.
+        gone: names of effects of the model that are not in the new one, because a new effect takes their place.
+        error_before, error_after: rms of a free simulation of the log with the known and with the new model.
+        unit: of these.
+    """
+
+    changes: tuple[Change, ...]
+    diagnosis: Diagnosis
+    new: tuple[str, ...]
+    gone: tuple[str, ...]
+    error_before: float
+    error_after: float
+    unit: str
+
+    @property
+    def model(self) -> ServoModel:
+        """The new model."""
+        return self.diagnosis.model
+
+    def sentences(self) -> list[str]:
+        """What moved, what is new, and what the known model is worth today."""
+        moved = [change for change in self.changes if change.moved]
+        lines = [f"Moved: {change}" for change in moved] or ["No parameter has moved beyond its error."]
+        causes = {cause.effect: cause for cause in self.diagnosis.causes}
+        lines += [f"New: {title_of(name)}, probability {_share(causes[name].probability)}" for name in self.new]
+        if not self.new:
+            lines.append(
+                "No effect is new."
+                if self.diagnosis.verdict != "unknown"
+                else "There is a new model error that no effect explains."
+            )
+        lines += [f"Gone: {title_of(name)}, replaced by a new effect" for name in self.gone]
+        lines += [f"As before: {change}" for change in self.changes if not change.moved]
+        lines.append(
+            f"In simulation of this log the error of the known model is {self.error_before:.3g} {self.unit} rms, "
+            f"of the new one {self.error_after:.3g} {self.unit} rms."
+        )
+        if all(change.before_std is None for change in self.changes):
+            lines.append("The known model has no standard errors; its parameters are taken as exact.")
+        return lines
+
+    def __str__(self) -> str:
+        """The sentences."""
+        return "\n".join(self.sentences())
+
+    def to_frame(self) -> pd.DataFrame:
+        """A row for each parameter: before, after, their errors, and whether it moved."""
+        import pandas as pd
+
+        return pd.DataFrame([_row(change) for change in self.changes]).set_index("name")
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of comparison.json."""
+        return {
+            "schema": 1,
+            "changes": [_row(change) for change in self.changes],
+            "new": list(self.new),
+            "gone": list(self.gone),
+            "verdict": self.diagnosis.verdict,
+            "rms": {"before": self.error_before, "after": self.error_after, "unit": self.unit},
+        }
+
+
+def compare(
+    model: ModelFile | ServoModel | str | Path,
+    log: LogLike,
+    *,
+    holdout: Log | None = None,
+    progress: Callable[[str], None] | None = None,
+    **known: Any,
+) -> Comparison:
+    """What has changed since a model was identified.
+
+    The log is diagnosed with the known model to start from; its parameters are those of the extended model, so that a
+    new effect does not show as a change of the others.
+
+    Args:
+        model: that was identified before, or the path of its file, which has the standard errors.
+        log: recorded since.
+        holdout: runs to judge the diagnosis by.
+        progress: called with a line of text now and then.
+        known: further arguments of `diagnosis.diagnose`.
+
+    Raises:
+        BadParameter, MalformedLog: as `diagnosis.diagnose` does.
+    """
+    from diagnosis import diagnose
+
+    before = model if isinstance(model, ModelFile | ServoModel) else read_model(model)
+    if isinstance(before, ServoModel):
+        before = ModelFile(model=before, std={})
+    read = log_of(log)
+    found = diagnose(read, before.model, holdout, progress=progress, **known)
+    kept = {effect.name for effect in found.model.effects}
+    had = {effect.name for effect in before.model.effects}
+    errors = [_rms(read, servo) for servo in (before.model, found.model)]
+    return Comparison(
+        changes=_changes(before, found),
+        diagnosis=found,
+        new=tuple(cause.effect for cause in found.causes if cause.effect not in had),
+        gone=tuple(effect.name for effect in before.model.effects if effect.name not in kept),
+        error_before=errors[0],
+        error_after=errors[1],
+        unit=read.measured_unit,
+    )
+
+
+def _changes(before: ModelFile, found: Diagnosis) -> tuple[Change, ...]:
+    now = {line.name: line for line in found.extended.parameters}
+    changes = [
+        Change(
+            name=spec.name,
+            unit=spec.unit,
+            before=float(value),
+            before_std=before.std.get(spec.name),
+            after=now[spec.name].value,
+            after_std=now[spec.name].std,
+            moved=False,
+        )
+        for spec, value in zip(before.model.parameters, before.model.values, strict=True)
+        if spec.name in now and not now[spec.name].fixed
+    ]
+    told = [change for change in changes if change.errors is not None]
+    limit = float(norm.isf(0.5 * _CHANCE / max(len(told), 1)))  # Bonferroni's
+    return tuple(Change(**{**vars(c), "moved": c.errors is not None and abs(c.errors) > limit}) for c in changes)
+
+
+def _rms(log: Log, model: ServoModel) -> float:
+    squares = [
+        (run.measured - simulated)[run.valid] ** 2
+        for run, simulated in zip(log.runs, free_simulation(log, model), strict=True)
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
+def _row(change: Change) -> dict[str, Any]:
+    return {**vars(change), "errors": change.errors}
+
+
+def _share(probability: float) -> str:
+    return "above 0.99" if probability > 0.99 else f"{probability:.2f}"
+
+
+def _error(std: float | None) -> str:
+    return "" if std is None else f" +- {std:.2g}"

@@ -1,0 +1,160 @@
+"""The bench: a simulated servo under a standard excitation, on which effects are shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import casadi as ca
+import numpy as np
+
+from diagnosis.experiment.separation import blank_run
+from diagnosis.linear import AT_ONCE, Linear, linearised
+from identification.predictor import Prediction, Predictor
+from identification.run import Run
+from plant.discrete import INPUTS, integration_steps
+from plant.effects import Effect, Motion
+from plant.effects.effect import Array
+from plant.servo import ServoModel
+from plant.signals import chirp, steps
+from plant.simulation import at_switch, beginning, held_commands, simulate
+
+SAMPLE_TIME = 0.01  # s
+_STIFFNESS = 40.0  # of the position servo [N m/rad]
+_DAMPING = 12.0  # its viscous friction, as seen through its gears [N m s/rad]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StandardExcitation:
+    """A servo and what is played into it.
+
+    Attributes:
+        model: without the effects that are to be shown.
+        command: (T,) torque [N m], or servo gain times goal.
+        servo_gain: fall of the drive's torque with the angle [N m/rad]; 0 for a servo that is given a torque.
+        start: angle at which it begins at rest [rad].
+    """
+
+    model: ServoModel
+    command: Array
+    servo_gain: float = 0.0
+    start: float = 0.0
+
+    def states(self, model: ServoModel) -> Array:
+        """(T + 1, n) free simulation of a model."""
+        begin = beginning(model, angle=self.start)
+        return simulate(model, command=self.command, dt=SAMPLE_TIME, servo_gain=self.servo_gain, state=begin)
+
+    def step_inputs(self, model: ServoModel) -> tuple[Array, Array]:
+        """(P,) parameters and (8, T) inputs that a step of a model takes, see `plant.discrete.INPUTS`."""
+        steps = np.full(self.command.size, SAMPLE_TIME)
+        now, before, switch = held_commands(self.command, steps, float(model.delay()))
+        given: dict[str, Array | float] = {"command": now, "previous_command": before, "time": self.motion.time}
+        given |= {"servo_gain": self.servo_gain, "command_limit": np.inf, "dt": SAMPLE_TIME, "width": 0.0}
+        given |= {"servo_damping": 0.0}
+        rows = np.stack([np.broadcast_to(given[name], now.shape) for name in INPUTS])
+        return at_switch(model, switch), rows
+
+    @cached_property
+    def path(self) -> Array:
+        """(T + 1, 2) angle and velocity of the bench's own model [rad, rad/s]."""
+        return self.states(self.model)[:, :2]
+
+    @cached_property
+    def motion(self) -> Motion:
+        """What the servo does by itself, for an effect to choose its size by and to draw its traces along."""
+        angle, velocity = self.path[:-1].T
+        nothing, gain = np.zeros_like(angle), np.full_like(angle, self.servo_gain)
+        return Motion(
+            time=np.arange(angle.size) * SAMPLE_TIME,
+            angle=angle,
+            velocity=velocity,
+            acceleration=np.diff(self.path[:, 1]) / SAMPLE_TIME,
+            command=self.command,
+            servo_gain=gain,
+            torque=self.command - gain * angle,
+            score=nothing,
+            reading_score=nothing,
+            run=np.zeros(angle.size, dtype=np.intp),
+            inertia=self.model.inertia,
+            velocity_resolution=1e-3 * float(np.abs(velocity).max()),
+            law=lambda command: command - gain * angle,
+            arriving=self._arriving,
+        )
+
+    def _arriving(self, torque: Array) -> Array:
+        """(T,) what of the drive's torque (T,) reaches the load [N m]; the model has nothing with a memory."""
+        for effect in self.model.effects:
+            torque = np.array(effect.command(ca.DM(torque), 0.0, 0.0)).ravel()
+        return torque
+
+    def response(self, columns: Array, *, on_reading: bool) -> Array:
+        """(T, m) what small torques, or errors of the reading, (T, m) do to the reading, to first order [rad]."""
+        return -self._linear.response(columns, on_reading=on_reading)
+
+    def score(self, mark: Array) -> tuple[Array, Array]:
+        """(T,) how much a torque, and an error of the reading, at each sample would take of a mark (T,) in it."""
+        torque, reading = self._linear.score(-mark[:, None])
+        return torque[:, 0], reading[:, 0]
+
+    def chance(self) -> tuple[Array, Array]:
+        """(T, M) the same of white noise, of what a refit leaves of it."""
+        noise = np.random.default_rng(0).normal(size=(self.command.size, AT_ONCE))
+        return self._linear.score(noise - self.absorbed @ (self.absorbed.T @ noise))
+
+    @cached_property
+    def absorbed(self) -> Array:
+        """(T, F) orthonormal: what a refit of the model and its first state can do to the reading, to first order."""
+        jacobian = self._prediction.jacobian
+        return np.asarray(np.linalg.qr(jacobian[:, np.any(jacobian != 0.0, axis=0)])[0])
+
+    @cached_property
+    def _linear(self) -> Linear:
+        return linearised(self.model, self._run, self._prediction, 0.0, substeps=self._substeps)
+
+    @cached_property
+    def _prediction(self) -> Prediction:
+        free = tuple(range(len(self.model.names)))
+        predictor = Predictor(model=self.model, runs=(self._run,), free=free, substeps=self._substeps)
+        start = np.array([[self.start, 0.0]])
+        return predictor.predict(self.model.values, start, bandwidth=0.0, width=0.0)[0]
+
+    @property
+    def _run(self) -> Run:
+        gain = np.full_like(self.command, self.servo_gain)
+        return replace(blank_run(self.command, SAMPLE_TIME), servo_gain=gain, output=self.motion.angle)
+
+    @property
+    def _substeps(self) -> int:
+        return integration_steps(self.model, SAMPLE_TIME)
+
+
+def standard_excitation(servo: bool, *shown: type[Effect]) -> StandardExcitation:
+    """The paper's servo, given a torque, or as a position servo given a goal; without the effects that are to be shown.
+
+    Its axis is one that all of them can have.
+    """
+    gone = {kind.name for kind in shown}
+    kept = tuple(effect for effect in ServoModel.paper().effects if effect.name not in gone)
+    return _bench(servo, kept, all("rotary" in kind.axes for kind in shown))
+
+
+@lru_cache(maxsize=16)
+def _bench(servo: bool, effects: tuple[Effect, ...], rotary: bool) -> StandardExcitation:
+    model = replace(ServoModel.paper(), effects=effects)
+    if not rotary:
+        model = replace(model, gravity=0.0, axis="linear")
+    if servo:
+        model = replace(model, viscous_friction=_DAMPING)
+        return StandardExcitation(model=model, command=_STIFFNESS * _excitation(0.6), servo_gain=_STIFFNESS)
+    return StandardExcitation(
+        model=model, command=_excitation(3.5), start=-np.pi / 2 if rotary else 0.0
+    )  # where gravity holds it
+
+
+def _excitation(amplitude: float) -> Array:
+    """(T,) the standard excitation: a slow chirp, steps and a fast chirp."""
+    levels = tuple(amplitude * share for share in (-0.7, -0.4, 0.9, -1.0, 0.5, -0.5))
+    slow = chirp(amplitude=amplitude, start=0.2, stop=1.0, duration=8.0, sample_time=SAMPLE_TIME)
+    fast = chirp(amplitude=amplitude, start=1.0, stop=8.0, duration=4.0, sample_time=SAMPLE_TIME)
+    return np.concatenate((slow, steps(levels=levels, hold=1.0, sample_time=SAMPLE_TIME), fast))

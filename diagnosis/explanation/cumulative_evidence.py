@@ -1,0 +1,118 @@
+"""The pictures of one cause: when along the log its evidence was gathered, and over which variable it shows.
+
+Both compare the extended model with the same model less the cause, everything else fitted again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.residual_torque import residual_torque
+from identification.fit_result import Fit
+from identification.problem import Problem
+from plant.effects.effect import Array
+
+_TELLING = 0.3  # share of a predicted torque that one variable must carry to be the one that tells
+_WIDE = 30.0  # bandwidth [rad/s] from which a fit without the cause descends; it may need one where the other does not
+_PARTS = 10  # of the log, to see whether the evidence rests on one moment
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CumulativeEvidence:
+    """Evidence along the log.
+
+    Attributes:
+        time: (T,) along the runs, one after the other [s].
+        evidence: (T,) sum so far of the log-likelihood with the cause less that without it.
+    """
+
+    time: Array
+    evidence: Array
+
+    @property
+    def densest(self) -> tuple[float, float]:
+        """Largest share of the evidence that one tenth of the log gives [-], and the time in its middle [s]."""
+        edges = np.linspace(0, self.time.size - 1, _PARTS + 1).astype(int)
+        shares = np.diff(self.evidence[edges]) / max(float(self.evidence[-1]), 1e-300)
+        best = int(np.argmax(shares))
+        return float(shares[best]), float(self.time[(edges[best] + edges[best + 1]) // 2])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ResidualOverVariable:
+    """The torque that is missing without a cause, over the variable that tells most, beside what the cause predicts.
+
+    Attributes:
+        variable, unit: what it is drawn over.
+        torque_unit: of the residual torque.
+        centre: (B,) middle of each bin.
+        before, band: (B,) mean residual torque without the cause and half width of its 95 % band.
+        after: (B,) mean residual torque with the cause.
+        predicted: (B,) mean of the difference of the two models' torques: what the cause says is missing without it.
+        share: of the predicted torque's variance that the variable carries [-].
+    """
+
+    variable: str
+    unit: str
+    torque_unit: str
+    centre: Array
+    before: Array
+    band: Array
+    after: Array
+    predicted: Array
+    share: float
+
+    @property
+    def standing_out(self) -> int:
+        """Number of bins in which the predicted torque is larger than the band."""
+        return int(np.sum(np.abs(self.predicted) > self.band))
+
+
+def without_cause(fit: Fit, effect: str) -> Fit:
+    """The model less one effect, fitted again to the same log."""
+    model = fit.model.without_effect(effect)
+    return Problem.of(fit.log, model, known=fit.known).descend(replace(fit, bandwidth=max(fit.bandwidth, _WIDE)))
+
+
+def cumulative_evidence(before: Fit, after: Fit) -> CumulativeEvidence:
+    """How the evidence for the later of two fits of one log grew along it."""
+    runs = before.log.runs
+    valid = np.concatenate([run.valid for run in runs])
+    step = np.concatenate([np.append(np.diff(run.time), run.sample_time) for run in runs])
+    rise = np.where(valid, _log_likelihoods(after) - _log_likelihoods(before), 0.0)
+    return CumulativeEvidence(time=np.cumsum(step) - step[0], evidence=np.cumsum(rise))
+
+
+def _log_likelihoods(fit: Fit) -> Array:
+    """(T,) log-likelihood of each innovation, up to a constant."""
+    return np.asarray(-0.5 * (fit.innovations / fit.noise_std) ** 2 - np.log(fit.noise_std))
+
+
+def residual_over_variable(before: Fit, after: Fit) -> ResidualOverVariable | None:
+    """Where the difference of two fits shows in the residual torque; None if it shows over no single variable.
+
+    Also None where the later model does not lower the residual torque: the picture takes drivetrain and sensor for
+    rigid, and what bends or lags there cannot be seen in it.
+    """
+    lacked = residual_torque(before)
+    lacks = residual_torque(after, lacked.cutoff)
+    if lacks.rms >= lacked.rms:
+        return None
+    predicted = lacked.curves_of(lacked.torque - lacks.torque)
+    place = int(np.argmax([curve.share for curve in predicted]))
+    if predicted[place].share < _TELLING:
+        return None
+    seen = lacked.curves[place]
+    return ResidualOverVariable(
+        variable=seen.variable,
+        unit=seen.unit,
+        torque_unit=lacked.unit,
+        centre=seen.centre,
+        before=seen.mean,
+        band=seen.band,
+        after=lacked.curves_of(lacks.torque)[place].mean,
+        predicted=predicted[place].mean,
+        share=predicted[place].share,
+    )

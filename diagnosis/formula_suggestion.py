@@ -1,0 +1,116 @@
+"""What an unnamed curve looks like: a short formula, suggested from its knots and not fitted to the log.
+
+Formulas of one or two terms are laid through the heights of the knots by least squares, weighted with what the log
+knows of them, beside what the model's own parameters may take over of the curve. One is told only where it leaves next
+to nothing of the curve, and one of two terms only where none of a single term does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import combinations
+
+import numpy as np
+
+from diagnosis.residual_torque import effects_over
+from identification.fit_result import Fit
+from plant.effects.effect import Array
+from plant.effects.friction_over_velocity import FrictionOverVelocity
+from plant.effects.nonparametric import plain
+from plant.effects.nonparametric_curve import KNOTS, Curve
+
+Term = Callable[[Array], Array]
+
+_LEFT = 0.01  # share of a curve's weighted square that a formula may leave
+_TERMS: Mapping[str, Mapping[str, Term]] = {
+    "velocity": {
+        "1": np.ones_like,
+        "sgn(v)": np.sign,
+        "|v|": np.abs,
+        "v |v|": lambda v: v * np.abs(v),
+        "v^2": np.square,
+        "v^3": lambda v: v**3,
+    },
+    "angle": {
+        "1": np.ones_like,
+        "x": np.positive,
+        "x^2": np.square,
+        "x^3": lambda x: x**3,
+        "sin(x)": np.sin,
+        "cos(x)": np.cos,
+    },
+    "position": {  # of a linear axis, which has no turn
+        "1": np.ones_like,
+        "x": np.positive,
+        "x^2": np.square,
+        "x^3": lambda x: x**3,
+    },
+    "torque": {
+        "1": np.ones_like,
+        "u": np.positive,
+        "|u|": np.abs,
+        "u |u|": lambda u: u * np.abs(u),
+        "u^3": lambda u: u**3,
+    },
+}
+_TAKEN_OVER: Mapping[str, Term] = {"velocity": np.positive}  # by viscous friction
+_SYMBOL = {"velocity": "v", "angle": "x", "torque": "u"}
+
+
+def suggested_formula(fit: Fit) -> str | None:
+    """A sentence with the formula that the curve over one variable of a fitted model looks like; None without one."""
+    curve = next((effect for effect in fit.model.effects if type(effect) in plain.values()), None)
+    if not isinstance(curve, Curve) or curve.over not in _TERMS:
+        return None
+    rows = [row for row, place in enumerate(fit.free) if fit.model.names[place].startswith(f"{curve.name}.c")]
+    if len(rows) < KNOTS:
+        return None
+    over, torque = effects_over(curve.over, fit.log.axis), effects_over("torque", fit.log.axis)
+    variable = over if over in _TERMS else curve.over
+    information = np.asarray(np.linalg.pinv(fit.covariance[np.ix_(rows, rows)]), dtype=float)
+    places = np.array([float(knot) for knot in curve.knots(curve.low, curve.high)])
+    found = formula_terms(variable, places, np.array(curve.values[2 : 2 + KNOTS], dtype=float), information)
+    if not found:
+        return None
+    formula = " ".join(f"{size:+.3g} {name}".replace(" 1", "") for name, size in found.items()).removeprefix("+")
+    dry = "dry and " if curve.name == FrictionOverVelocity.name else ""
+    beside = f", beside {dry}viscous friction" if curve.over in _TAKEN_OVER else ""
+    law = f"{formula} [{fit.log.command_unit}]{beside}"
+    return (
+        f"Over {over} {_SYMBOL[curve.over]} the {torque} that the model lacks looks like {law}. "
+        "This is a suggestion from the curve, not a finding."
+    )
+
+
+def formula_terms(over: str, places: Array, heights: Array, information: Array) -> dict[str, float]:
+    """Terms over a variable, with their sizes, that describe heights (K,) at places (K,); empty if none do.
+
+    Args:
+        over: the variable.
+        places: of the knots.
+        heights: of the curve.
+        information: (K, K) of the heights, inverse of their covariance.
+    """
+    values, vectors = np.linalg.eigh(0.5 * (information + information.T))
+    root = vectors.T * np.sqrt(np.maximum(values, 0.0))[:, None]
+    taken = [_TAKEN_OVER[over](places)] if over in _TAKEN_OVER else []
+    whole = _left(root, taken, heights)[0]
+    if whole <= 0.0:
+        return {}
+    for count in (1, 2):
+        tried = {names: [_TERMS[over][name](places) for name in names] for names in combinations(_TERMS[over], count)}
+        fits = {names: _left(root, [*taken, *columns], heights) for names, columns in tried.items()}
+        best = min(fits, key=lambda names: fits[names][0])
+        left, sizes = fits[best]
+        if left < _LEFT * whole:
+            return dict(zip(best, map(float, sizes[len(taken) :]), strict=True))
+    return {}
+
+
+def _left(root: Array, columns: list[Array], heights: Array) -> tuple[float, Array]:
+    """Weighted square that columns leave of the heights, and their sizes."""
+    if not columns:
+        return float(np.sum((root @ heights) ** 2)), np.zeros(0)
+    shape = np.column_stack(columns)
+    sizes = np.linalg.lstsq(root @ shape, root @ heights, rcond=None)[0]
+    return float(np.sum((root @ (heights - shape @ sizes)) ** 2)), np.asarray(sizes)

@@ -1,0 +1,91 @@
+"""What the held-out data say of the extended model's parameters: the same model fitted to them alone, for comparison.
+
+It comes after everything is decided, and nothing is taken over from it. Two logs of one machine differ where it changed
+in between, and where the one excites what the other does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.explanation.wording import measured
+from identification.fit_result import Fit, FittedParameter
+from identification.log import Log
+from identification.problem import Problem, first_states
+from identification.standard_errors import fit_with_errors
+from plant.effects.effect import Array
+from plant.effects.nonparametric import unnamed
+
+_APART = 4.0  # standard errors from which two estimates differ
+_MATTERS = 0.05  # of the estimate, or in rad of a phase; less is of no use to anybody
+_SHARPER = 5.0  # times smaller standard error, from which the held-out data are said to tell a parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class HoldoutDifference:
+    """One parameter that the held-out data have otherwise, or tell far better; without a value where only they do."""
+
+    parameter: str
+    value: float | None
+    std: float | None
+    held_out_value: float
+    held_out_std: float
+    unit: str
+
+    def __str__(self) -> str:
+        """As "presliding hysteresis: stiffness 465000 ± 49000 N/m instead of 218000 ± 18000 N/m"."""
+        parameter = self.parameter.replace(".", ": ").replace("_", " ")
+        here = f"{parameter} {measured(self.held_out_value, self.held_out_std, self.unit)}"
+        if self.value is None:
+            return f"{here}, which the fitted data cannot tell"
+        return f"{here} instead of {measured(self.value, self.std, self.unit)}"
+
+
+def holdout_differences(fit: Fit, holdout: Log) -> tuple[HoldoutDifference, ...]:
+    """Parameters of a fit that differ by more than four standard errors on held-out data, or are far surer there."""
+    problem = Problem.of(replace(holdout, colour=fit.log.colour), fit.model, known=fit.known)
+    at_first = first_states(holdout)
+    tried = [
+        problem.minimise(problem.pack(values, at_first), fit.bandwidth, 0.0, iterations=15) for values in _starts(fit)
+    ]
+    best = min(tried, key=lambda minimum: float(np.nan_to_num(minimum.equations.cost, nan=np.inf)))
+    if not np.isfinite(best.equations.cost):
+        return ()
+    other = fit_with_errors(problem, fit.bandwidth, best, best.evaluations)
+    found = (_compared(a, b) for a, b in zip(fit.parameters, other.parameters, strict=True))
+    return tuple(opinion for opinion in found if opinion is not None)
+
+
+def _starts(fit: Fit) -> list[Array]:
+    """The fitted values (P,), and the same with the phases of waves turned by quarters: a descent turns none far."""
+    phases = [place for place, name in enumerate(fit.model.names) if name.endswith(".phase")]
+    quarters = 0.5 * np.pi * np.arange(4 if phases else 1)
+    starts = [fit.model.values for _ in quarters]
+    for values, quarter in zip(starts, quarters, strict=True):
+        values[phases] += quarter
+    return starts
+
+
+def _compared(here: FittedParameter, there: FittedParameter) -> HoldoutDifference | None:
+    if here.fixed or here.name.split(".")[0] in unnamed or there.value is None or there.std is None or there.at_bound:
+        return None
+    value = there.value
+    if here.value is not None and here.std is not None:
+        apart, size = value - here.value, abs(here.value)
+        if here.name.endswith(".phase"):
+            apart = float(np.remainder(apart + np.pi, 2.0 * np.pi) - np.pi)
+            value, size = here.value + apart, 1.0
+        differs = abs(apart) > max(_APART * np.hypot(here.std, there.std), _MATTERS * size)
+        sharper = here.std > max(_SHARPER * there.std, _MATTERS * size)
+        if here.at_bound or not (differs or sharper):
+            return None
+    return HoldoutDifference(
+        parameter=here.name,
+        value=here.value,
+        std=here.std,
+        held_out_value=value,
+        held_out_std=there.std,
+        unit=here.unit,
+    )

@@ -1,0 +1,147 @@
+"""Whether the runs of a log agree about the parameters of their common fit, and if not, about which.
+
+At the common optimum one Newton step per parameter says what it would be in each run if all others were shared. Errors
+of the model are not noise: they last, and the likelihood counts them as evidence many times over. So each run is cut
+into blocks, and how much a run's value changes when one of them is left out says how sure it is (the jackknife over
+clusters, in closed form: Bell and McCaffrey 2002). What runs disagree about is only what differs by more than the parts
+of each run do. As every run has but a few blocks, the test is that of Welch (1951) for groups of unequal scatter, at a
+level shared by all parameters (Bonferroni).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from identification.fit_result import Fit
+from identification.objective import Objective
+from identification.per_run import PerRun
+from identification.predictor import Prediction
+from identification.sums_over_runs import places, point_size
+from plant.effects.effect import Array
+
+BLOCKS = 8  # of each run
+_LEVEL = 1e-3  # chance that runs which agree are said not to
+_ALONE = 0.99  # share of what is known that a single block must not have
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Run:
+    """What the blocks of a run say of its parameters and its initial state.
+
+    information: (B, n, n) Jacobian transposed times Jacobian of each block; scores: (B, n) gradient.
+    """
+
+    information: Array
+    scores: Array
+
+    @classmethod
+    def of(cls, prediction: Prediction, valid: NDArray[np.bool_]) -> _Run:
+        """From a run's innovations, its samples that count in `BLOCKS` parts."""
+        blocks = np.array_split(np.flatnonzero(valid), BLOCKS)
+        slopes, innovations = prediction.jacobian, prediction.innovations
+        return cls(
+            information=np.array([slopes[block].T @ slopes[block] for block in blocks]),
+            scores=np.array([slopes[block].T @ innovations[block] for block in blocks]),
+        )
+
+    def about(self, rows: list[int]) -> _Run:
+        """Of some rows alone."""
+        return _Run(information=self.information[:, rows][:, :, rows], scores=self.scores[:, rows])
+
+    def scatters(self, row: int) -> bool:
+        """Whether more than one block says something of a row: else nobody knows how sure it is."""
+        said = self.information[:, row, row]
+        return bool(said.max() < _ALONE * said.sum())
+
+
+def between_run_differences(fit: Fit) -> str | None:
+    """A sentence on the parameters about which the runs of a fit disagree, and by how much; None where they agree."""
+    if len(fit.log.runs) < 2 or not fit.free or not fit.converged:
+        return None
+    objective = Objective.of(fit.log, fit.model, fixed=fit.fixed)
+    values = fit.model.values
+    predictions = objective.predictor.predict(values, fit.initial, bandwidth=fit.bandwidth, width=0.0)
+    runs = [_Run.of(prediction, run.valid) for prediction, run in zip(predictions, fit.log.runs, strict=True)]
+    if not all(np.isfinite(run.information).all() and np.isfinite(run.scores).all() for run in runs):
+        return None
+    lines = [fit[fit.model.names[place]] for place in fit.free]
+    asked = [row for row, line in enumerate(lines) if line.value is not None and not line.at_bound]
+    runs = [run.about([*asked, len(lines), len(lines) + 1]) for run in runs]
+    own: list[int] = []
+    while len(own) < len(asked):
+        left = [row for row in range(len(asked)) if row not in own]
+        chances = [_chance(runs, [*own, row]) for row in left]
+        if min(chances) * len(left) > _LEVEL:
+            break
+        own.append(left[int(np.argmin(chances))])
+    return _sentence(fit, [lines[asked[row]].name for row in own]) if own else None
+
+
+def _chance(runs: list[_Run], own: list[int]) -> float:
+    """Probability that the last of `own` differs as much among runs that agree, the others of `own` being free."""
+    free, count = runs[0].scores.shape[1] - 2, len(runs)
+    size = point_size(free, count, own)
+    at = [places(free, number, count, own) for number in range(count)]
+    information, gradient = np.zeros((size, size)), np.zeros(size)
+    for run, mine in zip(runs, at, strict=True):
+        information[np.ix_(mine, mine)] += run.information.sum(axis=0)
+        gradient[mine] += run.scores.sum(axis=0)
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    inverse = np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+    step = -(inverse @ (gradient / scale)) / scale
+    last = [int(mine[own[-1]]) for mine in at]
+    spread = np.zeros((count, count))
+    for run, mine in zip(runs, at, strict=True):
+        size_of = np.outer(scale[mine], scale[mine])
+        for block, score in zip(run.information, run.scores, strict=True):
+            left = (score + block @ step[mine]) / scale[mine]
+            weight = np.eye(mine.size) - (block / size_of) @ inverse[np.ix_(mine, mine)]
+            moved = inverse[np.ix_(np.array(last), mine)] @ np.linalg.lstsq(weight, left, rcond=1e-9)[0] / scale[last]
+            spread += np.outer(moved, moved)
+    asked = np.flatnonzero([run.scatters(own[-1]) for run in runs])
+    return _welch(step[last][asked], spread[np.ix_(asked, asked)])
+
+
+def _welch(values: Array, covariance: Array) -> float:
+    """Welch's chance that values (k,) of one quantity, with such a covariance from a few blocks each, differ so."""
+    k = values.size
+    if k < 2 or not np.all(np.diag(covariance) > 0.0):
+        return 1.0
+    contrast = np.eye(k)[1:] - np.eye(k)[:1]
+    apart, spread = contrast @ values, contrast @ covariance @ contrast.T
+    statistic = float(apart @ np.linalg.pinv(spread, hermitian=True) @ apart) / (k - 1)
+    share = 1.0 / np.diag(covariance)
+    loose = float(np.sum((1.0 - share / share.sum()) ** 2)) / (BLOCKS - 1)
+    corrected = statistic / (1.0 + 2.0 * (k - 2) / (k**2 - 1) * loose)
+    return float(stats.f.sf(corrected, k - 1, (k**2 - 1) / (3.0 * loose)))
+
+
+def _sentence(fit: Fit, names: list[str]) -> str:
+    """What the runs have, each parameter by itself, and what lets it differ."""
+    apart = PerRun.of(fit, names)
+    point = apart.minimise(apart.begun(fit), fit.bandwidth).point
+    values, spread = apart.values(point), apart.covariance(point, fit.bandwidth)
+    told = []
+    for column, name in enumerate(names):
+        at = [int(apart.places(run)[apart.own[column]]) for run in range(len(fit.log.runs))]
+        std = np.sqrt(np.diag(spread)[at])
+        sure = np.flatnonzero(np.isfinite(std))
+        if sure.size < 2:
+            told.append(name)
+            continue
+        low, high = (sure[int(pick(values[sure, column]))] for pick in (np.argmin, np.argmax))
+        errors = (values[high, column] - values[low, column]) / float(np.hypot(std[low], std[high]))
+        has = [f"{fit.log.runs[run].label} {values[run, column]:.4g} +- {std[run]:.2g}" for run in (low, high)]
+        told.append(f"{name} ({has[0]}, {has[1]} {fit[name].unit}, {errors:.3g} standard errors apart)")
+    listed = ", ".join(f"'{name}'" for name in names) + "," * (len(names) == 1)
+    payload = "a payload per run (columns payload_mass and payload_radius, or payload_inertia), or "
+    way = f"--per-run {','.join(names)} (in Python per_run=({listed}))"
+    return (
+        f"The runs disagree about {' and '.join(told)}: "
+        f"{payload if {'inertia', 'gravity'} & set(names) else ''}{way} lets {'it' if len(names) == 1 else 'them'} "
+        "differ from run to run."
+    )

@@ -1,0 +1,46 @@
+"""The colour of the reading's noise: filters in an encoder or a drive make neighbouring readings err alike.
+
+Without it, an observer takes slow noise for motion and follows it. The noise counts as coloured where a short
+autoregression of its own explains the log clearly better than an observer does. From then on the log carries a colour,
+and every fit of it finds its own (generalised least squares; Cochrane and Orcutt 1949).
+
+A good model shows it in a free simulation, a poor one behind an observer that keeps it near the log and is yet too slow
+to follow the noise. Noise that outlasts the observer's corrections cannot be told from motion and is left to it, and so
+is a colour behind an observer that hardly helps: a poor model can leave as much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from identification.fit_result import Fit
+from identification.noise import autoregression
+from identification.problem import Problem
+
+_CLEARLY = 10.0  # rise of the log-likelihood from which a colour is believed
+_WORTH = 0.05  # the same for each sample behind an observer: the innovations get smaller by a twentieth
+_SLOWER = 3.0  # from one observer to the next
+_SLOWEST = 0.01  # of the best observer's bandwidth: slower ones leave the model to itself
+
+
+def with_coloured_noise(fit: Fit) -> Fit:
+    """The same model fitted to the log with the colour of its reading's noise, or the fit as it is."""
+    found = max(_coloured(fit), key=lambda coloured: coloured.log_likelihood, default=fit)
+    return found if found.log_likelihood > fit.log_likelihood + _CLEARLY else fit
+
+
+def _coloured(fit: Fit) -> Iterator[Fit]:
+    """The fit with a colour of the reading, behind slower and slower observers and in a free simulation."""
+    problem = Problem.of(fit.log, fit.model, known=fit.known)
+    free = problem.solve(free=True) if fit.bandwidth else fit
+    if not free.bandwidth and autoregression(free.innovations).size:
+        coloured = problem.recoloured(free, fit.log_likelihood)
+        if coloured is not None:
+            yield coloured
+    bandwidth, least = fit.bandwidth / _SLOWER, fit.log_likelihood + _WORTH * fit.samples
+    while fit.bandwidth * _SLOWEST < bandwidth:
+        coloured = problem.recoloured(replace(fit, bandwidth=bandwidth), least)
+        if coloured is not None and fit.log.sample_time < coloured.noise_memory < 1.0 / bandwidth:
+            yield coloured
+        bandwidth /= _SLOWER

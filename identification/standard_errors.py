@@ -1,0 +1,196 @@
+"""From a least-squares minimum to a fit: how sure each parameter is, and which of them the data cannot tell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from identification.fit_result import Fit, FittedParameter
+from identification.least_squares import Minimum, uncertainty
+from identification.noise import log_likelihood
+from identification.objective import Objective
+from identification.predictor import FADING, Prediction
+from identification.prior import natural_scales
+from identification.sums_over_runs import informations
+from plant.effects.effect import Array
+from plant.servo import ServoModel
+
+_ASIDE = 0.1  # of ln(bandwidth), for the curvature of the likelihood
+
+
+def fit_with_errors(objective: Objective, bandwidth: float, minimum: Minimum, evaluations: int) -> Fit:
+    """The fit that a minimum of an objective at a bandwidth [rad/s] amounts to, after so many passes over the log."""
+    values, initial = objective.unpack(minimum.point)
+    degrees = max(objective.samples - minimum.point.size, 1)
+    count = len(objective.free)
+    predictions = objective.predictor.predict(values, initial, bandwidth=bandwidth, width=0.0)
+    innovations = np.concatenate([p.innovations for p in predictions])
+    around = _around(objective, values, initial, bandwidth, predictions)
+    with np.errstate(over="ignore", invalid="ignore"):
+        power = float(sum(p.innovations @ p.innovations for p in around))
+    variance = power / degrees
+    white, coloured = informations(around)
+    if objective.prior is not None:
+        white[:count, :count] += variance * objective.prior.precision
+        coloured[:count, :count] += variance**2 * objective.prior.precision
+    found = uncertainty(white, coloured, variance)
+    spread, lost = found.covariance[:count, :count], found.undetermined[:count]
+    if _nothing_moves(objective, minimum):
+        lost, values = np.ones(count, dtype=bool), objective.model.values
+    else:
+        values, initial = _where_it_began(objective, minimum.point, found.unseen)
+    lost = lost | _without_weight(objective, values, np.sqrt(np.maximum(np.diag(spread), 0.0)))
+    fitted = objective.model.with_values(values)
+    return Fit(
+        model=fitted,
+        parameters=_lines(objective, fitted, spread, lost),
+        free=objective.free,
+        covariance=spread,
+        white_covariance=found.white[:count, :count],
+        initial=initial,
+        bandwidth=bandwidth,
+        noise_std=float(np.sqrt(minimum.equations.cost / objective.loss(minimum.point) / degrees)),
+        log_likelihood=log_likelihood(minimum.equations.cost, objective.samples),
+        samples=objective.samples,
+        innovations=innovations,
+        substeps=objective.predictor.substeps,
+        converged=minimum.converged,
+        evaluations=evaluations + minimum.evaluations,
+        log=objective.log,
+        known=objective.known,
+    )
+
+
+def _where_it_began(objective: Objective, point: Array, unseen: Array) -> tuple[Array, Array]:
+    """Parameters and initial states of a point, moved back to the start along the directions that the log cannot see.
+
+    There alone: where two parameters trade places, what they are worth together is known, and is kept.
+    """
+    count = len(objective.free)
+    way = np.zeros_like(point)
+    way[:count] = point[:count] - objective.model.values[list(objective.free)]
+    return objective.unpack(np.clip(point - unseen @ way, objective.lower, objective.upper))
+
+
+def divergent_fit(objective: Objective, initial: Array, bandwidth: float, evaluations: int) -> Fit:
+    """What is said of a model whose motion grows without bound wherever a fit of it was tried: it is worth nothing."""
+    count = len(objective.free)
+    nothing = np.zeros((count, count))
+    return Fit(
+        model=objective.model,
+        parameters=_lines(objective, objective.model, nothing, np.ones(count, dtype=bool)),
+        free=objective.free,
+        covariance=nothing,
+        white_covariance=nothing,
+        initial=initial,
+        bandwidth=bandwidth,
+        noise_std=np.inf,
+        log_likelihood=-np.inf,
+        samples=objective.samples,
+        innovations=np.zeros(sum(len(run) for run in objective.log.runs)),
+        substeps=objective.predictor.substeps,
+        converged=False,
+        evaluations=evaluations,
+        log=objective.log,
+        known=objective.known,
+        held_log_likelihood=-np.inf if objective.model.chaotic else None,
+    )
+
+
+def bandwidth_std(fit: Fit) -> float | None:
+    """Standard error of a fit's bandwidth [rad/s], all else as fitted, from the likelihood a little to either side.
+
+    The log-likelihood over ln(bandwidth) is a parabola there, whose curvature is the inverse of the variance. None
+    where the fit has no observer, or its bandwidth is no peak but an end of the range.
+    """
+    if not fit.bandwidth:
+        return None
+    objective = Objective.of(fit.log, fit.model, known=fit.known)
+    point = objective.pack(fit.model.values, fit.initial)
+    slower, here, faster = (
+        log_likelihood(objective.cost(point, fit.bandwidth * np.exp(step), 0.0), fit.samples)
+        for step in (-_ASIDE, 0.0, _ASIDE)
+    )
+    curvature = (2.0 * here - slower - faster) / _ASIDE**2
+    return float(fit.bandwidth / np.sqrt(curvature)) if curvature > 0.0 else None
+
+
+def _around(
+    objective: Objective, values: Array, initial: Array, bandwidth: float, here: list[Prediction]
+) -> list[Prediction]:
+    """Innovations and Jacobians whose curvature says how sure the fit is.
+
+    Where a model is chaotic the likelihood at a low bandwidth is a mountain range, and the curvature of its highest
+    peak says nothing of the others. An observer that is faster than the chaos smooths it, unless impacts in quick
+    succession make its slopes grow without bound; then that peak is all there is.
+    """
+    fading = FADING / objective.log.sample_time
+    if not objective.model.chaotic or bandwidth >= fading:
+        return here
+    smooth = objective.predictor.predict(values, initial, bandwidth=fading, width=0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        bounded = all(np.isfinite(p.jacobian.T @ p.jacobian).all() for p in smooth)
+    return smooth if bounded else here
+
+
+def _nothing_moves(objective: Objective, minimum: Minimum) -> bool:
+    """Whether an output that never changes explains the log as well as the fitted motion: nothing can be told."""
+    runs = objective.log.runs
+    still = sum(float(np.sum((run.measured - run.measured[run.valid].mean())[run.valid] ** 2)) for run in runs)
+    return still <= 1.1 * minimum.equations.cost
+
+
+def _without_weight(objective: Objective, values: Array, std: Array) -> NDArray[np.bool_]:
+    """(F,) parameters whose uncertainty is worth more than the torque in the log: the data cannot tell them.
+
+    What a standard error is worth is the torque that it makes over the log's motion; for the parameters of an
+    effect, whose torque is not known before it is named, the value itself is the scale.
+    """
+    natural = natural_scales(objective.log)
+    level = natural["N m"]
+    speeds = np.concatenate([np.gradient(run.output, run.time) for run in objective.log.runs])
+    speed = float(np.sqrt(np.nanmean(speeds**2)))
+    slowest = 2.0 * np.pi / max(run.duration for run in objective.log.runs)
+    worth = {"inertia": slowest * speed, "gravity": 1.0, "viscous_friction": speed}
+    lost = np.zeros(len(objective.free), dtype=bool)
+    for row, place in enumerate(objective.free):
+        name = objective.model.names[place]
+        scale = max(
+            abs(values[place]),
+            level / worth[name] if worth.get(name) else 0.0,
+            natural.get(objective.model.quantities[place], 0.0),
+        )
+        lost[row] = std[row] > scale and not _at_bound(objective, row, values[place])
+    return lost
+
+
+def _at_bound(objective: Objective, row: int, value: float) -> bool:
+    return bool(value <= objective.lower[row] or value >= objective.upper[row])
+
+
+def _lines(
+    objective: Objective, fitted: ServoModel, spread: Array, lost: NDArray[np.bool_]
+) -> tuple[FittedParameter, ...]:
+    lines = []
+    for place, (spec, value) in enumerate(zip(fitted.parameters, fitted.values, strict=True)):
+        line = FittedParameter(
+            name=spec.name,
+            value=float(value),
+            std=None,
+            unit=spec.unit,
+            start=float(objective.model.values[place]),
+            fixed=place not in objective.free,
+        )
+        if place in objective.free:
+            row = objective.free.index(place)
+            known = not lost[row]
+            line = replace(
+                line,
+                value=float(value) if known else None,
+                std=float(np.sqrt(spread[row, row])) if known else None,
+                at_bound=known and _at_bound(objective, row, float(value)),
+            )
+        lines.append(line)
+    return tuple(lines)

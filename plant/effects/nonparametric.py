@@ -1,0 +1,28 @@
+"""All that a model may carry without a name: curves, laws whose size varies, hysteresis and ripples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from plant.effects.friction_over_velocity import FrictionOverVelocity
+from plant.effects.hysteresis import Hysteresis
+from plant.effects.nonparametric_curve import (
+    Curve,
+    CurveOverAngle,
+    CurveOverTime,
+    CurveOverTorque,
+    CurveOverVelocity,
+    Nonparametric,
+)
+from plant.effects.parameter_varying import varying
+from plant.effects.ripple import ripples
+
+_CURVES = (CurveOverVelocity, FrictionOverVelocity, CurveOverAngle, CurveOverTorque, CurveOverTime)
+plain: Mapping[str, type[Curve]] = MappingProxyType({curve.name: curve for curve in _CURVES})
+"""A torque over one variable, by name."""
+
+unnamed: Mapping[str, type[Nonparametric]] = MappingProxyType(
+    {**plain, **varying, Hysteresis.name: Hysteresis, **ripples}
+)
+"""All of them, by name."""

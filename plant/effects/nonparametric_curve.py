@@ -1,0 +1,252 @@
+"""A torque without a name: a curve over one variable, carried so that its gain is had before its cause is known.
+
+These are no causes and not in the catalogue; a diagnosis adds one where it answers `unknown`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import casadi as ca
+import numpy as np
+
+from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Stage, Trace, parameter
+from plant.effects.interpolation import interpolated, rises_and_bends
+from plant.recursion import Recursion
+from plant.symbolic import one_at_a_time
+
+if TYPE_CHECKING:
+    from plant.servo import ServoModel
+
+KNOTS = 9
+HEIGHTS = tuple(f"c{k}" for k in range(KNOTS))
+_REACH = 2.5  # knots over which a curve keeps its course
+_DENSE = 0.05  # share of the range of velocity, about zero, within which the knots lie densest
+
+
+def smooth(knots: int, *, closed: bool = False) -> Array:
+    """(knots, knots) covariance of the knots before anything is seen; `closed` if the last is beside the first."""
+    apart = np.subtract.outer(np.arange(knots), np.arange(knots))
+    turns = knots * np.arange(-2, 3) if closed else (0,)
+    return np.asarray(sum(np.exp(-0.5 * ((apart + turn) / _REACH) ** 2) for turn in turns) + 1e-6 * np.eye(knots))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nonparametric(Effect):
+    """Base of what has no name, only variables on which it depends."""
+
+    variables: ClassVar[tuple[str, ...]]
+    size: ClassVar[str] = "{torque}"
+    """Unit of its coefficients."""
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        """The parameters, the coefficients in the unit that they have here."""
+        return tuple(replace(spec, unit=spec.unit.replace("{size}", cls.size)) for spec in super().parameters())
+
+    @classmethod
+    def shape(cls) -> tuple[str, ...]:
+        """Names of the parameters that are not fitted beside it: of its own, and of the model if it could be those."""
+        return ()
+
+    @classmethod
+    def beside(cls, model: ServoModel) -> bool:
+        """Whether it makes sense beside a model."""
+        return model.axis in cls.axes and model.effect(cls.name) is None
+
+    def begun(self) -> Self:
+        """Where a fit begins, if a regression suggests this."""
+        return self
+
+
+@dataclass(frozen=True, kw_only=True)
+class Curve(Nonparametric):
+    """A piecewise cubic curve through nine knots between `low` and `high`, constant outside."""
+
+    stage = Stage.LOAD
+    equation = r"\tau_u = f(\cdot)"
+    trace = "a smooth dependence of the residual torque"
+    over: ClassVar[str]
+    prior: ClassVar[Array] = smooth(KNOTS)
+
+    low: float = parameter("-", "lower end of the range")
+    high: float = parameter("-", "upper end of the range")
+    c0: float = parameter("{size}", "height at the lower end", default=0.0)
+    c1: float = parameter("{size}", "height at knot 1", default=0.0)
+    c2: float = parameter("{size}", "height at knot 2", default=0.0)
+    c3: float = parameter("{size}", "height at knot 3", default=0.0)
+    c4: float = parameter("{size}", "height at knot 4", default=0.0)
+    c5: float = parameter("{size}", "height at knot 5", default=0.0)
+    c6: float = parameter("{size}", "height at knot 6", default=0.0)
+    c7: float = parameter("{size}", "height at knot 7", default=0.0)
+    c8: float = parameter("{size}", "height at the upper end", default=0.0)
+
+    @classmethod
+    def shape(cls) -> tuple[str, ...]:
+        """Where the knots are is not fitted."""
+        return (f"{cls.name}.low", f"{cls.name}.high")
+
+    @classmethod
+    def knots(cls, low: Expression, high: Expression) -> list[Expression]:
+        """Values of the variable at the nine knots, from `low` to `high`."""
+        return [low + k / (KNOTS - 1) * (high - low) for k in range(KNOTS)]
+
+    @classmethod
+    def course(
+        cls, value: Expression, low: Expression, high: Expression, heights: Sequence[Expression] | Array
+    ) -> Expression:
+        """The curve of given heights (9,) at a value."""
+        return interpolated(value, cls.knots(low, high), heights)
+
+    @classmethod
+    def hats(cls, values: Array, low: float, high: float) -> Array:
+        """(T, 9) how much each knot counts at each of the values (T,)."""
+        hats = _hats(cls)  # type: ignore[arg-type]  # a class is hashable, whatever its instances are
+        return hats((), values[:, None], np.array([low, high]))[1][0]
+
+    def height(self, at: Moment) -> Expression:
+        """Of the curve at the load's variable."""
+        return self.course(getattr(at, self.over), self.low, self.high, self.values[2 : 2 + KNOTS])
+
+    def load_torque(self, at: Moment, state: Expression) -> Expression:
+        """The curve itself."""
+        return self.height(at)
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """One column for each knot."""
+        low, high = cls.reach(motion)
+        if high > low:
+            yield Trace(
+                columns=cls.hats(cls.along(motion), low, high) * cls.factor(motion)[:, None],
+                prior=cls.prior,
+                start=lambda c: cls(low=low, high=high, **dict(zip(HEIGHTS, map(float, c), strict=True))),
+            )
+
+    def begun(self) -> Self:
+        """Flat: a regression's heights are the best once all else has moved; before it has, far worse than none."""
+        return replace(self, **dict.fromkeys(HEIGHTS, 0.0))
+
+    @classmethod
+    def reach(cls, motion: Motion) -> tuple[float, float]:
+        """The ends between which the knots lie."""
+        low, high = np.quantile(cls.along(motion), [0.005, 0.995])
+        return float(low), float(high)
+
+    @classmethod
+    def along(cls, motion: Motion) -> Array:
+        """(T,) the variable over a motion."""
+        return np.asarray(motion.arriving(motion.torque) if cls.over == "torque" else getattr(motion, cls.over))
+
+    @classmethod
+    def factor(cls, motion: Motion) -> Array:
+        """(T,) by what the curve is multiplied to be a torque on the load."""
+        return np.ones_like(motion.time)
+
+
+@one_at_a_time
+@lru_cache(maxsize=64)
+def _hats(kind: type[Curve]) -> Recursion:
+    """A value, the ends of the range -> (9,) derivatives of a kind of curve by its heights, in which it is linear."""
+    value, ends, heights = ca.SX.sym("value"), ca.SX.sym("ends", 2), ca.SX.sym("heights", KNOTS)
+    course = kind.course(value, ends[0], ends[1], ca.vertsplit(heights))
+    counts = ca.densify(ca.jacobian(course, heights)).T
+    return Recursion(ca.Function("hats", [value, ends], [counts], {"cse": True}), carried=0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurveOverVelocity(Curve):
+    """Over velocity, with most knots where friction changes: near zero; outside, it goes on as against the motion.
+
+    Friction is much the same in both directions: where one was seen at higher speeds, that tells more of the other than
+    a straight line does. Beyond both, and from a load that went one way only to the other, it goes on by the mean slope
+    at its ends, the farther of which counts for more: what is viscous in it belongs to the viscous friction of the
+    model, and flat ends would take some of that away.
+    """
+
+    name = "curve_over_velocity"
+    title = "curve over velocity"
+    over = "velocity"
+    variables = ("velocity",)
+
+    @classmethod
+    def shape(cls) -> tuple[str, ...]:
+        """Also viscous friction, which is itself such a curve."""
+        return (*super().shape(), "viscous_friction")
+
+    @classmethod
+    def beside(cls, model: ServoModel) -> bool:
+        """One of the kind, with dry friction or without, is enough."""
+        return super().beside(model) and not any(isinstance(effect, CurveOverVelocity) for effect in model.effects)
+
+    @classmethod
+    def knots(cls, low: Expression, high: Expression) -> list[Expression]:
+        """Evenly over asinh of the velocity."""
+        scale = _DENSE * (high - low)
+        inner = super().knots(*(ca.asinh(end / scale) for end in (low, high)))[1:-1]
+        return [low, *(scale * ca.sinh(place) for place in inner), high]
+
+    @classmethod
+    def course(
+        cls, value: Expression, low: Expression, high: Expression, heights: Sequence[Expression] | Array
+    ) -> Expression:
+        """As of a curve; outside, with its course in the other direction, and beyond that too, in a straight line."""
+        knots = cls.knots(low, high)
+
+        def within(at: Expression) -> Expression:
+            return super(CurveOverVelocity, cls).course(at, low, high, heights)
+
+        rises, bends = rises_and_bends(knots, heights)
+        first, last = rises[0] - (knots[1] - low) * bends[0], rises[-1] + (high - knots[-2]) * bends[-1]
+        slope = (low**2 * first + high**2 * last) / (low**2 + high**2)
+        farther = ca.fmax(-low, high)
+        beyond = value - ca.fmax(ca.fmin(value, farther), -farther)
+        slowest = ca.fmax(low, 0) + ca.fmin(high, 0)  # that was seen, where the load went one way only
+        between = ca.fmax(ca.fmin(value, ca.fabs(slowest)), -ca.fabs(slowest)) - slowest
+        nearest = ca.fmax(ca.fmin(value, high), low)
+        return within(value) + within(-nearest) - within(-value) + slope * (beyond + between)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurveOverAngle(Curve):
+    """Over the angle or position."""
+
+    name = "curve_over_angle"
+    title = "curve over angle"
+    over = "angle"
+    needs_angle = True
+    variables = ("angle",)
+
+    @classmethod
+    def shape(cls) -> tuple[str, ...]:
+        """Also gravity, which is itself such a curve."""
+        return (*super().shape(), "gravity")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurveOverTorque(Curve):
+    """Over the torque that arrives at the load."""
+
+    name = "curve_over_torque"
+    title = "curve over torque"
+    over = "torque"
+    variables = ("torque",)
+
+    @classmethod
+    def shape(cls) -> tuple[str, ...]:
+        """Also the inertia: beside a free curve of the torque only something of known size holds the scale."""
+        return (*super().shape(), "inertia")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurveOverTime(Curve):
+    """Over time on the log's clock; nothing of its course holds afterwards, and so nothing is left without a clock."""
+
+    name = "curve_over_time"
+    title = "curve over time"
+    clocked = True
+    over = "time"
+    variables = ("time",)

@@ -1,0 +1,136 @@
+"""Lines in a spectrum over angle or time, where a periodic cause would show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from scipy.fft import next_fast_len, rfft
+
+from plant.effects.motion import Array, Motion, Place
+from plant.effects.recurrence import returns_to_its_states
+
+_BY_POWER, _BY_MEASURE = 16, 12  # lines that are tried for their power, and for it in the measure of white noise's
+_ROUNDED = 0.2  # share of the covariance of sine and cosine that is taken to be the same for both
+_BESIDE = 16  # lines on each side of one by which it is told what chance, or a poor model, makes there
+_BETWEEN = (-0.25, -0.125, 0.125, 0.25)  # of a resolvable line
+_EVEN = 1e-9  # what rounding does to a place on an even grid
+_LONGEST = 4000  # lines that a search may reach
+_RETURNS = 0.7  # mean agreement of a wave's phases between visits to a state, from which it is taken for the state's
+
+
+def lines_over_angle(motion: Motion, acts_on: Place = "torque") -> tuple[list[float], int]:
+    """Orders [rad/rad] at which a ripple over the angle would improve the fit most, and how many were looked at.
+
+    A period must take more than four samples at typical speed, or it is not resolved.
+    """
+    speed = float(np.quantile(np.abs(motion.velocity), 0.5))
+    if speed <= 0.0:
+        return [], 1
+    highest = 2.0 * np.pi / (4.0 * speed * motion.sample_time)
+    return strongest_lines(motion.angle, *motion.scores(acts_on), highest)
+
+
+def lines_over_time(motion: Motion) -> tuple[list[float], int]:
+    """Rates [rad/s] at which a wave in time would improve the fit most, if the motion does not repeat in them.
+
+    Of a repeated motion, a wave that comes back with it is any torque that depends on angle and velocity.
+    """
+    highest = 2.0 * np.pi / (4.0 * motion.sample_time)
+    rates, searched = strongest_lines(motion.time, *motion.scores("torque"), highest)
+    return [
+        rate for rate in rates if returns_to_its_states(motion, np.exp(1j * rate * motion.time)) <= _RETURNS
+    ], searched
+
+
+def neighbouring(place: Array, rate: float) -> Array:
+    """Rates beside one, as far apart as lines can be told apart over a variable (T,), on both sides.
+
+    None outside what a search looks at: of a rate to which a fit has run off there is no telling.
+    """
+    apart = 2.0 * np.pi / max(float(np.ptp(place)), 1e-300)
+    steps = np.arange(2.0, 2.0 + _BESIDE)
+    rates = rate + apart * np.concatenate((-steps[::-1], steps))
+    return np.asarray(rates[(rates >= 2.0 * apart) & (rates <= _LONGEST * apart)])
+
+
+def closer(place: Array, rate: float) -> Array:
+    """Rates on both sides of one between which a search does not look: where a load rests, peaks may be that narrow."""
+    apart = 2.0 * np.pi / max(float(np.ptp(place)), 1e-300)
+    return np.asarray(rate + apart * np.array(_BETWEEN))
+
+
+def waves(place: Array, rate: float) -> Array:
+    """(T, 2) sine and cosine of `rate` [rad per unit] over a variable (T,)."""
+    return np.column_stack((np.sin(rate * place), np.cos(rate * place)))
+
+
+def as_wave(coefficients: Array) -> tuple[float, float]:
+    """Amplitude and phase [rad] of a sine that sums two `waves`."""
+    return float(np.hypot(*coefficients)), float(np.arctan2(coefficients[1], coefficients[0]))
+
+
+def eight_periods(place: Array) -> float:
+    """Rate [rad per unit] of eight periods over the range of a variable (T,); 1 where it has none."""
+    reach = float(np.ptp(place))
+    return 16.0 * np.pi / reach if reach > 0.0 else 1.0
+
+
+def strongest_lines(place: Array, score: Array, chance: Array, highest: float) -> tuple[list[float], int]:
+    """Frequencies over a variable (T,) at which a wave would improve a fit most, and the number that were looked at.
+
+    A line must complete two periods within the range, or it cannot be told from a trend.
+
+    Where the innovations are white, a wave explains its score's power in the measure of what white noise has there: by
+    the frequency, the phase and the places where the load rests, it moves the reading more or less. Where a model
+    leaves more than noise, the highest power is the better guide. Some lines are tried for either reason.
+
+    Args:
+        place: the variable.
+        score: (T,) how much a push at each sample would improve the fit.
+        chance: (T, M) the same with draws of white noise in place of the innovations; M may be 0.
+        highest: frequency [rad per unit].
+    """
+    reach = float(np.ptp(place))
+    if reach <= 0.0:
+        return [], 1
+    apart = 2.0 * np.pi / reach
+    highest = min(highest, _LONGEST * apart)
+    if highest <= 2.0 * apart:
+        return [], 1
+    frequencies = apart * np.arange(8.0, np.floor(4.0 * highest / apart * (1.0 + _EVEN)) + 1.0) / 4.0
+    seen, *white = _sines_and_cosines(place, (score, *chance.T), frequencies)
+    heights = [(np.sum(seen**2, axis=0), _BY_POWER)]
+    if white:
+        heights.append((_explained(seen, np.array(white)), _BY_MEASURE))
+    chosen: list[float] = []
+    for height, count in heights:
+        found = 0
+        for index in np.argsort(height)[::-1]:
+            if all(abs(frequencies[index] - other) > apart for other in chosen):
+                chosen.append(float(frequencies[index]))
+                found += 1
+            if found == count:
+                break
+    return chosen, frequencies.size
+
+
+def _explained(seen: Array, white: Array) -> Array:
+    """(F,) what sines and cosines with scores (2, F) explain up to a factor, by those of white noise (M, 2, F).
+
+    The covariance of few draws is rounded, or it would be narrow somewhere by chance alone.
+    """
+    covariance = np.einsum("maf,mbf->fab", white, white)
+    size = 0.5 * np.trace(covariance, axis1=1, axis2=2)[:, None, None]
+    round_ = (1.0 - _ROUNDED) * covariance + (_ROUNDED * size + 1e-300) * np.eye(2)
+    return np.asarray(np.einsum("af,fab,bf->f", seen, np.linalg.inv(round_), seen))
+
+
+def _sines_and_cosines(place: Array, scores: Iterable[Array], frequencies: Array) -> list[Array]:
+    """(2, F) sums of each score (T,) times sine and cosine over `place`, by binning it finely."""
+    step = 2.0 * np.pi / frequencies[-1] / 6.0
+    bins = np.floor((place - place.min()) / step + _EVEN).astype(int)
+    length = next_fast_len(8 * int(bins.max() + 1), real=True)
+    nearest = np.minimum(np.rint(frequencies * length * step / (2.0 * np.pi)).astype(int), length // 2)
+    spectra = (rfft(np.bincount(bins, weights=score), length)[nearest] for score in scores)
+    return [np.stack((spectrum.real, spectrum.imag)) for spectrum in spectra]

@@ -1,0 +1,135 @@
+"""What is not told, which part is held out, how numbers are put, and what is said of the motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from front_door import columns
+
+from diagnosis.explanation.wording import change, percent
+from diagnosis.falsification import falsified_sentence, withdrawn_causes
+from diagnosis.holdout import parts, split
+from diagnosis.measured_motion import MeasuredMotion, reading_noise
+from diagnosis.result import Cause, Estimate
+from identification import Log
+
+LOG = Log.from_arrays(**columns())  # its torque is 2 N m at most
+
+
+def cause(value: float, std: float | None, unit: str = "N m", **gain: float) -> Cause:
+    return Cause(
+        effect="coulomb_friction",
+        probability=1.0,
+        alternatives=(),
+        parameters={"torque": Estimate(value=value, std=std, unit=unit)},
+        evidence=50.0,
+        **({"gain": 0.4, "gain_std": 0.1} | gain),
+    )
+
+
+@pytest.mark.parametrize(
+    ("found", "refuted", "why"),
+    [
+        (cause(0.4, 0.01), False, None),
+        (cause(0.4, None), False, None),
+        (cause(0.0005, 0.001), False, "Coulomb friction is not told: its torque (0.0005 ± 0.0010 N m) is zero within"),
+        (cause(18.4, 0.1), False, "is beyond all that the log commands, 2 N m."),
+        (cause(18.4, 0.1, unit="rad"), False, None),  # an angle may be anywhere
+        (
+            cause(0.4, 0.01, gain=-0.2),
+            True,
+            "it brings no gain on the validation data, which contradict the extension.",
+        ),
+        (cause(0.4, 0.01, gain=-0.2), False, None),
+        (cause(0.4, 0.01), True, None),
+    ],
+)
+def test_refuted_effects_are_not_reported(found, refuted, why):
+    kept, told = withdrawn_causes([found], LOG, refuted=refuted)
+    assert kept == (() if why else (found,))
+    assert [why in text for text in told] == ([True] if why else [])
+
+
+@pytest.mark.parametrize(("std", "kept"), [(10.0, 1), (110.0, 0)])
+def test_an_effect_is_zero_only_if_all_its_sizes_are(std, kept):
+    sizes = {
+        "forward": Estimate(value=0.0, std=0.4, unit="N m"),
+        "backward": Estimate(value=0.1, std=0.4, unit="N m"),
+        "viscous_difference": Estimate(value=30.0, std=std, unit="N m s/rad"),
+    }
+    asymmetric = replace(cause(0.4, 0.01), effect="asymmetric_friction", parameters=sizes)
+    assert len(withdrawn_causes([asymmetric], LOG, refuted=False)[0]) == kept
+
+
+def test_a_rise_is_said_by_one_figure():
+    squares = np.random.default_rng(0).chisquare(1, 2000)
+    told = falsified_sentence(squares, 500.0 * squares)
+    assert told is not None
+    assert "rises there (22 times)" in told
+    assert change(1.0 - np.sqrt(500.0)) == "22 times"
+    assert percent(3.2, 0.1) == "320 ± 10 %"
+    assert change(-0.3) == "30 %"
+    assert change(0.3) == "30 %"
+    assert percent(21.71) == "22 times"
+    assert percent(float("nan")) == "not measured"
+    assert percent(1.0) == "> 99.9 %"
+
+
+def with_rest(after: int) -> Log:
+    """The log with the load at rest after it."""
+    (run,) = LOG.runs
+    still = {"command": 0.0, "output": run.output[-1], "valid": True, "servo_gain": 0.0}
+    longer = {name: np.append(getattr(run, name), np.full(after, value)) for name, value in still.items()}
+    return replace(LOG, runs=(replace(run, time=0.01 * np.arange(len(run) + after), **longer),))
+
+
+def test_the_held_out_part_moves_like_the_rest():
+    kept, held, sentence = split(LOG)
+    assert sentence.startswith("Validation data: the last 30 % of the only run, from 8.4 s on")
+    kept, held, sentence = split(with_rest(900))
+    assert "standstill at its ends is left out" in sentence
+    assert kept.runs[0].duration + held.runs[0].duration < 12.3
+    assert held.runs[0].duration == pytest.approx(3.4, abs=0.4)
+    assert np.ptp(held.runs[0].output) > 0.1 * np.ptp(LOG.runs[0].output)
+
+
+def test_runs_that_stand_still_are_not_held_out():
+    still = replace(LOG.runs[0], output=np.full(len(LOG.runs[0]), 0.3), label="still")
+    log = replace(LOG, runs=(LOG.runs[0], LOG.runs[0], still))
+    kept, held, _ = split(log)
+    assert still not in held.runs
+    assert len(kept.runs) == 2
+    _, held, said = parts(LOG, replace(LOG, runs=(still,)))
+    assert held.runs[0].label.endswith("from 8.4 s")
+    assert said[0].startswith(
+        "The load stands still in that part, so another part is used for validation. Validation data:"
+    )
+    _, held, said = parts(LOG, replace(LOG, runs=(LOG.runs[0], still)))
+    assert held.runs == (LOG.runs[0],)
+    assert said == ["The held-out part stands still in still, which is left out."]
+
+
+def test_the_motion_is_told_as_the_sensor_saw_it():
+    time, rng = 0.01 * np.arange(3000), np.random.default_rng(0)
+    staircase = np.repeat([16.0, 31.0, 47.0, 63.0, 79.0, 94.0, 110.0, 126.0, 63.0, 31.0], 300)
+
+    def moved(speed) -> MeasuredMotion:
+        noise = 1e-4 * rng.standard_normal(3000)
+        return MeasuredMotion.of(Log.from_arrays(time=time, torque=0.1 * speed, angle=np.cumsum(speed) * 0.01 + noise))
+
+    rising = moved(staircase)
+    assert rising.viscous() is None  # many speeds
+    assert rising.inertia() is None
+    assert rising.dry() == "the load never turns back"
+    prbs = moved(np.convolve(np.repeat(rng.choice([-150.0, 150.0], 300), 10), np.ones(8) / 8, "same"))
+    assert (prbs.dry(), prbs.inertia(), prbs.zone()) == (None, None, None)
+    steady = moved(np.full(3000, 3.0))
+    assert steady.viscous() == "the load moves at one speed only"
+    assert steady.inertia() == "the load hardly speeds up"
+    assert steady.breakaway("rad/s") == "the load is never slower than 3 rad/s"
+
+
+def test_the_noise_of_the_reading_holds_no_motion():
+    assert reading_noise(LOG.runs[0]) == pytest.approx(1e-4, rel=0.2)

@@ -1,0 +1,182 @@
+"""What makes a log unusable stops at the door with one sentence; right logs of all kinds pass."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from front_door import antidrive, columns, write_csv
+from valid_logs import KINDS, Drawn, Ratio, draw
+
+from diagnosis import diagnose
+from identification import Log, UnusableLog, fit
+from plant.gears import GearTrain
+
+CASES = Path(__file__).parents[1].parent / "shared" / "cases"
+TELLING = ("noise", "binary", "staircase")  # logs in which acceleration shows
+
+
+@pytest.fixture(scope="module")
+def drawn() -> Drawn:
+    return draw(40, 5)
+
+
+def read(drawn: Drawn, place: int, *, sign=(1.0, 1.0), turn: float = 1.0) -> Log:
+    return Log.from_arrays(**drawn.columns(place, sign=sign, turn=turn), gears=Ratio(float(drawn.ratio[place])))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_right_logs_pass(drawn, kind):
+    for place in np.flatnonzero(drawn.kind == kind):
+        assert read(drawn, place).faults == ()
+
+
+@pytest.mark.parametrize("kind", TELLING)
+def test_a_torque_of_the_other_sign(drawn, kind):
+    for place in np.flatnonzero((drawn.kind == kind) & ~drawn.pair):
+        (fault,) = read(drawn, place, sign=(-1.0, -1.0)).faults
+        assert fault.endswith("so one of them has another sign: --scale torque=-1 turns it")
+
+
+def two_motors(**signs: float) -> Log:
+    """Two motors that push against each other, each on its own flank."""
+    log = columns()
+    rng = np.random.default_rng(1)
+    push, ratio = log.pop("torque"), 8.05
+    first = np.maximum(push, 0.0) + 0.3 + 0.01 * rng.standard_normal(push.size)
+    pinions = {"torque_1": -first / ratio, "torque_2": -(push - first) / ratio}
+    pinions = {name: signs.get(name, 1.0) * values for name, values in pinions.items()}
+    return Log.from_arrays(**log, **pinions, gears=GearTrain.paper())
+
+
+@pytest.mark.parametrize("turned", [(), ("torque_1",), ("torque_2",), ("torque_1", "torque_2")])
+def test_which_of_two_torques_has_another_sign(turned):
+    faults = two_motors(**dict.fromkeys(turned, -1.0)).faults
+    assert len(faults) == bool(turned)
+    assert all(" ".join(f"--scale {name}=-1" for name in turned) + " turns it" in fault for fault in faults)
+
+
+def test_a_torque_that_only_brakes_is_warned_of_and_not_refused():
+    """A generator and a reversed sign look alike where no acceleration shows."""
+    time = 0.01 * np.arange(3000)
+    angle = np.cumsum(3.0 + np.sin(0.5 * time)) * 0.01 + 1e-3 * np.random.default_rng(0).standard_normal(3000)
+    log = Log.from_arrays(time=time, torque=-0.2 - 0.1 * np.gradient(angle, 0.01), angle=angle)
+    assert log.faults == ()
+    assert any("works against the motion nearly always" in text for text in log.warnings)
+
+
+def test_degrees_by_the_encoder_by_the_wraps_and_by_gravity():
+    log = columns()
+    degrees = np.rad2deg(log["angle"])
+    coarse = np.round(np.round(degrees * 2048 / 360) * 360 / 2048, 4)  # as a file has them
+    (fault,) = Log.from_arrays(**log | {"angle": coarse}).faults
+    assert "has steps of 360/2048" in fault
+    assert fault.endswith("--unit angle=deg")
+    turning = np.mod(degrees + 200.0 * log["time"], 360.0)
+    assert any("wraps around by 360" in text for text in Log.from_arrays(**log | {"angle": turning}).faults)
+    time = 0.005 * np.arange(4000)
+    far = 8.0 * np.sin(0.9 * time) + 3.0 * np.sin(2.3 * time)
+    torque = 0.3 * np.gradient(np.gradient(far, time), time) + 0.6 * np.cos(far)
+    assert Log.from_arrays(time=time, torque=torque, angle=far).faults == ()
+    (fault,) = Log.from_arrays(time=time, torque=torque, angle=np.rad2deg(far)).faults
+    assert "feels a gravity that comes again after 360" in fault
+    assert Log.from_arrays(**log | {"angle": coarse}, units={"angle": "deg"}).faults == ()
+
+
+@pytest.mark.parametrize("factor", [1.0, 30 / np.pi, 7.3])
+def test_a_speed_in_place_of_a_torque(factor):
+    log = columns()
+    log["torque"] = factor * np.gradient(log["angle"], log["time"])
+    assert any("a speed or its set-point was taken" in fault for fault in Log.from_arrays(**log).faults)
+
+
+def test_a_set_point_of_the_speed_is_known_by_its_unit():
+    time, wanted = 0.005 * np.arange(4000), np.repeat([10.0, 30.0, -20.0, 15.0, 40.0, -35.0, 5.0, 25.0], 500)
+    speed = np.zeros(4000)
+    for k in range(1, 4000):
+        speed[k] = speed[k - 1] + 0.005 / 0.04 * (wanted[k - 1] - speed[k - 1])
+    log = Log.from_arrays(time=time, torque=wanted * 30 / np.pi, angle=np.cumsum(speed) * 0.005)
+    assert any("in rpm, so a speed or its set-point" in fault for fault in log.faults)
+
+
+def test_an_unusable_log_is_fitted_only_with_force():
+    log = columns()
+    faulty = Log.from_arrays(**log | {"torque": -log["torque"]})
+    for use in (fit, diagnose):
+        with pytest.raises(UnusableLog, match=r"--scale torque=-1 turns it \(--force"):
+            use(faulty)
+    with pytest.raises(UnusableLog):
+        diagnose(Log.from_arrays(**log), None, faulty)
+    assert fit(faulty, force=True).log.warnings[0] == faulty.faults[0]
+    assert Log.merge([Log.from_arrays(**log), faulty]).faults == faulty.faults
+    several = replace(faulty, faults=("First", "second", "third"))
+    with pytest.raises(UnusableLog, match="First, and 2 faults more"):
+        several.usable()
+
+
+def test_a_forced_result_is_not_exported(tmp_path):
+    log = columns()
+    file = write_csv(tmp_path / "log.csv", log | {"torque": -log["torque"]})
+    for command in ("identify", "diagnose"):
+        spoken = antidrive(command, file, "--out", tmp_path / command)
+        assert (spoken.code, spoken.out) == (2, "")
+        assert "--scale torque=-1 turns it" in spoken.err
+        assert not (tmp_path / command).exists()
+    forced = antidrive("identify", file, "--force", "--out", tmp_path / "forced")
+    assert forced.code == 0
+    assert "warning: log.csv: 'angle' accelerates against 'torque'" in forced.out
+    model = json.loads((tmp_path / "forced" / "model.json").read_text())
+    assert {entry["std"] for entry in model["parameters"].values()} == {None}
+    refused = antidrive("export", tmp_path / "forced" / "model.json", "--out", tmp_path / "c")
+    assert refused.code == 2
+    assert "no parameter of this model was identified" in refused.err
+    assert not (tmp_path / "c").exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "options", "says"),
+    [
+        ("use/03-reversed-sign-named/torque_neg.csv", (), "--scale torque=-1 turns it"),
+        ("logs/06-fast-motor-refused/log.csv", (), "--unit angle=deg"),
+        ("logs/14-prbs-lab-kit/log.csv", (), "--unit angle=deg"),
+        ("logs/14-prbs-lab-kit/log_first_4.35s.csv", (), "--unit angle=deg"),
+        ("logs/14-prbs-lab-kit/log.csv", ("--unit", "angle=deg", "--scale", "torque=-1"), "--scale torque=-1 turns it"),
+    ],
+)
+def test_logs_of_other_people_that_stop_at_the_door(tmp_path, file, options, says):
+    spoken = antidrive("identify", case(file), *options, "--out", tmp_path / "out")
+    assert spoken.code == 2
+    assert says in spoken.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_motor_torques_get_the_stated_signs():
+    options = {"units": {"angle": "deg"}, "gears": GearTrain.paper()}
+    file = case("logs/01-two-pinion-crash/log.csv")
+    (fault,) = Log.read(file, **options).faults
+    column = fault.split("--scale ")[1].split("=")[0]
+    assert column in ("torque_1", "torque_2")
+    assert Log.read(file, **options, scales={column: -1.0}).faults == ()
+
+
+@pytest.mark.parametrize(
+    ("file", "options"),
+    [
+        ("logs/05-staircase-idle-tail/log.csv", {}),
+        ("logs/06-fast-motor-refused/log_spindle_synthetic.csv", {}),
+        ("logs/14-prbs-lab-kit/log.csv", {"units": {"angle": "deg"}}),
+        ("use/18-offset-plus-friction/bias.csv", {}),
+    ],
+)
+def test_right_logs_of_other_people_pass(file, options):
+    assert Log.read(case(file), **options).faults == ()
+
+
+def case(file: str) -> Path:
+    place = CASES / file
+    if not place.exists():
+        pytest.skip(f"the case {file} is not on this machine")
+    return place

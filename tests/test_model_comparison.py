@@ -1,0 +1,65 @@
+"""A known model beside a new log: what moved, what is new."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+from front_door import TRUTH, antidrive, columns, listing, write_csv, write_model
+
+import antidrive as ad
+from antidrive.model_comparison import Change
+from plant.effects import Cogging
+from plant.model_file import ModelFile
+
+DURATION = 12.0
+STD = {name: 1e-4 for name in TRUTH.names}
+WORN = replace(TRUTH, viscous_friction=0.6).with_effect(Cogging(amplitude=0.15, order=8.0, phase=0.3))
+
+
+def test_wear_and_a_new_effect_are_told_apart():
+    log = columns(WORN, seed=2, duration=DURATION)
+    found = ad.compare(ModelFile(model=TRUTH, std=STD), log, candidates=["cogging"])
+    assert found.new == ("cogging",)
+    assert [change.name for change in found.changes if change.moved] == ["viscous_friction"]
+    frame = found.to_frame()
+    assert frame.loc["viscous_friction", "after"] == pytest.approx(0.6, rel=0.01)
+    assert frame.loc["viscous_friction", "errors"] > 20.0
+    assert found.error_after < 0.1 * found.error_before
+    lines = found.sentences()
+    assert lines[0].startswith("Moved: viscous_friction: 0.5 +- 0.0001 -> 0.")
+    assert "+20 %" in lines[0]
+    assert lines[1] == "New: cogging, probability above 0.99"
+
+
+def test_the_command_says_that_nothing_changed(tmp_path):
+    model, out = tmp_path / "model.json", tmp_path / "out"
+    ModelFile(model=TRUTH, std=STD).write(model)
+    log = write_csv(tmp_path / "log.csv", columns(TRUTH, seed=3, duration=DURATION))
+    spoken = antidrive("compare", model, log, "--candidates", "cogging", "--out", out)
+    assert spoken.code == 0, spoken.err
+    assert spoken.out.splitlines()[:2] == ["No parameter has moved beyond its error.", "No effect is new."]
+    assert sorted(listing(out)) == ["comparison.csv", "comparison.json", "model.json", "report.html"]
+    content = json.loads((out / "comparison.json").read_text())
+    assert [entry["name"] for entry in content["changes"]] == list(TRUTH.names)
+    assert not any(entry["moved"] for entry in content["changes"])
+
+
+def test_a_change_is_told_in_a_line():
+    known = {"name": "inertia", "unit": "kg m^2", "before": 0.5, "before_std": 0.01, "moved": False}
+    assert str(Change(**known, after=0.55, after_std=0.01)) == (
+        "inertia: 0.5 +- 0.01 -> 0.55 +- 0.01 kg m^2 (+10 %, 3.5 standard errors)"
+    )
+    assert (
+        str(Change(**known, after=None, after_std=None))
+        == "inertia: this log does not determine it (it was 0.5 kg m^2)"
+    )
+
+
+def test_the_command_says_what_is_wrong(tmp_path):
+    model = write_model(tmp_path / "model.json", TRUTH)
+    for words in ((tmp_path / "absent.json", "log.csv"), (model, tmp_path / "absent.csv")):
+        spoken = antidrive("compare", *words, "--out", tmp_path / "out")
+        assert (spoken.code, spoken.err.count("\n")) == (2, 1)
+        assert not (tmp_path / "out").exists()

@@ -1,0 +1,58 @@
+"""Randomly drawn machines on which causes were missed or misnamed; more in benchmarks/random_machine_diagnoses.py."""
+
+import pytest
+from hidden_effects import CASES
+from random_machines import Bench, shaped
+
+from diagnosis import Diagnosis, diagnose
+
+LAGS = ["input_delay", "actuator_lag", "sensor_lag"]
+
+
+def told_of(effect: str, seed: int, size: float, candidates: list[str]) -> Diagnosis:
+    """What is told of an effect that is hidden in the machine of a seed."""
+    bench = Bench.drawn(seed)
+    case = shaped(next(case for case in CASES if case.effect == effect), bench, seed)
+    machine = case.machine(size)
+    held_out = bench.log(machine, seed + 1, duration=15.0)
+    return diagnose(
+        bench.stretched(bench.log(machine, seed)), case.base, bench.stretched(held_out), candidates=candidates
+    )
+
+
+@pytest.mark.parametrize(
+    ("effect", "seed", "size"),
+    [
+        pytest.param("input_delay", 40030, 0.000308, id="slow, from starts that ten samples told"),
+        pytest.param("sensor_lag", 41021, 0.00222, id="of a load that could fall, behind three observers"),
+    ],
+)
+def test_lags_of_equal_length_are_told_as_rivals(effect: str, seed: int, size: float) -> None:
+    found = told_of(effect, seed, size, LAGS)
+    (cause,) = found.causes
+    assert found.verdict == "ambiguous"
+    assert effect in (cause.effect, *(name for name, share in cause.alternatives if share > 0.01))
+
+
+@pytest.mark.long
+def test_a_gap_as_small_as_the_noise_is_found() -> None:
+    """The screen saw a gap a hundred times as wide, from which no descent led back."""
+    found = told_of("backlash", 41073, 0.00194, ["backlash"])
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect) == ("named", "backlash")
+    assert cause.parameters["gap"].value == pytest.approx(0.00194, rel=0.35)
+
+
+def test_a_cause_that_leaves_an_observer_nothing_to_do_is_named() -> None:
+    """Restarts from noisy states hid it, and the last quarter of the log does not come by the stop."""
+    found = told_of("end_stop", 40061, 0.01, ["end_stop", "payload_change"])
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect) == ("named", "end_stop")
+    assert (found.base.bandwidth > 0.0, found.extended.bandwidth) == (True, 0.0)
+
+
+def test_back_emf_is_searched_inside_the_dead_zone() -> None:
+    """Smaller ones are viscous friction on that log, and a descent from there sees no slope."""
+    found = told_of("back_emf", 41098, 0.389, ["back_emf", "quadratic_drag"])
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect) == ("named", "back_emf")

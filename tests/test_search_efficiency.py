@@ -1,0 +1,184 @@
+"""What is not done twice, nor in vain: the same answers with fewer and faster passes over a log."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis import nonparametric_residual, stepwise_search
+from diagnosis.nuisance import Nuisance
+from diagnosis.refit import refit
+from diagnosis.score_test import Screen
+from identification.fit import base_model, fit
+from identification.fit_result import Fit
+from identification.least_squares import Minimum, NormalEquations
+from identification.predictor import Prediction
+from identification.problem import Problem, first_states
+from plant.effects import CoulombFriction, PayloadChange, TorqueOffset, Trace
+from plant.recursion import PATIENCE, Recursion
+
+
+@pytest.fixture(scope="module")
+def lacking() -> Fit:
+    log = record(Machine().hiding(coulomb_friction={"torque": 0.2}), excitation(1, duration=10.0), noise=1e-3).log()
+    return fit(log)
+
+
+@pytest.fixture
+def followed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The last effect of each model that is fitted by a descent."""
+    descended: list[str] = []
+    original = Problem.descend
+
+    def counted(self: Problem, *start: Any) -> Fit:
+        descended.append(self.model.effects[-1].name)
+        return original(self, *start)
+
+    monkeypatch.setattr(Problem, "descend", counted)
+    return descended
+
+
+def test_starts_that_meet_are_followed_once(lacking: Fit, followed: list[str]) -> None:
+    found = refit(lacking, CoulombFriction(torque=0.1), CoulombFriction(torque=0.3))
+    assert followed == ["coulomb_friction"]
+    alone = refit(lacking, CoulombFriction(torque=0.1))
+    assert found["coulomb_friction.torque"].value == alone["coulomb_friction.torque"].value
+
+
+def test_starts_that_do_not_meet_are_both_followed(lacking: Fit, followed: list[str]) -> None:
+    refit(lacking, *(PayloadChange(time=time, inertia=0.1, gravity=0.0) for time in (2.0, 8.0)))
+    assert followed == ["payload_change", "payload_change"]
+
+
+def test_a_minimum_is_where_the_log_tells_no_difference() -> None:
+    equations = NormalEquations(cost=4.0, gradient=np.zeros(2), information=np.diag([1.0, 1e-9]))
+    here = Minimum(point=np.zeros(2), equations=equations, converged=True, evaluations=1)
+    apart = np.sqrt(0.1 * 4.0 / 50.0)  # a tenth in the log-likelihood of 100 samples
+    assert here.is_at(np.array([0.99 * apart, 5.0]), 100)
+    assert not here.is_at(np.array([1.01 * apart, 0.0]), 100)
+    nowhere = replace(here, equations=replace(equations, cost=np.inf, information=np.full((2, 2), np.inf)))
+    assert not nowhere.is_at(np.zeros(2), 100)
+
+
+def test_a_base_that_returns_to_its_optimum_is_not_refitted(lacking: Fit, followed: list[str]) -> None:
+    found: Any = SimpleNamespace(fit=refit(lacking, CoulombFriction(torque=0.1)))
+    followed.clear()
+    assert stepwise_search._better_null(lacking, found) is None
+    assert followed == []
+    # One that was stopped far from its optimum does not.
+    astray = replace(lacking, model=replace(lacking.model, inertia=1.5 * lacking.model.inertia), log_likelihood=0.0)
+    assert stepwise_search._better_null(astray, found) is not None
+
+
+def test_of_a_colour_that_does_not_pay_no_fit_is_made(lacking: Fit) -> None:
+    problem = Problem.of(lacking.log, lacking.model)
+    found = problem.recoloured(lacking)
+    assert found is not None
+    assert problem.recoloured(lacking, found.log_likelihood - 1e-6) is not None
+    assert problem.recoloured(lacking, found.log_likelihood + 1.0) is None
+
+
+def test_a_long_log_started_from_parts_gives_the_same_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    from identification import problem
+
+    log = record(Machine(), excitation(1, duration=20.0), seed=1, noise=1e-3).log()
+    whole = Problem.of(log, base_model(log)).solve()
+    monkeypatch.setattr(problem, "_PARTS", 4)
+    monkeypatch.setattr(problem, "_PART", 500)
+    (run,), parts = log.runs, problem._parts(log).runs
+    assert [len(part) for part in parts] == [500] * 4
+    assert parts[-1].time[-1] > 0.8 * run.time[-1]
+    again = Problem.of(log, base_model(log)).solve()
+    assert again.model.values == pytest.approx(whole.model.values, rel=1e-3)
+
+
+def test_decaying_values_reach_zero_before_denormals() -> None:
+    state, row = ca.SX.sym("state"), ca.SX.sym("row")
+    fading = Recursion(ca.Function("fading", [state, row], [0.1 * state + row, state]), carried=1)
+    rows = np.zeros((PATIENCE + 1, 1))
+    rows[0] = 1.0
+    _, (slow,) = fading([np.zeros(1)], rows)
+    assert slow[150, 0] == pytest.approx(1e-149)
+    assert not slow[152:].any()
+    if fading.wait():
+        _, (fast,) = fading([np.zeros(1)], rows)
+        np.testing.assert_array_equal(fast, slow)
+
+
+def test_slopes_behind_an_observer_are_numbers_or_zero() -> None:
+    log = record(Machine(), excitation(1, duration=60.0), seed=1, noise=1e-3).log()
+    problem = Problem.of(log, base_model(log))
+    ((_, *_, last),) = [
+        list(problem.predictor.pieces(problem.model.values, first_states(log), bandwidth=30.0, width=0.0))
+    ]
+    by_initial_state = last[1].jacobian[:, -2:]
+    assert not by_initial_state.any()
+
+
+@pytest.mark.parametrize("runs", [1, 3])
+def test_products_of_what_is_beyond_need_no_projection(runs: int) -> None:
+    rng = np.random.default_rng(runs)
+
+    def prediction(samples: int) -> Prediction:
+        return Prediction(
+            errors=np.zeros(samples),
+            innovations=rng.normal(size=samples),
+            jacobian=rng.normal(size=(samples, 5)),
+            states=np.zeros((2, samples)),
+            output=np.zeros(samples),
+        )
+
+    several = [prediction(40 + 10 * run) for run in range(runs)]
+    nuisance = Nuisance.of(several)
+    free = np.vstack([p.jacobian[:, :3] for p in several])
+    columns = np.column_stack((rng.normal(size=(len(free), 3)), free @ [1.0, -2.0, 0.5]))
+    values = nuisance.beyond(rng.normal(size=len(free)))
+    beyond = nuisance.beyond(columns)
+    information, pull = nuisance.information(columns, values)
+    assert information[:3, :3] == pytest.approx(beyond[:, :3].T @ beyond[:, :3], rel=1e-12, abs=1e-12)
+    assert pull[:3] == pytest.approx(beyond[:, :3].T @ values, rel=1e-12, abs=1e-12)
+    assert not information[3].any()  # what the parameters can follow is no regressor, not even by rounding
+    columns[:, 1] = 1e200  # grown behind an observer that is too slow
+    grown, pulled = nuisance.information(columns, values)
+    kept = [0, 2]
+    assert grown[np.ix_(kept, kept)] == pytest.approx(information[np.ix_(kept, kept)])
+    assert pulled[kept] == pytest.approx(pull[kept])
+    assert not grown[1].any()
+    assert pulled[1] == 0.0
+    assert pull[3] == 0.0
+
+
+def test_similar_shapes_are_tried_in_their_order() -> None:
+    shapes = [TorqueOffset(torque=torque) for torque in (1.0, 2.0, 3.0)]
+    traces = [Trace(columns=np.zeros((1, 1)), start=lambda c, s=shape: s) for shape in shapes]
+
+    def regress(asked: Any) -> Any:
+        return ((trace, 20.0 + rise, np.ones(1)) for trace, rise in zip(asked, (0.0, 1e-9, -1e-9), strict=False))
+
+    kind: Any = SimpleNamespace(name="any", multimodal=False, traces=lambda motion: traces, parameters=lambda: (None,))
+    screen: Any = SimpleNamespace(regress=regress, motion=None, innovations=[0.0], _sharpened=lambda some: some)
+    suspect = Screen._suspect(screen, kind)
+    assert suspect is not None
+    assert suspect.starts == (shapes[0],)
+
+
+@pytest.mark.parametrize(("busy", "taken"), [((5.0, 0.0, 5.0), 1), ((5.0, 5.0, 5.0), 2), ((0.0, 0.0, 0.0), 0)])
+def test_the_best_curve_is_kept_where_an_observer_remains(
+    monkeypatch: pytest.MonkeyPatch, busy: tuple[float, ...], taken: int
+) -> None:
+    """The first that pays was worth 50, the others 60 and 70."""
+    fit_: Any = SimpleNamespace(free=(), samples=1000, bandwidth=0.0)
+    known: dict[str, Any] = {str(k): SimpleNamespace(place=k, bandwidth=busy[k]) for k in range(3)}
+    monkeypatch.setattr(nonparametric_residual, "may_be_random_walk", lambda at: at.bandwidth > 0.0)
+    monkeypatch.setattr(
+        nonparametric_residual, "is_clearly_likelier", lambda one, other, than, times: one[0].place > other[0].place
+    )
+    found: Any = tuple((SimpleNamespace(name=name), 0.0) for name in known)
+    best: Any = nonparametric_residual._one_more(fit_, found, known)
+    assert best.place == taken

@@ -1,0 +1,164 @@
+"""Several effects at once: one after another, past a first step that only the second makes right, and weighed again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis import Diagnosis, diagnose
+from diagnosis.backward_elimination import is_far_below
+from diagnosis.refit import evidence_of
+from diagnosis.score_test import excess_of_neighbouring_peaks
+from identification.fit import fit
+from identification.log import Log
+from identification.predictor import HELD
+from identification.problem import Problem
+from plant import BadParameter, ServoModel
+from plant.effects import Backlash, CableStiffness, PayloadChange
+
+
+def log_of(seed: int, **hidden: dict[str, float]) -> Log:
+    return record(Machine().hiding(**hidden), excitation(seed, duration=30.0), seed=seed // 2).log()
+
+
+def named(found: Diagnosis) -> set[str]:
+    return {cause.effect for cause in found.causes}
+
+
+def test_the_first_of_two_may_simulate_worse_than_none() -> None:
+    """Friction alone sends the simulation astray as long as the offset of gravity is missing."""
+    log = log_of(10000, coulomb_friction={"torque": 0.18}, gravity_offset={"beta": 0.17})
+    found = diagnose(log, candidates=["coulomb_friction", "gravity_offset", "torque_offset"])
+    assert found.verdict == "named"
+    assert named(found) == {"coulomb_friction", "gravity_offset"}
+    assert found.gain.cut > 0.9
+    sizes = {cause.effect: cause.parameters for cause in found.causes}
+    assert sizes["coulomb_friction"]["torque"].value == pytest.approx(0.18, rel=0.01)
+    assert sizes["gravity_offset"]["beta"].value == pytest.approx(0.17, rel=0.01)
+
+
+def test_an_effect_found_early_is_compared_again() -> None:
+    """While the offset is missing the sensor lag leads; beside the offset nobody can tell it from a delay."""
+    log = log_of(10000, torque_offset={"torque": 0.15}, input_delay={"time": 0.005})
+    found = diagnose(log, candidates=["torque_offset", "input_delay", "sensor_lag"])
+    assert found.verdict == "ambiguous"
+    odds = {cause.effect: {cause.effect: cause.probability, **dict(cause.alternatives)} for cause in found.causes}
+    (late,) = (shares for name, shares in odds.items() if name != "torque_offset")
+    assert min(late["input_delay"], late["sensor_lag"]) > 0.1
+    assert odds["torque_offset"]["torque_offset"] > 0.999
+
+
+def test_three_are_found_though_two_of_them_make_nothing_better() -> None:
+    """Beside friction, gravity and cogging are as likely; an observer holds the load until all three are there."""
+    hidden = {
+        "coulomb_friction": {"torque": 0.18},
+        "gravity_offset": {"beta": 0.17},
+        "cogging": {"amplitude": 0.18, "order": 11.0, "phase": 0.7},
+    }
+    found = diagnose(
+        log_of(28002, **hidden), None, log_of(28003, **hidden), candidates=[*hidden, "asymmetric_friction"]
+    )
+    assert found.verdict == "named"
+    assert named(found) == set(hidden)
+
+
+def test_a_law_stays_where_one_of_its_parameters_is_not_needed() -> None:
+    log = log_of(10000, asymmetric_friction={"forward": 0.3, "backward": 0.2, "viscous_difference": 0.0})
+    found = diagnose(log, candidates=["coulomb_friction", "asymmetric_friction"])
+    (cause,) = found.causes
+    assert cause.effect == "asymmetric_friction"
+    assert cause.parameters["forward"].value == pytest.approx(0.3, rel=0.02)
+    assert cause.parameters["backward"].value == pytest.approx(0.2, rel=0.02)
+
+
+def test_a_name_is_weighed_behind_the_observer_of_the_best():
+    """A soft stop was a cable at first, behind a slower observer, and beside it a payload that changes."""
+    machine = Machine().hiding(end_stop={"angle": 3.0, "stiffness": 0.031})
+    log = record(machine, excitation(14000, duration=30.0), seed=7000, noise=1e-3).log()
+    held_out = record(machine, excitation(14001, duration=3.0), seed=7001, noise=1e-3).log()
+    found = diagnose(log, None, held_out, candidates=["end_stop", "cable_stiffness", "payload_change"])
+    won = {candidate.effect for candidate in found.candidates if candidate.probability > 0.9}
+    assert won == {"end_stop"}
+    assert (found.verdict, [cause.effect for cause in found.causes]) == ("named", ["end_stop"])
+
+
+@pytest.mark.long
+def test_what_is_missing_beside_a_gap_is_found_and_nothing_else() -> None:
+    """The gap hid the offset, and the first to come along was named for a better gap that its refit had met."""
+    hidden = {"backlash": {"gap": 0.005, "motor_share": 0.3}, "gravity_offset": {"beta": 0.17}}
+    log = log_of(14002, **hidden)
+    found = diagnose(log, candidates=["backlash", "gravity_offset", "back_emf"])
+    assert found.verdict == "named"
+    assert named(found) == {"backlash", "gravity_offset"}
+    assert found.unexplained.depends_on == ()
+    gap = found.extended.model.effect("backlash")
+    assert (gap.gap, gap.motor_share) == pytest.approx((0.005, 0.3), rel=0.15)
+    assert gap.gap * gap.motor_share == pytest.approx(0.0015, rel=0.05)
+
+
+def test_a_soft_cable_is_fitted_from_the_free_simulation() -> None:
+    """What an observer leaves of it is too little to tell its shape; from there its refit went astray."""
+    cable = {"stiffness": 2.115e-4, "cubic": 4.23e-6, "rest_angle": 0.4}
+    machine = Machine().hiding(cable_stiffness=cable)
+    log = record(machine, excitation(16002, duration=30.0), seed=8001, noise=1e-3).log()
+    found = diagnose(log, None, log, candidates=["cable_stiffness", "end_stop", "torque_offset"])
+    assert found.causes[0].effect == "cable_stiffness"
+    assert found.causes[0].parameters["cubic"].value == pytest.approx(4.23e-6, rel=0.15)
+
+
+def test_a_loose_model_is_fitted_from_a_fast_observer_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a free simulation its likelihood is a mountain range; no first look there tells what a descent would."""
+    log = record(Machine(), excitation(1, duration=5.0)).log()
+    stiff = fit(log)
+    loose = stiff.model.with_effect(Backlash(gap=0.01, motor_share=0.3))
+    begun: list[float] = []
+
+    def stopped(self: Problem, point: Any, bandwidth: float, width: float, iterations: int) -> Any:
+        begun.append(bandwidth)
+        raise StopIteration
+
+    monkeypatch.setattr(Problem, "minimise", stopped)
+    monkeypatch.setattr(Problem, "glance", lambda *_: 1e9)  # as bad as can be
+    for model in (stiff.model, loose):
+        with pytest.raises(StopIteration):
+            Problem.of(log, model).descend(replace(stiff, bandwidth=0.0))
+    assert begun == pytest.approx([0.0, HELD / 0.005])
+    assert is_far_below(stiff.model, stiff)
+    assert not is_far_below(loose, stiff)
+
+
+def test_a_cable_that_gives_way_as_it_bends_is_refused() -> None:
+    """It would run off once it is bent far enough."""
+    with pytest.raises(BadParameter, match="cubic"):
+        CableStiffness(stiffness=1.0, cubic=-0.1)
+
+
+def test_a_divergent_hypothesis_is_worth_nothing() -> None:
+    """A payload that takes more inertia than the load behind a gap has: the motion grows without bound."""
+    log = log_of(10004)
+    base = fit(log, ServoModel.paper())
+    light = PayloadChange(time=-1.0, inertia=-0.9 * base.model.inertia, gravity=0.0)
+    model = base.model.with_effect(light).with_effect(Backlash(gap=0.003, motor_share=0.9))
+    fixed = [name for name in model.names if name not in ("gravity", "viscous_friction")]
+    found = Problem.of(log, model, fixed=fixed).descend(base)
+    assert found.runs_off
+    assert evidence_of(found, base) == -np.inf
+    assert excess_of_neighbouring_peaks(found, "backlash") is None
+    assert found["gravity"].value is None
+
+
+def test_a_hardly_touched_end_stop_is_found_at_the_reversal() -> None:
+    """Once, 3 mrad deep at the end of 37 rad: no start lay near it, and it was told a payload change for sure."""
+    machine = Machine().hiding(end_stop={"angle": 19.8366, "stiffness": 30.0})
+    log, unseen = (
+        record(machine, excitation(128000 + k, duration=30.0 - 15.0 * k), seed=64000 + k, noise=1e-3).log()
+        for k in (0, 1)
+    )
+    found = diagnose(log, holdout=unseen, candidates=["end_stop", "payload_change"])
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect) == ("named", "end_stop")
+    assert cause.parameters["angle"].value == pytest.approx(19.8366, abs=2e-3)
