@@ -11,7 +11,7 @@ from sample_logs import motion, text
 
 from identification import Log, MalformedLog, MissingColumns
 from identification.reading.headings import heading
-from identification.reading.meaning import AMONG_OTHERS, OWN, SYNONYM, meaning
+from identification.reading.meaning import AMONG_OTHERS, ASKED_FOR, OWN, SYNONYM, meaning
 
 CASES = Path(__file__).parents[1].parent / "shared" / "cases"
 SOUND = motion(samples=600)
@@ -52,6 +52,9 @@ def same(log):
         ("Torque (filtered)", "torque filtered", ""),
         ("I_A", "i", "A"),
         ("encoder_ticks", "encoder", "count"),
+        ("micros", "micros", "us"),
+        ("rpm", "rpm", "rpm"),
+        ("Vitesse (tr/min)", "vitesse", "tr/min"),
     ],
 )
 def test_a_heading_is_words_and_a_unit(name, words, unit):
@@ -80,6 +83,13 @@ def test_a_heading_is_words_and_a_unit(name, words, unit):
         ("Motor Optical Speed (RPM)", "velocity", AMONG_OTHERS),
         ("target_position", "setpoint", SYNONYM),
         ("episode_index", "run", SYNONYM),
+        ("q_axis_current", "current", SYNONYM),
+        ("Iq_setpoint", "current", ASKED_FOR),
+        ("u_nm", "torque", AMONG_OTHERS),
+        ("T_reg [s]", "time", AMONG_OTHERS),
+        ("Position angulaire (°)", "angle", SYNONYM),
+        ("Consigne_position", "setpoint", SYNONYM),
+        ("ms_today", "time", SYNONYM),
     ],
 )
 def test_a_name_means_a_quantity(name, column, grade):
@@ -88,7 +98,21 @@ def test_a_name_means_a_quantity(name, column, grade):
 
 
 @pytest.mark.parametrize(
-    "name", ["ddq3", "MaxTorque", "SpeedRef", "position error", "TestIndex", "x", "temperature", "i_d", "dq_d"]
+    "name",
+    [
+        "ddq3",
+        "MaxTorque",
+        "SpeedRef",
+        "position error",
+        "TestIndex",
+        "x",
+        "temperature",
+        "i_d",
+        "dq_d",
+        "d_axis_current",
+        "dt_ms",
+        "phase_A",
+    ],
 )
 def test_a_name_of_something_else_means_nothing(name):
     assert meaning(name) is None
@@ -103,6 +127,9 @@ def test_a_name_of_something_else_means_nothing(name):
         ("Zeit [s]", "Drehmoment [Nm]", "Winkel [rad]"),
         ("OSL:timestamp", "a1 torque [Nm]", "a1 position [rad]"),
         ("TIME", "Joint_Torque", "ENC1Position"),
+        ("Temps (s)", "Couple (N.m)", "Angle"),
+        ("tiempo", "par", "posición"),
+        ("时间(s)", "扭矩(Nm)", "角度(rad)"),
     ],
 )
 def test_logs_of_other_names_are_read(csv, names):
@@ -114,6 +141,53 @@ def test_a_unit_of_a_heading_is_used_and_said(csv):
     log = Log.read(csv(columns))
     assert same(log)
     assert any("'Angle (deg)' in deg" in told and "'Torque [mNm]' in mNm" in told for told in log.warnings)
+
+
+def test_a_unit_that_nobody_gave_is_said(csv):
+    log = Log.read(csv({"t": TIME, "tau": TORQUE, "pos": ANGLE}))
+    assert any("'pos' for angle in rad" in told and "'tau' for torque in N m" in told for told in log.warnings)
+    given = Log.read(csv({"t": TIME, "tau": TORQUE, "pos": ANGLE}), units={"angle": "turn"}, scales={"torque": 2.0})
+    assert not any("angle in" in told or "torque in" in told for told in given.warnings)
+
+
+def test_what_was_measured_comes_before_what_was_asked_for(csv):
+    asked = {"time": TIME, "drive.Iq_setpoint": 0 * TORQUE, "drive.Iq_measured": TORQUE, "theta": ANGLE}
+    assert same(Log.read(csv(asked)))
+
+
+def test_shafts_of_two_motors_are_not_the_load(csv):
+    torques = {"M1_torque": TORQUE / 2, "M2_torque": TORQUE / 2}
+    angles = {"M1_angle": 8 * ANGLE, "M2_angle": 8 * ANGLE, "load angle": ANGLE}
+    log = Log.read(csv({"time": TIME, **torques, **angles}))
+    assert same(log)
+    assert any("'M2_angle' for angle_2" in told for told in log.warnings)
+
+
+def test_a_position_in_counts_is_an_angle_where_a_torque_drives(csv):
+    path = csv({"time": TIME, "Torque (Nm)": TORQUE, "Position (counts)": np.round(1e6 * ANGLE)})
+    with pytest.raises(MalformedLog, match="--unit angle=turn"):
+        Log.read(path)
+    assert Log.read(path, units={"angle": "rad/1000000"}).axis == "rotary"
+
+
+def test_speed_of_the_field_asks_for_the_pole_pairs(csv):
+    speed = np.gradient(ANGLE, TIME)
+    path = csv({"ms_today": 1e3 * TIME, "q_axis_current": TORQUE, "d_axis_current": 0 * TIME, "erpm": speed})
+    with pytest.raises(MalformedLog, match="--unit velocity=rpm/7"):
+        Log.read(path)
+    (run,) = Log.read(path, units={"velocity": "rpm/7"}).runs
+    turned = np.trapezoid(speed, TIME) * np.pi / 30 / 7
+    assert run.output[-1] - run.output[0] == pytest.approx(turned, rel=1e-6)
+
+
+def test_the_command_to_type_names_what_the_file_has(csv):
+    path = csv({"t": TIME, "i_1": TORQUE, "i_2": TORQUE, "omega a": ANGLE, "omega b": ANGLE})
+    with pytest.raises(MissingColumns) as refused:
+        Log.read(path)
+    assert refused.value.options == "--map current=i_1 --map 'velocity=omega a'"
+    np.savetxt(path, np.column_stack((TORQUE, ANGLE)))
+    with pytest.raises(MissingColumns, match="--rate HZ --map torque=NAME"):
+        Log.read(path)
 
 
 def test_counts_are_no_radians(csv):

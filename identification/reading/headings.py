@@ -24,6 +24,7 @@ _AT_THE_END = {  # as a last word, where capitals count for single letters: a mo
 }
 _SPELLED = {"sec": "s", "turns": "turn", "rev": "turn", "revs": "turn", "nm": "N*m", "NM": "N*m", "Nm": "N*m"}
 _SPELLED |= {"mNm": "mN*m", "Ncm": "N*cm", "RPM": "rpm", "DEG": "deg", "Deg": "deg", "RAD": "rad", "Rad": "rad"}
+_SAYS_ITS_UNIT = {"millis": "ms", "micros": "us", "nanos": "ns", "ms today": "ms", "rpm": "rpm", "erpm": "erpm"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +60,7 @@ def heading(text: str) -> Heading:
             unit = "N*m"
         if kind_of(unit) is not None:
             return Heading(words=words[: len(words) - count], unit=unit, trailing=True)
-    return Heading(words=words)
+    return Heading(words=words, unit=next((u for said, u in _SAYS_ITS_UNIT.items() if " ".join(words) == said), ""))
 
 
 def _words(text: str) -> tuple[str, ...]:

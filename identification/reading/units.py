@@ -45,10 +45,11 @@ _KINDS = (
     *((column, "linear") for column in ("force", "position", "velocity")),
 )
 
-_PER_MINUTE = re.compile(r"(?<![A-Za-z0-9])((1|U|r|rev|Umdr\.?)/min|min(\^|\*\*)?-1|min⁻¹)(?![A-Za-z0-9])")
+_PER_MINUTE = re.compile(r"(?<![A-Za-z0-9])((1|U|r|rev|tr|giri|Umdr\.?)/min|min(\^|\*\*)?-1|min⁻¹)(?![A-Za-z0-9])")
 
 # These are numbers for pint, so it would take them for radians; how much they are is known to the user alone.
 _BARE_NUMBERS = {"count", "percent", "permille", "ppm", "dimensionless", "bit", "byte"}
+_ELECTRICAL = "erpm"  # turns of the field a minute; how many of them are one of the shaft, the motor's poles say
 _SHARES = {"percent", "permille", "ppm", "dimensionless"}  # how much these are of a whole is known
 
 _WORTH = {
@@ -99,6 +100,11 @@ def si_factor(column: str, unit: str, axis: str) -> float:
     wanted = si_unit(column, axis)
     if unit.strip() in (wanted, wanted.replace(" ", "*")):
         return 1.0
+    if unit.strip().lower() == _ELECTRICAL:
+        raise BadParameter(
+            f"the unit '{unit}' of column '{column}' counts turns of the field: divide by the motor's pole pairs, "
+            f"for example of 7 with --unit {column}=rpm/7."
+        )
     try:
         factor, sized = _factor(unit.strip(), wanted.replace(" ", "*"))
     except Exception as error:  # pint raises a dozen different types on odd text
