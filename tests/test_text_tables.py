@@ -164,6 +164,43 @@ def test_separators_between_thousands(tmp_path, style):
     same(read, numbers=np.round(numbers, 4))
 
 
+def test_separators_are_set_alike_in_all_columns(tmp_path):
+    """Whole numbers such as 1,026 are in doubt by themselves, not beside 1,026.5."""
+    content = "time,torque,angle\n" + "".join(f'"{k + 1000.5:,.1f}","{k + 1000:,}","{k}"\n' for k in range(9))
+    read = table(tmp_path, content)
+    np.testing.assert_array_equal(read.columns["torque"], np.arange(9) + 1000)
+    np.testing.assert_array_equal(read.columns["time"], np.arange(9) + 1000.5)
+
+
+def test_a_garbled_first_line_of_a_serial_port_is_left_out(tmp_path):
+    junk = b"4,-0.2\x00\xff3,1\r\n"
+    read = table(tmp_path, junk + NAMES.encode() + rows().encode())
+    same(read)
+    assert any("first line is garbled" in note for note in read.notes)
+    assert read.where(0) == "log.csv, row 1 (line 3)"
+    bare = table(tmp_path, junk + rows().encode())
+    np.testing.assert_allclose(bare.columns["2"], SOUND["torque"], rtol=1e-7)
+    with pytest.raises(MalformedLog, match="not a text table"):
+        table(tmp_path, junk + b"1,2\n3,\x004\n", "log.bin")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "(1710000000.000123) can0 181#A40F0000",
+        " (1710000000.000123)  can0  181   [8]  A4 0F 00 00 00 00 00 00",
+        "  can0  181   [2]  A4 0F",
+        "   0.0123 1  181             Rx   d 8 A4 0F 00 00 00 00 00 00",
+        ";$FILEVERSION=1.1",
+    ],
+)
+def test_frames_of_a_bus_are_no_table(tmp_path, line):
+    with pytest.raises(MalformedLog, match=r"CAN bus.*\.dbc"):
+        table(tmp_path, f"{line}\n" * 60, "log.log")
+    with pytest.raises(MalformedLog, match="CAN bus"):
+        table(tmp_path, b"LOGG\x90\x00\x00\x00", "log.blf")
+
+
 def test_a_decimal_comma_far_below_whole_numbers(tmp_path):
     content = "time;torque;angle\n" + "0;0;0\n" * 300 + "".join(f"{k};0,5;0,{k}\n" for k in range(1, 9))
     read = table(tmp_path, content)
@@ -207,6 +244,13 @@ def test_a_time_for_each_channel_with_units_in_the_names(tmp_path):
     assert list(read.columns) == ["A", "B"]
     assert read.units == {"time": "ms"}
     np.testing.assert_allclose(read.clocks["B"], 1e3 * late)
+
+
+def test_channels_without_a_name_each_are_refused(tmp_path):
+    """Else the time of the second would be taken for the first."""
+    head = "Name;Scope\nStarttime of export;1\n\nName;torque;angle\nSampleTime[ms];5;5\n\n"
+    with pytest.raises(MalformedLog, match="4 columns but the line of names above has 3"):
+        table(tmp_path, head + "".join(f"{5 * k};0.{k};{5 * k};1.{k}\n" for k in range(9)))
 
 
 def test_a_temperature_is_no_second_time(tmp_path):

@@ -76,7 +76,8 @@ def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -
     """Options that name the likeliest guess of each missing column, quoted for a shell; NAME where there is none."""
     needed: list[Sequence[str]] = []
     said = []
-    if lacking_time and not any(map(_rises, table.columns.values())):
+    rising = [name for name, values in table.columns.items() if _rises(values)]
+    if lacking_time and not rising:
         said.append("--rate HZ")
     elif lacking_time:
         needed.append(("time",))
@@ -84,7 +85,8 @@ def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -
     needed += [] if known.has_response else [RESPONSES]
     for columns in needed:
         guesses = ((column, name) for column in columns for name, may_be in known.guesses.items() if may_be == column)
-        column, guess = next(guesses, (columns[0], "NAME"))
+        alone = rising[0] if columns == ("time",) and len(rising) == 1 else "NAME"
+        column, guess = next(guesses, (columns[0], alone))
         said.append(f"--map {shlex.quote(f'{column}={guess}')}")
     return " ".join(said)
 

@@ -32,10 +32,10 @@ NOUNS: Mapping[str, tuple[str, ...]] = {
     "duty": ("duty", "duty cycle"),
     "angle": (
         *("angle", "theta", "q", "phi", "alpha", "rotation", "angular position", "position angulaire"),
-        *("winkel", "angulo", "angolo", "posicion angular", "posizione angolare"),
+        *("observation state", "winkel", "angulo", "angolo", "posicion angular", "posizione angolare"),
     ),
     "position": ("position", "pos", "encoder", "enc", "displacement", "posicion", "posizione"),
-    "setpoint": ("q d", "theta d", "phi d"),
+    "setpoint": ("q d", "theta d", "phi d", "action"),  # of LeRobot: what the motors were asked for
     "velocity": (
         *("velocity", "vel", "velo", "speed", "omega", "w", "rpm", "dq", "qd", "qdot", "q dot", "dtheta", "d theta"),
         *("theta dot", "thetadot", "erpm", "angular velocity", "drehzahl", "vitesse", "velocidad", "velocita"),
