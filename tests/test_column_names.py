@@ -12,6 +12,7 @@ from sample_logs import motion, text
 from identification import Log, MalformedLog, MissingColumns
 from identification.reading.headings import heading
 from identification.reading.meaning import AMONG_OTHERS, ASKED_FOR, OWN, SYNONYM, meaning
+from identification.reading.units import kind_of
 
 CASES = Path(__file__).parents[1].parent / "shared" / "cases"
 SOUND = motion(samples=600)
@@ -188,6 +189,54 @@ def test_the_command_to_type_names_what_the_file_has(csv):
     np.savetxt(path, np.column_stack((TORQUE, ANGLE)))
     with pytest.raises(MissingColumns, match="--rate HZ --map torque=NAME"):
         Log.read(path)
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "size"),
+    [
+        ("angle", "rev", 2 * np.pi),
+        ("Winkel", "Grad", np.pi / 180),
+        ("angle", "DEG", np.pi / 180),
+        ("velocity", "RPM", np.pi / 30),
+        ("velocity", "rev/s", 2 * np.pi),
+        ("velocity", "Grad/s", np.pi / 180),
+        ("velocity", "rps", 2 * np.pi),
+        ("torque", "oz-in", 0.0070615518),
+        ("torque", "in-lbf", 0.1129848290),
+        ("torque", "ft-lbs", 1.3558179483),
+        ("torque", "kg.cm", 0.0980665),
+        ("torque", "nm", 1.0),
+        ("torque", "NM", 1.0),
+        ("torque", "mNm", 1e-3),
+    ],
+)
+def test_units_as_the_trade_writes_them(csv, column, unit, size):
+    """None is passed over: the log would be read in another unit without a word."""
+    measured = {"angle": ANGLE, "Winkel": ANGLE, "velocity": np.gradient(ANGLE, TIME), "torque": TORQUE}
+    columns = {"time": TIME, "torque": TORQUE, "angle": ANGLE} | {f"{column} [{unit}]": measured[column] / size}
+    if column == "velocity":
+        columns.pop("angle")
+    columns.pop("torque" if column == "torque" else "angle", None)
+    log = Log.read(csv(columns))
+    assert any(f"'{column} [{unit}]' in {unit}" in told for told in log.warnings)
+    (run,) = log.runs
+    np.testing.assert_allclose(run.command, TORQUE, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(
+        run.output - run.output[0], ANGLE - ANGLE[0], atol=1e-3 if column == "velocity" else 1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind"),
+    [("A", "A"), ("V", "V"), ("Nm", "N m"), ("NM", "N m"), ("nm", "m"), ("2.4Nm/1000", "N m"), ("m", "m")],
+)
+def test_capitals_count_where_they_mean_something(unit, kind):
+    assert kind_of(unit) == kind
+
+
+def test_nanometres_are_no_newton_metres(csv):
+    log = Log.read(csv({"time": TIME, "force": TORQUE, "position [nm]": 1e9 * ANGLE}))
+    np.testing.assert_allclose(log.runs[0].output, ANGLE, atol=1e-7)
 
 
 def test_counts_are_no_radians(csv):

@@ -11,6 +11,7 @@ from sample_logs import motion
 
 from identification.errors import MalformedLog
 from identification.reading.files import read_table
+from identification.reading.units import kind_of
 
 CASES = Path(__file__).parents[1].parent / "shared" / "cases"
 SOUND = motion(samples=60)
@@ -91,7 +92,8 @@ def test_a_row_of_units_below_the_names(tmp_path, names, row):
 def test_units_as_agilent_writes_them(tmp_path):
     read = table(tmp_path, "x-axis,1,2\nsecond,Volt,Volt\n" + "".join(f"{k * 1e-3:.3e},0.5,{k}\n" for k in range(9)))
     assert list(read.columns) == ["x-axis", "1", "2"]
-    assert read.units == {"x-axis": "second", "1": "volt", "2": "volt"}
+    assert read.units == {"x-axis": "second", "1": "Volt", "2": "Volt"}
+    assert {kind_of(unit) for unit in read.units.values()} == {"s", "V"}
 
 
 def test_names_that_are_units_too_are_names(tmp_path):

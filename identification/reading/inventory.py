@@ -83,7 +83,9 @@ def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -
         needed.append(("time",))
     needed += [] if known.has_command else [COMMANDS]
     needed += [] if known.has_response else [RESPONSES]
+    forced = "force" in {*known.found, *known.guesses.values()}
     for columns in needed:
+        columns = columns[1:] if columns is RESPONSES and forced else columns
         guesses = ((column, name) for column in columns for name, may_be in known.guesses.items() if may_be == column)
         alone = rising[0] if columns == ("time",) and len(rising) == 1 else "NAME"
         column, guess = next(guesses, (columns[0], alone))

@@ -29,12 +29,15 @@ NOUNS: Mapping[str, tuple[str, ...]] = {
         *("strom", "courant", "corriente", "corrente"),
     ),
     "voltage": ("voltage", "volts", "volt", "uq", "u q", "spannung", "voltaje"),
-    "duty": ("duty", "duty cycle"),
+    "duty": ("duty", "duty cycle", "pwm"),
     "angle": (
         *("angle", "theta", "q", "phi", "alpha", "rotation", "angular position", "position angulaire"),
         *("observation state", "winkel", "angulo", "angolo", "posicion angular", "posizione angolare"),
     ),
-    "position": ("position", "pos", "encoder", "enc", "displacement", "posicion", "posizione"),
+    "position": (
+        *("position", "pos", "encoder", "enc", "displacement", "stroke", "travel"),
+        *("weg", "posicion", "posizione"),
+    ),
     "setpoint": ("q d", "theta d", "phi d", "action"),  # of LeRobot: what the motors were asked for
     "velocity": (
         *("velocity", "vel", "velo", "speed", "omega", "w", "rpm", "dq", "qd", "qdot", "q dot", "dtheta", "d theta"),
@@ -173,4 +176,6 @@ _BY_UNIT = {
 def _fits(noun: str, unit: str) -> bool:
     """Whether a unit may belong to a quantity: it is none, has no size (counts, percent), or is of that kind."""
     kind = kind_of(unit) if unit else None
+    if noun == "torque" and unit.lower() == "nm":  # of a position, it would be nanometres
+        return True
     return kind is None or kind in _UNITS.get(noun, ())

@@ -23,11 +23,11 @@ def row_of_units(cells: Sequence[str]) -> list[str] | None:
 
 
 def _unit(cell: str) -> str | None:
-    """The unit in a cell in a spelling that can be converted, None where it is no unit."""
+    """The unit in a cell, None where it is no unit."""
     text = cell.strip()
     if text.lower() in NO_UNIT:
         return ""
     text = _BRACKETS.sub(r"\1", text)
     if len(text) > _LONGEST or re.match(r"[\d.+-]", text.replace("1/", "")):
         return None
-    return next((spelling for spelling in (text, text.lower()) if is_unit(spelling)), None)
+    return text if is_unit(text) else None
