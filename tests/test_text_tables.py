@@ -230,6 +230,22 @@ def test_a_header_that_says_where_it_ends(tmp_path):
     assert read.notes == ()
 
 
+@pytest.mark.parametrize("end", ["", "\tComment"])
+def test_units_that_labview_gives_in_its_header(tmp_path, end):
+    header = "***End_of_Header***\t\t\t\n"
+    head = f"LabVIEW Measurement\t\nX_Columns\tOne\n{header}Channels\t3\nY_Unit_Label\tNm\tdeg\tdeg/s\t\n{header}"
+    read = table(tmp_path, head + "\t".join(["X_Value", *list(SOUND)[1:]]) + end + "\n" + rows("\t"), name="log.lvm")
+    assert read.units == {"torque": "Nm", "angle": "deg", "velocity": "deg/s"}
+
+
+def test_labels_and_units_above_the_channels_of_a_scope(tmp_path):
+    head = "Model,MDO3014,,,\nVertical Units,V,V,V,\nLabel,Torque,,Speed,\nTIME,CH1,CH2,CH3,\n"
+    read = table(tmp_path, head + rows(trailing=","))
+    assert list(read.columns) == ["TIME", "Torque", "CH2", "Speed"]
+    assert read.units == {"Torque": "V", "CH2": "V", "Speed": "V"}
+    assert list(table(tmp_path, "Label,7\n\n" + NAMES + rows()).columns) == list(SOUND)
+
+
 def test_times_of_day_are_values(tmp_path):
     read = table(tmp_path, "Zeit;Moment\n" + "".join(f"09:41:{k:02d},250;0,{k}\n" for k in range(10, 40)))
     assert read.columns["Zeit"][3] == "09:41:13,250"
