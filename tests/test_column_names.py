@@ -337,6 +337,9 @@ def test_public_headings_with_units(name):
     log = Log.read(path)
     assert log.runs[0].sample_time == pytest.approx(0.01)
     assert not log.faults  # the torque of a load of viscous friction alone is as its speed
+    (run,), (in_si,) = log.runs, Log.read(path.with_name("log_b.csv")).runs  # the same experiment
+    np.testing.assert_allclose(run.output, in_si.output, atol=2e-4)
+    np.testing.assert_allclose(run.command, in_si.command, atol=2e-3)
 
 
 @pytest.mark.parametrize("mapping", [{}, {"torque": "effort", "angle": "position"}], ids=["as it is", "mapped"])

@@ -10,6 +10,7 @@ import pytest
 from sample_logs import motion
 
 from identification.errors import MalformedLog
+from identification.log import Log
 from identification.reading.files import read_table
 from identification.reading.units import kind_of
 
@@ -308,6 +309,9 @@ def test_case_a_matrix_without_names_and_time():
     assert list(read.columns) == ["1", "2", "3", "4", "5", "6", "7"]
     np.testing.assert_array_equal([column[1] for column in read.columns.values()],
         [30.1551, 0.988024, 0, -0.132474, 3.96777, 0.0201416, -0.82982])  # fmt: skip
+    log = Log.read(case("logs/13-no-time-column/log.csv"), mapping={"angle": "1", "torque": "5"}, rate=1000.0)
+    assert log.runs[0].sample_time == pytest.approx(1e-3)
+    assert len(log.runs[0]) > 0.9 * len(read.columns["1"])
 
 
 def test_case_separators_at_the_ends_of_rows():
