@@ -26,6 +26,7 @@ from diagnosis.search import Outcome, forward, weighed_again
 from diagnosis.second_opinion import second_opinions
 from diagnosis.suggestion import suggestion
 from diagnosis.surface import beside_surface, gave_way
+from identification.disagreement import disagreement
 from identification.errors import Unidentifiable
 from identification.fit import base_model, fit_knowing, known_of
 from identification.fit_result import Fit
@@ -160,6 +161,8 @@ def diagnose(
     left = repeats(final)
     if left is not None:
         warnings.append(str(left))
+    if (apart := disagreement(final)) is not None:
+        warnings.append(apart)
     if (formula := suggestion(final)) is not None:
         warnings.append(formula)
     opinions = second_opinions(final, held_out)
