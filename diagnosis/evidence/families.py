@@ -98,7 +98,7 @@ def _readings(motion: Motion) -> Iterator[tuple[float, Array]]:
 def _before(values: Array, rows: NDArray[np.intp]) -> Array:
     """(T,) values of the sample before, in some rows.
 
-    In a closed loop the torque over a sample is made from the measurement at its beginning, whose noise it would explain.
+    In a closed loop the torque over a sample is made from the measurement at its beginning; it would explain its noise.
     """
     return np.asarray(np.append(values[rows[:1]], values[rows[:-1]]))
 
