@@ -42,7 +42,7 @@ def test_an_array_of_structures_has_an_element_for_each_run(tmp_path):
 
 
 @pytest.mark.parametrize("called", ["data/demo_{}/joint", "trial{}", "bench/Exp-{}"])
-def test_groups_that_differ_in_the_name_of_an_experiment_are_runs(tmp_path, called):
+def test_groups_named_by_experiment_are_runs(tmp_path, called):
     parts = (slice(0, 150), slice(150, 270), slice(270, 400))
     with h5py.File(tmp_path / "log.h5", "w") as file:
         for k, part in enumerate(parts):
