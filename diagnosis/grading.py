@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
+from diagnosis.evidence.explore import with_slower_observers
 from diagnosis.evidence.marginal import Explanation, families_along, weigh
 from diagnosis.evidence.posterior import kept_share
 from diagnosis.residual_torque import torque_of
@@ -85,12 +87,25 @@ def graded(causes: Sequence[Cause], fit: Fit, base: Fit, *, catalogue: int, depe
 
 
 def _beside_the_discrepancy(fit: Fit, base: Fit, catalogue: int) -> Explanation | None:
-    """None where the motion of either model grows without bound."""
+    """None where the motion of either model grows without bound.
+
+    An observer that follows the unmodelled torque hides it, so slower ones are asked; not where they lose the motion.
+    """
     families = families_along(base)
     if families is None:
         return None
-    held = [effect.name for effect in base.model.effects]
-    return weigh(fit, held, families, catalogue=catalogue, observer=base.bandwidth)
+    weighed = partial(
+        weigh,
+        base=[effect.name for effect in base.model.effects],
+        families=families,
+        catalogue=catalogue,
+        observer=base.bandwidth,
+    )
+    begun = weighed(fit)
+    if begun is None or fit.model.chaotic:
+        return begun
+    ways = (begun, *with_slower_observers(begun, base.bandwidth, weighed))
+    return max(ways, key=lambda each: each.log_marginal)
 
 
 def _weighed(cause: Cause, explanation: Explanation) -> Cause:

@@ -14,7 +14,6 @@ from diagnosis.result import (
     EffectSet,
     Estimate,
     Gain,
-    Minor,
     Replay,
     TorqueError,
     Unexplained,
@@ -56,7 +55,7 @@ def sample_diagnosis(fitted: Fit) -> Diagnosis:
     return Diagnosis(
         verdict="named",
         causes=(cause,),
-        minor=(Minor(effect="cogging", probability=0.4, share=0.01, rms=0.002),),
+        minor=(),
         sets=(
             EffectSet(effects=("coulomb_friction",), unknown=("velocity",), probability=0.97),
             EffectSet(effects=("stribeck_friction",), unknown=("velocity",), probability=0.02),

@@ -34,7 +34,8 @@ def headline(diagnosis: Findings) -> str:
         lives = f"; it depends on {where}" if where else ""
         return f"The model has an error that no effect of the catalogue explains{lives}."
     if len(causes) == 1 and causes[0].missing < CLEAR:
-        names = " or ".join(map(title_of, (causes[0].effect, *_close(causes[0]))))
+        named = sorted((causes[0].effect, *_close(causes[0])), key=lambda name: -_known(causes[0])[name])
+        names = " or ".join(map(title_of, named))
         if diagnosis.unknown.probability > causes[0].probability:
             return f"The model probably lacks {names}; what no effect explains is about as large."
         return (
@@ -109,8 +110,11 @@ def _minor(diagnosis: Findings) -> list[str]:
 
 def _likeliest_first(cause: Cause) -> list[str]:
     """It and the alternatives that cannot be put aside."""
-    known = {cause.effect: cause.probability} | dict(cause.alternatives)
-    return sorted((cause.effect, *_rivals(cause)), key=lambda name: -known[name])
+    return sorted((cause.effect, *_rivals(cause)), key=lambda name: -_known(cause)[name])
+
+
+def _known(cause: Cause) -> dict[str, float]:
+    return {cause.effect: cause.probability} | dict(cause.alternatives)
 
 
 def _rivals(cause: Cause) -> list[str]:
