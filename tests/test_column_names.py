@@ -186,7 +186,7 @@ def test_the_command_to_type_names_what_the_file_has(csv):
     with pytest.raises(MissingColumns) as refused:
         Log.read(path)
     assert refused.value.options == "--map current=i_1 --map 'velocity=omega a'"
-    np.savetxt(path, np.column_stack((TORQUE, ANGLE)))
+    np.savetxt(path, np.column_stack((np.arange(600), TORQUE, ANGLE)), fmt="%.12g")  # numbers of the rows are no time
     with pytest.raises(MissingColumns, match="--rate HZ --map torque=NAME"):
         Log.read(path)
 

@@ -94,11 +94,12 @@ def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -
 
 
 def _rises(values: NDArray[np.generic]) -> bool:
-    """Whether a column may be a time: text may be, and numbers that never fall."""
+    """Whether a column may be a time: text may be, and numbers that never fall and do not merely count the rows."""
     if values.dtype.kind not in "fiu":
         return values.dtype.kind in "OUSM"
     numbers = values.astype(np.float64)
-    return bool(numbers.size > 1 and np.all(np.diff(numbers) >= 0) and numbers[-1] > numbers[0])
+    steps = np.diff(numbers)
+    return bool(np.all(steps >= 0) and np.any(steps > 0) and np.any(steps != 1))
 
 
 def lines(facts: Sequence[ColumnFacts]) -> list[str]:
