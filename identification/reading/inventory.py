@@ -76,7 +76,8 @@ def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -
     """Options that name the likeliest guess of each missing column, quoted for a shell; NAME where there is none."""
     needed: list[Sequence[str]] = []
     said = []
-    rising = [name for name, values in table.columns.items() if _rises(values)]
+    taken = set(known.found.values())
+    rising = [name for name, values in table.columns.items() if name not in taken and _rises(values)]
     if lacking_time and not rising:
         said.append("--rate HZ")
     elif lacking_time:
