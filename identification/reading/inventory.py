@@ -52,7 +52,7 @@ def inventory(table: Table, known: Recognition) -> tuple[ColumnFacts, ...]:
             taken_for=columns.get(name, ""),
             why=known.why.get(columns.get(name, ""), ""),
             may_be=known.guesses.get(name, ""),
-            assumed=_assumed(columns.get(name, ""), axis),
+            assumed="" if columns.get(name, "") in known.objects else _assumed(columns.get(name, ""), axis),
         )
         for name, values in table.columns.items()
     )
