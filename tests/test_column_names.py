@@ -192,6 +192,13 @@ def test_the_command_to_type_names_what_the_file_has(csv):
     np.savetxt(path, np.column_stack((np.arange(600), TORQUE, ANGLE)), fmt="%.12g")  # numbers of the rows are no time
     with pytest.raises(MissingColumns, match="--rate HZ --map torque=NAME"):
         Log.read(path)
+    labels = "".join(f"slow,{a},{b}\n" for a, b in zip(TORQUE, ANGLE, strict=True))
+    path.write_text(f"part,torque,angle\n{labels}")
+    with pytest.raises(MissingColumns, match="--rate HZ"):  # a label is no time
+        Log.read(path)
+    path.write_text("when,torque,angle\n" + labels.replace("slow", "10:12:03"))
+    with pytest.raises(MissingColumns, match="--map time=when"):
+        Log.read(path)
 
 
 @pytest.mark.parametrize(

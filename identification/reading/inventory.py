@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from identification.reading.recognition import COMMANDS, RESPONSES, Recognition,
 from identification.reading.table import Table
 from identification.reading.units import si_unit
 
+_DATE = re.compile(r"\d[:/-]\d")  # of a day, or of the day
 _LONGEST = 24  # characters of a text cell that are shown
 
 
@@ -95,9 +97,9 @@ def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -
 
 
 def _rises(values: NDArray[np.generic]) -> bool:
-    """Whether a column may be a time: text may be, and numbers that never fall and do not merely count the rows."""
+    """Whether a column may be a time: dates, and numbers that never fall and do not merely count the rows."""
     if values.dtype.kind not in "fiu":
-        return values.dtype.kind in "OUSM"
+        return values.dtype.kind == "M" or bool(values.size and _DATE.search(str(values[0])))
     numbers = values.astype(np.float64)
     steps = np.diff(numbers)
     return bool(np.all(steps >= 0) and np.any(steps > 0) and np.any(steps != 1))
