@@ -24,6 +24,8 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "numbers": 4,  # how many wanted angles are known, and the last three
         "past": late + 3,  # torques under way, oldest first: those of a delay, and the two around the last sample
         "plan": N + 1,  # whether there is one, and its torques
+        "pressed": rows * N,  # which other numbers are held at an end (1, -1) or given up to their price (2, -2)
+        "forces": rows * N,  # with which these ends push back
         "bounds": 3 * N,  # which of them holds, and both, at each stage
         "preload": 1,  # lambda of the last sample
         "load": 1,  # torque that the load takes without accelerating
@@ -54,7 +56,6 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "data": 2 * N,
         "barrier": 2 * rows * N,  # what the interior point method adds to the cost
         "fence": 2 * rows * N,  # ends of the intervals of each stage
-        "forces": rows * N,  # with which they push back
         "end": 2,
         "law": (2 * n + 5) * N,
         "s": (N + 1) * (n + 1),

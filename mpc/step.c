@@ -236,6 +236,11 @@ static int plan_ahead(struct controller *c)
   for (k = 0; k < HORIZON; ++k) c->guess[k] = c->plan[0] ? c->plan[k + 2 - (k == HORIZON - 1)] : c->past[shift + 1];
   for (k = 0; k < HORIZON; ++k)
     c->bounds[3 * k] = c->plan[0] ? c->bounds[3 * (k + 1 - (k == HORIZON - 1))] : 0;
+  for (k = 0; k < ROWS * HORIZON; ++k) {
+    int next = k < ROWS * (HORIZON - 1) ? k + ROWS : k;
+    c->pressed[k] = c->plan[0] ? c->pressed[next] : 0;
+    c->forces[k] = c->plan[0] ? c->forces[next] : 0;
+  }
   c->outcome[2] = optimise(c);
   if (!c->plan[0]) trouble = UNCERTIFIED;
   for (k = 0; k <= HORIZON; ++k) {

@@ -17,9 +17,10 @@ from mpc.governor import Governor, followable
 from mpc.kernel import Kernel, unrolled
 from mpc.prepared import prepared
 from mpc.preview import preview, prolonged
-from mpc.programme import CERTIFIED, Programme
+from mpc.programme import Programme
 from mpc.riccati import TORQUE_ALONE
 from mpc.split import reach, split
+from mpc.sweeps import CERTIFIED
 from mpc.trouble import Trouble
 
 Array = NDArray[np.float64]
@@ -214,8 +215,11 @@ class InterpretedStep:
         if plan[0]:
             guess[:-1], guess[-1] = plan[2:], plan[-1]
             held[:-1] = held[1:]
+            for active in (self.programme.pressed, self.programme.forces):
+                active[:-1] = active[1:]
         else:
             guess[:], held[:] = a["past"][late + 1], 0.0
+            self.programme.pressed[:] = self.programme.forces[:] = 0.0
         a["outcome"][2] = self._optimise()
         if not plan[0]:
             trouble = Trouble.UNCERTIFIED

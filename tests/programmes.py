@@ -151,8 +151,15 @@ class Solver:
         residual = self.machine_code() if compiled else self.programme.solve()
         return self.arrays["e"].copy(), residual
 
-    def load(self, stages: Stages, guess: Array | None = None, fences: Fences | None = None) -> None:
-        """Put a programme into the arrays."""
+    def load(
+        self,
+        stages: Stages,
+        guess: Array | None = None,
+        fences: Fences | None = None,
+        pressed: Array | None = None,
+    ) -> None:
+        """Put a programme into the arrays, and guesses of the bounds (N,) and other ends (N, rows) that hold."""
+        self.programme.pressed[:], self.programme.forces[:] = 0.0 if pressed is None else pressed, 0.0
         if fences is not None:
             self.programme.fence[:, 1:], self.programme.prices[1:] = fences.ends, fences.prices
             self.programme.moved[1:] = fences.moved
