@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 
+from mpc.linear_loop import settled
 from plant.servo import ServoModel
 
 Array = NDArray[np.float64]
@@ -28,5 +28,5 @@ def terminal_weight(model: ServoModel, rate: float, sample_time: float) -> Array
     dt, J, K = sample_time, model.inertia, model.viscous_friction
     A = np.array([[1.0, dt, dt**2 / (2 * J)], [0.0, 1.0 - K * dt / J, dt / J], [0.0, 0.0, 1.0]])
     B = np.array([[dt**2 / (2 * J)], [dt / J], [1.0]])
-    P = solve_discrete_are(A, B, np.diag([1.0, 0.0, 0.0]), np.array([[rate]]))
+    P = rate * settled(A.T, B[:, 0], np.diag([1.0 / rate, 0.0, 0.0]))
     return np.asarray(P[:2, :2] - np.outer(P[:2, 2], P[2, :2]) / P[2, 2])
