@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.riccati import TORQUE_ALONE
-from mpc.sweeps import CERTIFIED, Sweeps
+from mpc.sweeps import Sweeps
 
 Array = NDArray[np.float64]
 
@@ -26,15 +26,16 @@ TRIES = 15
 """Rounds with other numbers than the torque, after which the interior point method is the shorter way."""
 
 _CLOSE = 1e-9
-"""How near to its end a number is that is held there, in torque that moves it, in units of the greatest."""
+"""How near to its end a number is that is held there, and how far beyond one that need not be held, in torque that moves
+it, in units of the greatest: the price of an interval would show more in the cost."""
 
 FIRM = 1e4
 """rho, in units of the curvature of the cost: what a number is beyond its end, and what a force lacks, is as little."""
 
 
 @np.errstate(all="ignore")  # forgotten numbers may be anything; what comes of them is certified
-def find_active_set(programme: Sweeps) -> None:
-    """Let the bounds and ends of a programme settle; the last sweep is the solution, if there is one."""
+def find_active_set(programme: Sweeps) -> bool:
+    """Let the bounds and ends of a programme settle; whether they do. The last sweep then is the solution."""
     p = programme
     fenced, changes, once_more = p.rows > TORQUE_ALONE, True, False
     pressing = warm = fenced and _known(p)
@@ -59,6 +60,7 @@ def find_active_set(programme: Sweeps) -> None:
             once_more = not changes and pressing and not once_more  # with forces that are right by now
             changes = changes or once_more
     p.barrier[:] = 0.0
+    return not changes
 
 
 def _ends(programme: Sweeps) -> Array:
@@ -121,7 +123,7 @@ def _take_up(programme: Sweeps, far: Array) -> bool:
     """Hold those that are farther beyond than their neighbours in time; whether there are any."""
     p, edge = programme, np.full((1, far.shape[1]), -np.inf)
     peak = (far >= np.vstack((edge, far[:-1]))) & (far > np.vstack((far[1:], edge)))
-    taken = (far > CERTIFIED * p.unit[0]) & peak
+    taken = (far > _CLOSE * p.unit[0]) & peak
     upper = p.numbers().reshape(far.shape) > p.fence[:, :, 1]
     p.pressed[taken] = np.where(upper, 1.0, -1.0)[taken]
     return bool(taken.any())

@@ -20,6 +20,7 @@ from mpc.drive import DriveInverse
 from mpc.encoder_faults import numbers as watching
 from mpc.encoder_faults import watch, watched_of
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
+from mpc.feed_forward import feed
 from mpc.friction import Frictionless, friction_numbers, learn, rigid_contacts, rub
 from mpc.governor import Governor, early, followable, governed, jump
 from mpc.layout import laid_out
@@ -29,7 +30,7 @@ from mpc.preview import preview
 from mpc.riccati import ALL_ROWS, TORQUE_ALONE, backward, forward, slope
 from mpc.split import machine, reach, split
 from mpc.step import InterpretedStep
-from mpc.tuning import OBSERVER, Tuning
+from mpc.tuning import Tuning, observer_rate, quiet
 from mpc.weights import rate_weight, terminal_weight
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
@@ -193,7 +194,7 @@ class Controller(Remembering):
         behind = rigid_contacts(behind)
         smooth = Frictionless.of(behind)
         predictor = Predictor(model=smooth, sample_time=self.sample_time, switch=max(switch, 0.0))
-        self._friction = rub(behind), learn(behind, self.motor_resolution is not None)
+        self._friction = rub(behind), learn(behind, self.motor_resolution is not None), feed(behind)
         self.estimator = Estimator(
             predictor=predictor,
             resolution=self.encoder_resolution,
@@ -201,7 +202,7 @@ class Controller(Remembering):
             torque_noise=self.torque_noise,
             disturbance_rate=self.disturbance_rate,
             motors=None if self.motor_resolution is None else self._motor_encoders(self.motor_resolution),
-            surprise=self._greatest / self.model.inertia / (OBSERVER * 2 * np.pi * self.bandwidth) ** 2,
+            surprise=self._greatest / self.model.inertia / self._observer**2,
         )
         limits = SoftLimits(angle=self.angle_limits, speed=self.speed_limit)
         noise = float(np.sqrt(self.estimator.levels[0]))
@@ -234,10 +235,11 @@ class Controller(Remembering):
 
     def _tune(self) -> None:
         """Choose what was left out, and check that all goes together."""
+        noise = max(float(np.hypot(self.encoder_resolution / np.sqrt(12.0), self.encoder_noise)), 1e-12)
         chosen = Tuning.of(
             self.model,
             sample_time=self.sample_time,
-            noise=max(float(np.hypot(self.encoder_resolution / np.sqrt(12.0), self.encoder_noise)), 1e-12),
+            noise=noise,
             least=self._floor,
             greatest=self._greatest,
             bandwidth=self.bandwidth,
@@ -246,6 +248,8 @@ class Controller(Remembering):
         self._left_out = tuple(name for name in names if getattr(self, name) is _CHOSEN)
         for name in self._left_out:
             setattr(self, name, getattr(chosen, name))
+        filtering = observer_rate(self.model.inertia, self.disturbance_rate, noise, self.sample_time)
+        self._observer = max(filtering, 2 * np.pi * self.bandwidth)
         self.horizon, self.sqp_iterations = int(self.horizon), int(self.sqp_iterations)
         if self.bandwidth * self.sample_time > 0.1:
             raise BadParameter(
@@ -297,6 +301,8 @@ class Controller(Remembering):
                 jitter=self.encoder_noise,
                 floor=self._floor,
                 greatest=greatest,
+                memory=1.0 / (self._observer * self.sample_time),
+                quiet=quiet(self._floor, self._greatest),
             ),
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}

@@ -65,7 +65,7 @@ _FENCE, _FORCES, _END = Effort(8), Effort(54, 9), Effort(54, 15)  # of other int
 _PRESSING = Effort(24, 3)  # of each other interval in a round of the active set
 
 
-_FRAMES = 5120  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
+_FRAMES = 5376  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
 
 
 def of(function: Any) -> Effort:
@@ -89,6 +89,7 @@ def calls(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bool
         "govern": N + 1,
         "learn": 1,
         "rub": N,
+        "feed": N + 1,
         "split": N,
     }
     courses = sweeps + 2 * worst  # the interior point method follows its first and its last torques

@@ -16,10 +16,11 @@ class Programme(Sweeps):
 
         The active set ends at the minimiser after a few sweeps, but may cycle. Then the interior point method guesses
         it anew, or, where other intervals than those of the torque are active, is itself the answer. Nothing is
-        believed without `residual`.
+        believed without `residual`; where leaving an interval has a price, that little would be dear, and the active
+        set must have come to its end too.
         """
-        find_active_set(self)
-        if (residual := self.residual()) <= CERTIFIED:
+        settled = find_active_set(self)
+        if (residual := self.residual()) <= CERTIFIED and (settled or self.rows == TORQUE_ALONE):
             return residual
         solve_from_inside(self)
         if self.rows == TORQUE_ALONE:

@@ -165,7 +165,7 @@ static int take_up(struct controller *c)
   int j, count = 0;
   for (j = 0; j < ROWS * HORIZON; ++j) {
     real far = c->gap[j];
-    if (!(far > CERTIFIED * c->unit[0])) continue;
+    if (!(far > CLOSE * c->unit[0])) continue;
     if (j >= ROWS && !(far >= c->gap[j - ROWS])) continue;
     if (j < ROWS * (HORIZON - 1) && !(far > c->gap[j + ROWS])) continue;
     c->pressed[j] = number(c, j / ROWS, j % ROWS) > c->fence[2 * j + 1] ? 1 : -1;
@@ -187,8 +187,8 @@ static void measure(struct controller *c)
   for (k = 0; k < HORIZON; ++k) c->curvature[k] = c->law[LAW * k + LAW - 1];
 }
 
-/* Newton steps until the active bounds and ends repeat. */
-static void active_set(struct controller *c)
+/* Newton steps until the active bounds and ends repeat; whether they do. */
+static int active_set(struct controller *c)
 {
   int round, j, changes = 1, once_more = 0, count, warm = ROWS > 1 && known(c), pressing = warm;
   for (j = 0; j < BARRIER * HORIZON; ++j) c->barrier[j] = 0;
@@ -208,6 +208,7 @@ static void active_set(struct controller *c)
     changes += once_more;
   }
   for (j = 0; j < BARRIER * HORIZON; ++j) c->barrier[j] = 0;
+  return !changes;
 }
 
 /* Count from now on from where that part of the last sweep ends. */
@@ -365,10 +366,9 @@ static void interior_point(struct controller *c)
 /* The solution of the programme, certified; its residual, infinite if there is none. */
 STEP real solve(struct controller *c)
 {
-  real worst;
-  active_set(c);
-  worst = residual(c);
-  if (worst <= CERTIFIED) return worst;
+  int settled = active_set(c);
+  real worst = residual(c);
+  if (worst <= CERTIFIED && (settled || ROWS == 1)) return worst; /* a price makes much of little: see mpc/programme.py */
   interior_point(c);
   if (ROWS == 1) active_set(c); /* the other intervals it does not know */
   worst = residual(c);

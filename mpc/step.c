@@ -115,6 +115,24 @@ static void rubbed(struct controller *c)
   }
 }
 
+/* The torque that the governed reference takes; before the first sample it is what moves the load. */
+static void feed_forward(struct controller *c)
+{
+  int k, known = c->fed[0] == 1;
+  real fed[FED], next[FED] = {0};
+  const real *ahead = c->ahead + LATE;
+  for (k = 1; k < FED; ++k) known = known && isfinite(c->fed[k]);
+  memcpy(fed, c->fed, sizeof fed);
+  if (!known) feed(ahead, next, TABLE(model), TABLE(rubbing), fed);
+  c->feed[0] = known ? fed[1] : c->past[LATE + 1] + c->belief[2];
+  for (k = 0; k < HORIZON; ++k) {
+    feed(ahead + k, fed, TABLE(model), TABLE(rubbing), next);
+    memcpy(fed, next, sizeof fed);
+    c->feed[k + 1] = fed[1];
+    if (k == 0) memcpy(c->fed, fed, sizeof fed);
+  }
+}
+
 /* The intervals of the numbers beside the torque, less what the guess makes of them. */
 static void confine(struct controller *c)
 {
@@ -136,7 +154,7 @@ static void linearise(struct controller *c)
   int k, late = LATE, total = late + HORIZON;
   real both[2], pace, acceleration, disturbance = c->belief[2], dt = TABLE(model)[PARAMETERS - 1];
   real low = c->past[late + 1] + c->rubs[late + 1], high = low, step = TABLE(tuning)[8], least, most, before_low, before_high, most_step;
-  real rubbed_before = c->rubs[late + 1];
+  real rubbed_before = c->rubs[late + 1], change;
   const real *ahead = c->ahead + late, *state;
   memcpy(c->states, c->belief + 3, N * sizeof(real));
   for (k = 0; k < total; ++k) {
@@ -161,10 +179,11 @@ static void linearise(struct controller *c)
     bounds[1] = range[0] - c->guess[k];
     bounds[2] = range[1] - c->guess[k];
     data[0] = k ? state[0] - ahead[k] : 0;
-    data[1] = c->guess[k] - (k ? c->guess[k - 1] : c->past[late + 1]);
+    change = c->guess[k] - (k ? c->guess[k - 1] : c->past[late + 1]);
+    data[1] = change - (c->feed[k + 1] - c->feed[k]);
     if (ROWS > 1) {
-      c->fence[BARRIER * k + 2] = -most_step - data[1] - (c->rub[k] - rubbed_before);
-      c->fence[BARRIER * k + 3] = most_step - data[1] - (c->rub[k] - rubbed_before);
+      c->fence[BARRIER * k + 2] = -most_step - change - (c->rub[k] - rubbed_before);
+      c->fence[BARRIER * k + 3] = most_step - change - (c->rub[k] - rubbed_before);
     }
     rubbed_before = c->rub[k];
   }
@@ -295,7 +314,7 @@ static void miss(struct controller *c)
 static void lapse(struct controller *c)
 {
   int k, missed;
-  real dt = TABLE(model)[PARAMETERS - 1], elapsed = c->elapsed[0], shift;
+  real dt = TABLE(model)[PARAMETERS - 1], elapsed = c->elapsed[0], shift, late, bend;
   memcpy(c->acting, TABLE(model), PARAMETERS * sizeof(real));
   c->elapsed[0] = 0;
   if (!(elapsed > 0 && isfinite(elapsed))) return;
@@ -305,7 +324,9 @@ static void lapse(struct controller *c)
   }
   shift = c->numbers[0] > 1 ? (elapsed / dt - 1) * (c->numbers[3] - c->numbers[2]) : 0;
   for (k = 1; k < 4; ++k) c->numbers[k] += shift;
-  c->path[1] += c->path[2] * (elapsed - dt);
+  late = elapsed - dt, bend = isfinite(c->fed[3]) ? c->fed[3] : 0;
+  c->path[1] += late * (c->path[2] + late * (bend / (2 * dt * dt)));
+  c->path[2] += late * (bend / (dt * dt));
   missed = elapsed > dt ? (int)(elapsed / dt - 0.5) : 0;
   for (k = 0; k < missed; ++k) miss(c);
   c->acting[PARAMETERS - 1] = elapsed - missed * dt;
@@ -344,6 +365,7 @@ STEP int control_step(struct controller *c, real angle, int previewed)
     aim(c, previewed && !(trouble & AIMLESS));
     trouble |= astray(c);
     rubbed(c);
+    feed_forward(c);
     trouble |= plan_ahead(c);
   }
   c->outcome[1] = c->belief[2];

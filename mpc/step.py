@@ -42,10 +42,10 @@ class InterpretedStep:
         arrays: Mapping[str, Array],
         estimator: Estimator,
         governor: Governor,
-        friction: tuple[Any, Any],
+        friction: tuple[Any, Any, Any],
         watch: Any,
     ) -> None:
-        """On the arrays of a controller; the functions of friction are `mpc.friction.rub` and `learn`."""
+        """On the arrays of a controller; the functions of friction are `mpc.friction.rub` and `learn`, and `mpc.feed_forward.feed`."""
         N, late = sizes["horizon"], sizes["late"]
         n = len(estimator.predictor.model.states)
         self._late, self._passes, self._dt = late, sizes["passes"], float(arrays["model"][-1])
@@ -64,10 +64,11 @@ class InterpretedStep:
         to_reach, to_split = prepared(reach()).function, prepared(split()).function
         reaching = {2: np.tile(arrays["reach_numbers"], N)}
         self._reach = Kernel(unrolled(to_reach.map(N), N, to_reach), reaching, {0: arrays["range"]})
-        rub, learn = friction
+        rub, learn, feed = friction
         learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
         self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
         self._rub = Kernel(rub, {3: learnt, 4: same, 5: rubbing})
+        self._feed = Kernel(feed, {2: same, 3: rubbing})
         shared = {0: estimator.belief, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
         self._watch = Kernel(watch, shared)
         self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
@@ -95,6 +96,7 @@ class InterpretedStep:
             self._aim(previewed and not trouble & Trouble.AIMLESS)
             trouble |= self._astray()
             self._rubbed()
+            self._feed_forward()
             trouble |= self._plan_ahead()
         else:
             self._hold()
@@ -131,7 +133,9 @@ class InterpretedStep:
             return
         if numbers[0] > 1:
             numbers[1:] += (elapsed / dt - 1) * (numbers[3] - numbers[2])
-        path[1] += path[2] * (elapsed - dt)
+        late, bend = elapsed - dt, a["fed"][3] if np.isfinite(a["fed"][3]) else 0.0
+        path[1] += late * (path[2] + late * (bend / (2 * dt * dt)))
+        path[2] += late * (bend / (dt * dt))
         missed = int(elapsed / dt - 0.5) if elapsed > dt else 0
         for _ in range(missed):
             self._miss()
@@ -207,6 +211,22 @@ class InterpretedStep:
             place = min(k + lead, last)
             self._rub.inputs[0][:], self._rub.inputs[1][0] = ahead[place : place + 2], before
             before = a["rub"][k] = self._rub()[0][0]
+
+    def _feed_forward(self) -> None:
+        """The torque that the governed reference takes; before the first sample it is what moves the load."""
+        a, ahead, inputs = self._a, self._a["ahead"][self._late :], self._feed.inputs
+        known = a["fed"][0] == 1.0 and np.isfinite(a["fed"]).all()
+        if not known:
+            inputs[0][:], inputs[1][:] = ahead[:3], 0.0
+            a["fed"][:] = self._feed()[0]
+        a["feed"][0] = a["fed"][1] if known else a["past"][self._late + 1] + self._estimator.belief[2]
+        inputs[1][:] = a["fed"]
+        for k in range(a["rub"].size):
+            inputs[0][:] = ahead[k : k + 3]
+            inputs[1][:] = self._feed()[0]
+            a["feed"][k + 1] = inputs[1][1]
+            if k == 0:
+                a["fed"][:] = inputs[1]
 
     def _plan_ahead(self) -> int:
         """The torques of the horizon for what was planned."""
@@ -284,11 +304,11 @@ class InterpretedStep:
         self._range[:] -= a["rub"][:, None]  # what is left to the net torque
         programme.bounds[:, 1:] = self._range - guess[:, None]
         programme.data[1:, 0] = states[1:-1, 0] - ahead[1:N]
-        programme.data[0, 1] = guess[0] - past[late + 1]
-        programme.data[1:, 1] = guess[1:] - guess[:-1]
+        changes = np.diff(guess, prepend=past[late + 1])
+        programme.data[:, 1] = changes - np.diff(a["feed"])
         if programme.rows > TORQUE_ALONE:
             rubs = np.diff(a["rub"], prepend=a["rubs"][late + 1])
-            programme.fence[:, 1] = np.stack((-steps, steps), axis=-1) - programme.data[:, 1:] - rubs[:, None]
+            programme.fence[:, 1] = np.stack((-steps, steps), axis=-1) - changes[:, None] - rubs[:, None]
             self._enter()
             for place in range(3):
                 self._corridor.inputs[1][place::3] = ahead[place : place + N]
