@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from mpc.corridor import corridor, enter
 from mpc.estimator import Estimator
 from mpc.governor import Governor, followable
-from mpc.kernel import Kernel, unrolled
+from mpc.feed_forward import FED
+from mpc.kernel import Kernel, along_the_way, unrolled
 from mpc.prepared import prepared
 from mpc.preview import preview, prolonged
 from mpc.programme import Programme
@@ -45,13 +46,13 @@ class InterpretedStep:
         friction: tuple[Any, Any, Any],
         watch: Any,
     ) -> None:
-        """On the arrays of a controller; the functions of friction are `mpc.friction.rub` and `learn`, and `mpc.feed_forward.feed`."""
+        """On the arrays of a controller; those of friction are `mpc.friction.rub`, `learn`, and `mpc.feed_forward.feed`."""
         N, late = sizes["horizon"], sizes["late"]
         n = len(estimator.predictor.model.states)
         self._late, self._passes, self._dt = late, sizes["passes"], float(arrays["model"][-1])
         self._estimator, self._governor = estimator, governor
         self.programme = Programme(arrays, sizes["rounds"])
-        self._a = arrays
+        self._a, self._places = arrays, np.arange(N)
         self._states = arrays["states"].reshape(-1, n)
         self._range, self._torques = arrays["range"].reshape(N, 2), arrays["torques"].reshape(N, 2)
         machine = arrays["machine"]
@@ -67,8 +68,9 @@ class InterpretedStep:
         rub, learn, feed = friction
         learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
         self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
-        self._rub = Kernel(rub, {3: learnt, 4: same, 5: rubbing})
+        self._rub = Kernel(along_the_way(rub, N, 1), {3: learnt, 4: same, 5: rubbing}, {0: arrays["rub"]})
         self._feed = Kernel(feed, {2: same, 3: rubbing})
+        self._fed = Kernel(along_the_way(feed, N, 1), {1: arrays["fed"], 2: same, 3: rubbing})
         shared = {0: estimator.belief, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
         self._watch = Kernel(watch, shared)
         self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
@@ -207,10 +209,10 @@ class InterpretedStep:
         last = a["rub"].size - 1
         samples = abs(before) / a["rubbing"][4]  # until friction is back at zero
         lead = int(samples) if samples < last + 1 else last + 1
-        for k in range(last + 1):
-            place = min(k + lead, last)
-            self._rub.inputs[0][:], self._rub.inputs[1][0] = ahead[place : place + 2], before
-            before = a["rub"][k] = self._rub()[0][0]
+        place = np.minimum(self._places + lead, last)
+        self._rub.inputs[0][0::2], self._rub.inputs[0][1::2] = ahead[place], ahead[place + 1]
+        self._rub.inputs[1][0] = before
+        self._rub()
 
     def _feed_forward(self) -> None:
         """The torque that the governed reference takes; before the first sample it is what moves the load."""
@@ -220,13 +222,10 @@ class InterpretedStep:
             inputs[0][:], inputs[1][:] = ahead[:3], 0.0
             a["fed"][:] = self._feed()[0]
         a["feed"][0] = a["fed"][1] if known else a["past"][self._late + 1] + self._estimator.belief[2]
-        inputs[1][:] = a["fed"]
-        for k in range(a["rub"].size):
-            inputs[0][:] = ahead[k : k + 3]
-            inputs[1][:] = self._feed()[0]
-            a["feed"][k + 1] = inputs[1][1]
-            if k == 0:
-                a["fed"][:] = inputs[1]
+        for k in range(3):
+            self._fed.inputs[0][k::3] = ahead[k : k + a["rub"].size]
+        fed = self._fed()[0].reshape(-1, FED)
+        a["feed"][1:], a["fed"][:] = fed[:, 1], fed[0]
 
     def _plan_ahead(self) -> int:
         """The torques of the horizon for what was planned."""
