@@ -114,10 +114,19 @@ class TargetCode:
         if not worst:
             return []
         what = "Even the usual step does" if usual else "The usual step fits, the worst one does"
-        return [
-            f"{what} NOT FIT into a sample of {1e6 * self.sample_time:.0f} us there; a shorter horizon, a longer "
-            "sample or --single may."
-        ]
+        return [f"{what} NOT FIT into a sample of {1e6 * self.sample_time:.0f} us there; {self._way_out(usual)}."]
+
+    def _way_out(self, usual: bool) -> str:
+        """What would make a step fit, single precision only where its estimate says so."""
+        rest = "a shorter horizon or a longer sample may"
+        if self.precision == "single":
+            return rest
+        needed = self.usual if usual else self.worst
+        time = needed.cycles(effort.CORTEX_M7["single"]) / _CLOCK
+        estimate = f"an estimated {1e6 * time:.0f} us"
+        if time <= self.sample_time:
+            return f"in single precision (--single) it would take {estimate}"
+        return f"single precision alone would not do ({estimate}), {rest}"
 
 
 def export(controller: Controller, *, single: bool = False, name: str = "antidrive") -> TargetCode:
