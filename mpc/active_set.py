@@ -26,8 +26,8 @@ TRIES = 15
 """Rounds with other numbers than the torque, after which the interior point method is the shorter way."""
 
 _CLOSE = 1e-9
-"""How near to its end a number is that is held there, and how far beyond one that need not be held, in torque that moves
-it, in units of the greatest: the price of an interval would show more in the cost."""
+"""How near to its end a number is that is held there, and how far beyond one that need not be: in torque that moves it,
+in units of the greatest. With the price of an interval more would show in the cost."""
 
 FIRM = 1e4
 """rho, in units of the curvature of the cost: what a number is beyond its end, and what a force lacks, is as little."""

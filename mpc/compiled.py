@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mpc.slots import c_names
 from plant.machine_code import MachineCode
 
 Array = NDArray[np.float64]
@@ -77,7 +78,7 @@ def parts(functions: tuple[Any, ...]) -> dict[str, str]:
     counts = ", ".join(f"{name} = {by_name[stage].size1_in(i)}" for name, (stage, i) in places.items())
     return {
         "stages": _plain(str(generator.dump()), functions),
-        "counts": f"enum {{ {counts} }};",
+        "counts": f"enum {{ {counts} }};\n{c_names()}",
         "loops": "\n".join(map(_text, ("solve.c", "step.c"))),
     }
 

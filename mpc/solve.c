@@ -34,7 +34,7 @@ static int sweep(struct controller *c)
 {
   int k, shift = N * LATE;
   real V[2][TRIANGLE] = {{0}}, v[2][M] = {{0}};
-  const real *P = TABLE(tuning) + 1;
+  const real *P = TABLE(tuning) + TUNING_END;
   V[0][0] = P[0], V[0][1] = P[1], V[0][2] = P[2];
   v[0][0] = P[0] * c->end[0] + P[1] * c->end[1];
   v[0][1] = P[1] * c->end[0] + P[2] * c->end[1];
@@ -72,7 +72,7 @@ static real residual(struct controller *c)
 {
   int k, i, shift = N * LATE;
   real costate[2][M] = {{0}}, slope_e, worst = 0, miss;
-  const real *P = TABLE(tuning) + 1, *s = c->s + M * HORIZON;
+  const real *P = TABLE(tuning) + TUNING_END, *s = c->s + M * HORIZON;
   costate[0][0] = P[0] * (c->end[0] + s[0]) + P[1] * (c->end[1] + s[1]);
   costate[0][1] = P[1] * (c->end[0] + s[0]) + P[2] * (c->end[1] + s[1]);
   for (k = HORIZON - 1; k >= 0; --k) {
@@ -287,7 +287,7 @@ static real left(const struct controller *c, real *mean)
   real worst = 0, sum = 0;
   for (j = 0; j < BARRIER * HORIZON; ++j) {
     real scale = TABLE(moved)[j % BARRIER / 2], slack = c->slack[j], force = c->force[j], product = slack * force;
-    real far = 1 / (c->unit[0] * scale), strong = scale / (c->unit[0] * TABLE(tuning)[0]);
+    real far = 1 / (c->unit[0] * scale), strong = scale / (c->unit[0] * TABLE(tuning)[TUNING_RATE_WEIGHT]);
     if (!(fabs(c->fence[j]) < INFINITY)) continue;
     worst = larger(smaller(slack * far, force * strong), worst);
     ++ends;
@@ -306,7 +306,7 @@ static real left(const struct controller *c, real *mean)
 static real pressed(const struct controller *c, int j)
 {
   real scale = TABLE(moved)[j % BARRIER / 2], sense = j % 2 ? 1 : -1;
-  real far = 1 / (c->unit[0] * scale), strong = scale / (c->unit[0] * TABLE(tuning)[0]);
+  real far = 1 / (c->unit[0] * scale), strong = scale / (c->unit[0] * TABLE(tuning)[TUNING_RATE_WEIGHT]);
   if (!(fabs(c->fence[j]) < INFINITY) || j % BARRIER < 2) return 0;
   if (c->excess[j] * far > c->spare[j] * strong) return 2 * sense;
   return c->slack[j] * far < c->force[j] * strong ? sense : 0;

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mpc.kernel import Kernel, unrolled
 from mpc.riccati import TORQUE_ALONE, backward, forward, slope, triangle
+from mpc.slots import Tuning
 
 Array = NDArray[np.float64]
 
@@ -74,7 +75,7 @@ class Sweeps:
 
     def sweep(self) -> bool:
         """Backward for the law, forward for the torques; whether the bounds that hold stay the same."""
-        P = self._tuning[1:4]
+        P = self._tuning[Tuning.END : Tuning.END_VELOCITY + 1]
         self._V[:3] = P
         self._v[0] = P[0] * self.end[0] + P[1] * self.end[1]
         self._v[1] = P[1] * self.end[0] + P[2] * self.end[1]
@@ -102,7 +103,7 @@ class Sweeps:
         and no less than what f is rounded by: a force beyond all digits would hide how far q is off.
         """
         low, high = self.bounds[:, 1], self.bounds[:, 2]
-        P, (angle, velocity) = self._tuning[1:4], self.end + self.s[-1, :2]
+        P, (angle, velocity) = self._tuning[Tuning.END : Tuning.END_VELOCITY + 1], self.end + self.s[-1, :2]
         self._slopes.inputs[0][:2] = P[0] * angle + P[1] * velocity, P[1] * angle + P[2] * velocity
         (slope_e,) = self._slopes()
         curvature = self.law[:, -1] if self.rows == TORQUE_ALONE else self.curvature

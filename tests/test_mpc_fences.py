@@ -14,7 +14,7 @@ from programmes import Fences, Solver, Stages, fenced_stages
 
 import mpc.programme
 from mpc import Controller, closed_loop
-from mpc.step import within_rate
+from mpc.real_time_iteration import within_rate
 from plant import GearTrain, Rig, ServoModel, machine_code
 
 Array = NDArray[np.float64]
