@@ -1,13 +1,15 @@
 """Other solvers in the place of ours: each gets the program of a step and hands back the change of the torques.
 
 They are timed for their own call alone; what it takes to bring the program into their form is not counted. A peer
-that is not installed is left out (`pip install 'antidrive[bench]'`).
+that is not installed is named as such (`pip install 'antidrive[bench]'`; acados is compiled from source, and found by
+its variable ACADOS_SOURCE_DIR and its Python package `acados_template`).
 """
 
 from __future__ import annotations
 
 import importlib.util
 import sys
+import tempfile
 import time
 import warnings
 from collections.abc import Callable
@@ -32,7 +34,12 @@ class Peer:
     """Solves a controller's programs in place of its own solver.
 
     Notes how long each took [s], and how far an answer was beyond its bounds [N m].
+
+    Attributes:
+        timed: what is timed, in words for the table.
     """
+
+    timed = "its own call"
 
     def __init__(self, controller: Controller) -> None:
         self.controller, self.times, self.beyond = controller, [], 0.0
@@ -263,15 +270,92 @@ class DoMpc(Peer):
         return call
 
 
-PEERS = {
-    name: kind
-    for name, module, kind in (
-        ("DAQP, condensed", "daqp", Daqp),
-        ("qpOASES, condensed", "casadi", QpOases),
-        ("qrqp, condensed", "casadi", Qrqp),
-        ("PIQP, sparse", "piqp", Piqp),
-        ("OSQP, sparse", "osqp", Osqp),
-        ("do-mpc, IPOPT", "do_mpc", DoMpc),
-    )
-    if importlib.util.find_spec(module)
-}
+class Acados(Peer):
+    """Real-time iteration with HPIPM on the same model, best settings: discrete, full condensing, warm.
+
+    Three calls for all stages together: the parameters in, the solve from the state, the torques out. Written after its
+    documentation, and not run yet, for it has to be compiled from source.
+    """
+
+    timed = "3 calls"
+
+    def __init__(self, controller: Controller) -> None:
+        super().__init__(controller)
+        from acados_template import AcadosModel, AcadosOcp, AcadosOcpSolver
+
+        predictor, n = controller.estimator.predictor, self.n
+        z, tau, last = ca.SX.sym("z", n), ca.SX.sym("tau"), ca.SX.sym("last")
+        p = ca.SX.sym("p", 3)  # wanted angle, wanted speed, disturbance
+        ahead = predictor.stage(z, ca.vertcat(tau, last) + p[2], predictor.parameters)[0]
+        model, ocp = AcadosModel(), AcadosOcp()
+        model.name, model.x, model.u, model.p = f"peer_{self.N}", ca.vertcat(z, last), tau, p
+        model.disc_dyn_expr = ca.vertcat(ahead, tau)
+        model.cost_y_expr = ca.vertcat(z[0] - p[0], tau - last)
+        model.cost_y_expr_e = ca.vertcat(z[0] - p[0], z[1] - p[1])
+        ocp.model, ocp.dims.N, ocp.parameter_values = model, self.N, np.zeros(3)
+        ocp.cost.cost_type, ocp.cost.cost_type_e = "NONLINEAR_LS", "NONLINEAR_LS"
+        ocp.cost.W, ocp.cost.W_e = np.diag([1.0, self.w]), self.P
+        ocp.cost.yref, ocp.cost.yref_e = np.zeros(2), np.zeros(2)
+        reach = DriveInverse.of(controller.model)[0].effective(controller.bounds.reachable())
+        ocp.constraints.lbu, ocp.constraints.ubu = np.array([reach[0]]), np.array([reach[1]])
+        ocp.constraints.idxbu, ocp.constraints.x0 = np.array([0]), np.zeros(n + 1)
+        options = ocp.solver_options
+        options.tf, options.integrator_type = self.N * controller.sample_time, "DISCRETE"
+        options.nlp_solver_type, options.hessian_approx = "SQP_RTI", "GAUSS_NEWTON"
+        options.qp_solver, options.hpipm_mode = "FULL_CONDENSING_HPIPM", "SPEED_ABS"
+        options.qp_solver_warm_start, options.print_level = 1, 0
+        self.peer = AcadosOcpSolver(ocp, json_file=f"{tempfile.mkdtemp()}/peer.json", verbose=False)
+
+    def feed(self) -> tuple[Array, Array]:
+        """State and last torque (n + 1,), and the parameters (N + 1, 3)."""
+        a, controller = self.controller._arrays, self.controller
+        state = np.append(a["states"][: self.n], a["past"][controller._whole_delay + 1])
+        ahead = a["ahead"]
+        speed = (ahead[self.N + 1] - ahead[self.N - 1]) / (2 * controller.sample_time)
+        ones = np.ones(self.N + 1)
+        return state, np.column_stack((ahead[: self.N + 1], speed * ones, controller.estimator.disturbance * ones))
+
+    def prepared(self) -> Callable[[], Array]:
+        state, parameters = self.feed()
+        peer, flat, guess = self.peer, np.ascontiguousarray(parameters.ravel()), self.controller._arrays["guess"]
+
+        def call() -> Array:
+            peer.set_flat("p", flat)
+            peer.solve_for_x0(state, fail_on_nonzero_status=False, print_stats_on_failure=False)
+            return peer.get_flat("u") - guess
+
+        return call
+
+
+class AcadosLoop(Acados):
+    """The same through the loop that its examples use: a call for each stage, by ctypes."""
+
+    timed = "ctypes"
+
+    def prepared(self) -> Callable[[], Array]:
+        state, parameters = self.feed()
+        peer, guess = self.peer, self.controller._arrays["guess"]
+
+        def call() -> Array:
+            for k in range(self.N + 1):
+                peer.set(k, "p", parameters[k])
+            peer.set(0, "lbx", state)
+            peer.set(0, "ubx", state)
+            peer.solve()
+            return np.array([peer.get(k, "u")[0] for k in range(self.N)]) - guess
+
+        return call
+
+
+KNOWN = (
+    ("DAQP, condensed", "daqp", Daqp),
+    ("qpOASES, condensed", "casadi", QpOases),
+    ("qrqp, condensed", "casadi", Qrqp),
+    ("PIQP, sparse", "piqp", Piqp),
+    ("OSQP, sparse", "osqp", Osqp),
+    ("acados RTI", "acados_template", Acados),
+    ("acados RTI, stage by stage", "acados_template", AcadosLoop),
+    ("do-mpc, IPOPT", "do_mpc", DoMpc),
+)
+PEERS = {name: kind for name, module, kind in KNOWN if importlib.util.find_spec(module)}
+MISSING = [f"{name}, {kind.timed}" for name, _, kind in KNOWN if name not in PEERS]

@@ -83,9 +83,9 @@ def fenced(N: int, count: int) -> str:
     times, worst, wrong, uncertified, theirs_wrong, active = np.empty(count), 0.0, 0, 0, 0, 0
     for k in range(count):
         stages, fences = fenced_stages(rng, N, rng.uniform(-1, 2))
-        guess = rng.integers(-1, 2, N)
+        guess, pressed = rng.integers(-1, 2, N), rng.integers(-2, 3, (N, 4)) * (rng.random((N, 4)) < 0.1)
         for repeat in range(5):
-            solver.load(stages, guess, fences)
+            solver.load(stages, guess, fences, pressed)
             begin = time.perf_counter()
             residual = solver.machine_code()
             took = time.perf_counter() - begin

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.controller import Controller
+from mpc.linear_loop import LinearPlant, filter_gain, law, with_disturbance
 from plant.errors import BadParameter
 from plant.simulation import beginning
 
@@ -79,7 +80,9 @@ def analyse_loop(controller: Controller, *, angle: float = 0.0, velocity: float 
     course = predictor.look_ahead(state, np.array([torque, torque]), 0.0)
     A, B = course.state_jacobians[0], course.torque_jacobians[0]
     n = state.size
-    row = np.append(np.asarray(predictor.sensor(state, predictor.parameters)[1])[:, 0], 0.0)
+    seen = np.asarray(predictor.sensor(state, predictor.parameters)[1])[:, 0]
+    linear = LinearPlant(A=A, B=B, row=seen, late=late, sample_time=dt)
+    row, F = np.append(seen, 0.0), with_disturbance(linear)
 
     # Plant: state z and the torques u[k-1], ..., u[k-late-1].
     P, Pu = np.zeros((n + late + 1, n + late + 1)), np.zeros((n + late + 1, 1))
@@ -90,20 +93,21 @@ def analyse_loop(controller: Controller, *, angle: float = 0.0, velocity: float 
         Pu[:n, 0] = B[:, 0]
     P[n + 1 :, n:-1] = np.eye(late)
     Pu[n, 0] = 1.0
-    plant = control.ss(P, Pu, np.append(row[:n], np.zeros(late + 1))[None, :], 0, dt)
+    plant = control.ss(P, Pu, np.append(seen, np.zeros(late + 1))[None, :], 0, dt)
 
     # Controller: the last estimate (z, d) and the torques u[k-1], ..., u[k-late-2].
-    F = np.eye(n + 1)
-    F[:n, :n], F[:n, n] = A, B.sum(axis=1)
-    keep, gain = _filter(controller, F, row)
-    law = _law(controller, A, B)
+    variance, torque_noise, wander = controller.estimator.levels[:3]
+    kick = dt / predictor.model.inertia * torque_noise
+    gain = filter_gain(linear, variance=variance, kick=kick, wander=wander)
+    weights = controller._rate_weight, controller._terminal_weight
+    acting, _ = law(linear, controller.horizon, *weights)
     predict = np.zeros((n + 1, n + late + 3))
     predict[:, : n + 1], predict[:n, -2:] = F, B
-    estimate = keep @ predict
+    estimate = predict - np.outer(gain, row @ predict)
     C = np.zeros((1, n + late + 3))
-    C[0] = law[: n + 1] @ estimate
-    C[0, n + 1 : -1] += law[n + 1 :]
-    D = np.array([[law[: n + 1] @ gain]])
+    C[0] = acting[: n + 1] @ estimate
+    C[0, n + 1 : -1] += acting[n + 1 :]
+    D = np.array([[acting[: n + 1] @ gain]])
     K, Ky = np.zeros((n + late + 3, n + late + 3)), np.zeros((n + late + 3, 1))
     K[: n + 1], Ky[: n + 1, 0] = estimate, gain
     K[n + 1], Ky[n + 1] = C[0], D[0]
@@ -129,47 +133,6 @@ def _holding(controller: Controller, angle: float, velocity: float) -> tuple[flo
         if abs(off / slope) < 1e-10:
             return torque, beginning(predictor.model, angle=angle, velocity=velocity, torque=torque)
     raise BadParameter(f"No torque keeps the load at {angle:g} rad and {velocity:g} rad/s.")
-
-
-def _filter(controller: Controller, F: Array, row: Array) -> tuple[Array, Array]:
-    """I - g row' and the gain g of the settled filter."""
-    from scipy.linalg import solve_discrete_are
-
-    variance, torque_noise, wander = controller.estimator.levels[:3]
-    dt, n = controller.sample_time, F.shape[0] - 1
-    kick = dt / controller.estimator.predictor.model.inertia * torque_noise
-    Q = np.zeros((n + 1, n + 1))
-    Q[0, 0], Q[1, 1], Q[n, n] = (kick * dt / 2) ** 2, kick**2, wander**2 * dt
-    spread = solve_discrete_are(F.T, row[:, None], Q, np.array([[variance]]))
-    gain = spread @ row / (row @ spread @ row + variance)
-    return np.eye(n + 1) - np.outer(gain, row), gain
-
-
-def _law(controller: Controller, A: Array, B: Array) -> Array:
-    """(n + 1 + late + 1,) the first torque by the estimate (z, d) and the torques u[k-1], ..., u[k-late-1]."""
-    N, late, n = controller.horizon, controller._whole_delay, A.shape[0]
-    count = n + 2 + late
-    z = np.eye(n, count)  # each column answers to one of them
-    d = np.eye(1, count, n)[0]
-    before = [np.eye(1, count, n + i)[0] for i in range(1, late + 2)]  # u[k-1], ..., u[k-late-1]
-    under_way = [*before[::-1], *np.zeros((N, count))]
-    answer = np.zeros((n, N))  # of the state by the torques that are to be found
-    rows, targets = [], []
-    weights = np.linalg.cholesky(controller._terminal_weight).T
-    for k in range(late + N):
-        z = A @ z + np.outer(B[:, 0], under_way[k + 1] + d) + np.outer(B[:, 1], under_way[k] + d)
-        if k >= late:
-            answer = A @ answer
-            answer[:, k - late] += B[:, 0]
-            if k > late:
-                answer[:, k - late - 1] += B[:, 1]
-            last = k == late + N - 1
-            rows.append(weights @ answer[:2] if last else answer[:1].copy())
-            targets.append(weights @ z[:2] if last else z[:1].copy())
-    rate = np.sqrt(controller._rate_weight)
-    rows.append(rate * (np.eye(N) - np.eye(N, k=-1)))
-    targets.append(rate * np.vstack((-before[0], np.zeros((N - 1, count)))))
-    return np.asarray(-np.linalg.lstsq(np.vstack(rows), np.vstack(targets), rcond=None)[0][0])
 
 
 def _assessed(plant: Any, feedback: Any, torque: float) -> LoopAnalysis:

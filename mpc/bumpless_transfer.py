@@ -56,6 +56,8 @@ def hand_over(old: Running, new: Running) -> None:
             theirs[name][:] = mine[name]
     _past(old, new)
     _plan(old, new)
+    if old.model != new.model or old.sample_time != new.sample_time:
+        theirs["fed"][:] = 0.0  # by another model, or in other steps
     if old.sample_time != new.sample_time:
         theirs["numbers"][0] = 0.0  # the wanted angles were so far apart in time
     if old.model.effects != new.model.effects:

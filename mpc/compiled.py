@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from mpc.slots import c_names
 from plant.machine_code import MachineCode
 
 Array = NDArray[np.float64]
@@ -73,11 +74,11 @@ def parts(functions: tuple[Any, ...]) -> dict[str, str]:
         generator.add(function)
     by_name = {function.name(): function for function in functions}
     places = {"STATES": ("stage", 0), "PARAMETERS": ("learn", 3), "BELIEF": ("estimate", 0)}
-    places |= {"BARRIER": ("backward", 6), "LEARNT": ("learn", 1), "WATCHED": ("watch", 2)}
+    places |= {"BARRIER": ("backward", 6), "LEARNT": ("learn", 1), "WATCHED": ("watch", 2), "FED": ("feed", 1)}
     counts = ", ".join(f"{name} = {by_name[stage].size1_in(i)}" for name, (stage, i) in places.items())
     return {
         "stages": _plain(str(generator.dump()), functions),
-        "counts": f"enum {{ {counts} }};",
+        "counts": f"enum {{ {counts} }};\n{c_names()}",
         "loops": "\n".join(map(_text, ("solve.c", "step.c"))),
     }
 

@@ -11,16 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from allocation import Bounds, PerDrive
+from mpc.attributes import check
 from mpc.bumpless_transfer import Running
 from mpc.compiled import CompiledStep
+from mpc.constant_numbers import constant_numbers
 from mpc.control import Control
 from mpc.controller_state import Remembering
-from mpc.corridor import SoftLimits, corridor, enter, moved, prices
+from mpc.corridor import SoftLimits, corridor, enter
 from mpc.drive import DriveInverse
-from mpc.encoder_faults import numbers as watching
 from mpc.encoder_faults import watch, watched_of
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
-from mpc.friction import Frictionless, friction_numbers, learn, rigid_contacts, rub
+from mpc.feed_forward import feed
+from mpc.friction import Frictionless, learn, rigid_contacts, rub
 from mpc.governor import Governor, early, followable, governed, jump
 from mpc.layout import laid_out
 from mpc.prediction import Predictor
@@ -29,12 +31,10 @@ from mpc.preview import preview
 from mpc.riccati import ALL_ROWS, TORQUE_ALONE, backward, forward, slope
 from mpc.split import machine, reach, split
 from mpc.step import InterpretedStep
-from mpc.tuning import OBSERVER, Tuning
+from mpc.tuning import Tuning, observer_rate
 from mpc.weights import rate_weight, terminal_weight
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
-from plant.gears import GearTrain
-from plant.number import whole
 from plant.servo import ServoModel
 from plant.simulation import whole_samples
 
@@ -46,11 +46,6 @@ _ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
 
 _CHOSEN: Any = None
 """Of what is left out and then chosen by `mpc.tuning`."""
-
-
-_ASTRAY = 30.0
-"""Error at which a load does not follow, in standard deviations of the sensor, besides half of what the reference's
-acceleration moves within 1/w."""
 
 
 @dataclass(eq=False)
@@ -147,30 +142,7 @@ class Controller(Remembering):
 
     def __post_init__(self) -> None:
         """Check every number, lay out what is remembered, and compile the step if there is a compiler."""
-        if self.model.axis == "linear" and isinstance(self.gears, GearTrain):
-            raise BadParameter(
-                "A linear axis has no gear train; give Ratios of its drives in N/(N m), such as Ratios(ratios=(62.8,))."
-            )
-        if self.model.torque_unit is not None:
-            raise BadParameter(
-                f"The controller gives torques in N m, the model is in {self.model.torque_unit}: identify it from a "
-                "log of the torque, or of the current with its torque constant."
-            )
-        for name in ("sample_time", "bandwidth"):
-            value = getattr(self, name)
-            if value is not _CHOSEN and not (np.isfinite(value) and value > 0):
-                raise BadParameter(f"{name} must be finite and above zero, not {value!r}.")
-        if self.horizon is not _CHOSEN and (whole(self.horizon) or 0) < 2:
-            raise BadParameter(f"horizon must be a whole number of at least 2 samples, not {self.horizon!r}.")
-        if not (np.isfinite(self.encoder_range) and self.encoder_range >= 0):
-            raise BadParameter(f"encoder_range must be finite and not negative, not {self.encoder_range!r}.")
-        for name in ("torque_rate", "preload_rate"):
-            if not getattr(self, name) > 0:
-                raise BadParameter(f"{name} must be above zero, not {getattr(self, name)!r}.")
-        if not (np.isfinite(self.friction_std) and self.friction_std >= 0):
-            raise BadParameter(f"friction_std must be finite and not negative, not {self.friction_std!r}.")
-        if (whole(self.sqp_iterations) or 0) < 1:
-            raise BadParameter(f"sqp_iterations must be a whole number above zero, not {self.sqp_iterations!r}.")
+        check(self)
         self.model = self.model.without_clock().without_effect("backlash")
         self.bounds = Bounds(
             gears=self.gears,
@@ -193,7 +165,7 @@ class Controller(Remembering):
         behind = rigid_contacts(behind)
         smooth = Frictionless.of(behind)
         predictor = Predictor(model=smooth, sample_time=self.sample_time, switch=max(switch, 0.0))
-        self._friction = rub(behind), learn(behind, self.motor_resolution is not None)
+        self._friction = rub(behind), learn(behind, self.motor_resolution is not None), feed(behind)
         self.estimator = Estimator(
             predictor=predictor,
             resolution=self.encoder_resolution,
@@ -201,7 +173,7 @@ class Controller(Remembering):
             torque_noise=self.torque_noise,
             disturbance_rate=self.disturbance_rate,
             motors=None if self.motor_resolution is None else self._motor_encoders(self.motor_resolution),
-            surprise=self._greatest / self.model.inertia / (OBSERVER * 2 * np.pi * self.bandwidth) ** 2,
+            surprise=self._greatest / self.model.inertia / self._observer**2,
         )
         limits = SoftLimits(angle=self.angle_limits, speed=self.speed_limit)
         noise = float(np.sqrt(self.estimator.levels[0]))
@@ -234,10 +206,11 @@ class Controller(Remembering):
 
     def _tune(self) -> None:
         """Choose what was left out, and check that all goes together."""
+        noise = max(float(np.hypot(self.encoder_resolution / np.sqrt(12.0), self.encoder_noise)), 1e-12)
         chosen = Tuning.of(
             self.model,
             sample_time=self.sample_time,
-            noise=max(float(np.hypot(self.encoder_resolution / np.sqrt(12.0), self.encoder_noise)), 1e-12),
+            noise=noise,
             least=self._floor,
             greatest=self._greatest,
             bandwidth=self.bandwidth,
@@ -246,6 +219,8 @@ class Controller(Remembering):
         self._left_out = tuple(name for name in names if getattr(self, name) is _CHOSEN)
         for name in self._left_out:
             setattr(self, name, getattr(chosen, name))
+        filtering = observer_rate(self.model.inertia, self.disturbance_rate, noise, self.sample_time)
+        self._observer = max(filtering, 2 * np.pi * self.bandwidth)
         self.horizon, self.sqp_iterations = int(self.horizon), int(self.sqp_iterations)
         if self.bandwidth * self.sample_time > 0.1:
             raise BadParameter(
@@ -266,45 +241,12 @@ class Controller(Remembering):
 
     def _all_arrays(self, machine: Array) -> dict[str, Array]:
         """Everything that a step reads and writes, by name."""
-        P, greatest, wave = self._terminal_weight, self._greatest, 2 * np.pi * self.bandwidth
-        noise, share = float(np.sqrt(self.estimator.levels[0])), self.bandwidth * self.sample_time
-        others = [wave, self.governor.attainable, self.torque_rate * self.sample_time, _ASTRAY * noise, share]
-        constant = {
-            "model": self.estimator.predictor.parameters,
-            "stage_numbers": self.estimator.predictor.prepared,
-            "reach_numbers": prepared(reach()).of(machine),
-            "split_numbers": prepared(split()).of(machine),
-            "govern_numbers": prepared(governed(self.governor.soft is not None)).of(np.array([self.sample_time])),
-            "acting": self.estimator.acting,
-            "levels": self.estimator.levels,
-            "machine": machine,
-            "tuning": np.array([self._rate_weight, *P[np.triu_indices(2)], self.model.inertia, greatest, *others]),
-            "prices": prices(self._rate_weight, self._greatest, self.model.inertia, self.sample_time),
-            "moved": moved(self.model.inertia, self.sample_time),
-            "soft": self._soft,
-            "watching": watching(
-                self.estimator,
-                self.encoder_range,
-                greatest,
-                2 * greatest / self.model.inertia,
-                held=self.gears.drives > 1,
-            ),
-            "rubbing": friction_numbers(
-                std=self.friction_std,
-                wave=wave,
-                noise=noise,
-                resolution=self.encoder_resolution,
-                jitter=self.encoder_noise,
-                floor=self._floor,
-                greatest=greatest,
-            ),
-        }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
         n = len(self.estimator.predictor.model.states)
         watched = watched_of(n, self.estimator.motors is not None)
         remembered |= laid_out(n, self.horizon, self._whole_delay, self._rows, watched)
         self._remembered = tuple(remembered)
-        return constant | remembered
+        return constant_numbers(self, machine) | remembered
 
     def _motor_encoders(self, resolution: float) -> MotorEncoders:
         turns = np.copysign(self.gears.motor_ratios, -self.gears.angle_map).tolist()

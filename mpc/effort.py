@@ -12,6 +12,8 @@ from typing import Any
 
 import casadi as ca
 
+from mpc.active_set import TRIES
+
 _MOVES = frozenset({ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER, ca.OP_ASSIGN})
 _DIVISIONS = frozenset({ca.OP_DIV, ca.OP_INV, ca.OP_SQRT})
 _SIMPLE = frozenset(
@@ -60,9 +62,10 @@ CORTEX_M7 = {"single": Effort(4, 18, 150), "double": Effort(9, 35, 500)}
 # The loops' own operations, by reading solve.c and step.c: of each stage of the horizon, once a pass or once a round.
 _LINEARISE, _RESIDUAL, _CENTRAL, _AHEAD = Effort(40, 1), Effort(8, 1), Effort(9), Effort(16, 1)
 _FENCE, _FORCES, _END = Effort(8), Effort(54, 9), Effort(54, 15)  # of other intervals, and of each end of an interval
+_PRESSING = Effort(24, 3)  # of each other interval in a round of the active set
 
 
-_FRAMES = 5120  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
+_FRAMES = 5376  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
 
 
 def of(function: Any) -> Effort:
@@ -86,6 +89,7 @@ def calls(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bool
         "govern": N + 1,
         "learn": 1,
         "rub": N,
+        "feed": N + 1,
         "split": N,
     }
     courses = sweeps + 2 * worst  # the interior point method follows its first and its last torques
@@ -102,7 +106,8 @@ def of_step(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bo
     if fenced:
         linearise, residual = linearise + _FENCE, residual + _FORCES
     inside = (_CENTRAL + _END * (2 * rows(functions))) * rounds
-    total = _AHEAD * N + (linearise + residual * 2 + inside) * (N * passes)
+    pressing = _PRESSING * (rows(functions) * tries(functions, sizes)) if worst and fenced else Effort()
+    total = _AHEAD * N + (linearise + residual * 2 + inside + pressing) * (N * passes)
     for name, count in calls(functions, sizes, worst=worst).items():
         total += of(functions[name]) * count
     return total
@@ -113,6 +118,11 @@ def rows(functions: Mapping[str, Any]) -> int:
     return int(functions["backward"].size1_in(6)) // 2
 
 
+def tries(functions: Mapping[str, Any], sizes: Mapping[str, int]) -> int:
+    """Rounds of the active set before the interior point method."""
+    return sizes["rounds"] if rows(functions) == 1 else min(sizes["rounds"], TRIES)
+
+
 def again(functions: Mapping[str, Any], sizes: Mapping[str, int]) -> int:
     """Rounds of the active set behind the interior point method, final where there are more intervals."""
     return sizes["rounds"] if rows(functions) == 1 else 0
@@ -121,7 +131,7 @@ def again(functions: Mapping[str, Any], sizes: Mapping[str, int]) -> int:
 def _sweeps(functions: Mapping[str, Any], sizes: Mapping[str, int], worst: bool) -> int:
     """The active set, the interior point with its start, the active set again, and the plan if all of that failed."""
     rounds = sizes["rounds"]
-    return rounds + (1 + rounds) + again(functions, sizes) + 1 if worst else 2
+    return tries(functions, sizes) + (1 + rounds) + again(functions, sizes) + 1 if worst else 2
 
 
 def stack(functions: Mapping[str, Any], number: int) -> int:

@@ -48,6 +48,9 @@ _CLOCK = 200e6  # of the Cortex-M7 that the estimate is for [Hz]
 CERTIFIED = {"double": "1e-6", "single": "1e-5f"}
 """Largest residual of a solution that is accepted, in units of the greatest torque."""
 
+_FIRM, _DIGITS = {"double": "1e4", "single": "1e2f"}, {"double": "2.3e-16", "single": "1.2e-7f"}
+"""How steep the cost is beyond an end that is held, and what a number is rounded by."""
+
 _STIFF, _CLOSE = {"double": "1e11", "single": "1e5f"}, {"double": "1e-9", "single": "1e-6f"}
 """How steep the barrier of the interior point method may be, and how near it ends: as many digits as there are."""
 
@@ -111,10 +114,19 @@ class TargetCode:
         if not worst:
             return []
         what = "Even the usual step does" if usual else "The usual step fits, the worst one does"
-        return [
-            f"{what} NOT FIT into a sample of {1e6 * self.sample_time:.0f} us there; a shorter horizon, a longer "
-            "sample or --single may."
-        ]
+        return [f"{what} NOT FIT into a sample of {1e6 * self.sample_time:.0f} us there; {self._way_out(usual)}."]
+
+    def _way_out(self, usual: bool) -> str:
+        """What would make a step fit, single precision only where its estimate says so."""
+        rest = "a shorter horizon or a longer sample may"
+        if self.precision == "single":
+            return rest
+        needed = self.usual if usual else self.worst
+        time = needed.cycles(effort.CORTEX_M7["single"]) / _CLOCK
+        estimate = f"an estimated {1e6 * time:.0f} us"
+        if time <= self.sample_time:
+            return f"in single precision (--single) it would take {estimate}"
+        return f"single precision alone would not do ({estimate}), {rest}"
 
 
 def export(controller: Controller, *, single: bool = False, name: str = "antidrive") -> TargetCode:
@@ -157,6 +169,7 @@ def export(controller: Controller, *, single: bool = False, name: str = "antidri
         "drives": controller.gears.drives,
         **sizes,
         "again": effort.again(stages, sizes),
+        "tries": effort.tries(stages, sizes),
         "motors": int(controller.motor_resolution is not None),
         "statuses": _statuses(name.upper()),
         "torques": remembered["torques"],
@@ -164,6 +177,8 @@ def export(controller: Controller, *, single: bool = False, name: str = "antidri
         "members": _members(name, {field: size for field, size in remembered.items() if field not in _SHOWN}),
         "constants": "".join(_table(table, arrays[table], single) for table in _CONSTANT),
         "certified": CERTIFIED[precision],
+        "digits": _DIGITS[precision],
+        "firm": _FIRM[precision],
         "stiff": _STIFF[precision],
         "close": _CLOSE[precision],
         **{part: _literals(code, single) for part, code in controller._machine_code.parts.items()},

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.filter import belief_of, finite
-from mpc.tuning import OBSERVER
 from mpc.weights import TUNING
 from plant.effects import Moment, State
 from plant.effects.effect import parameters_of
@@ -29,7 +28,7 @@ LEARNT = 11
 direction in which friction is compensated, for how long the load has slid that way, its angle as a first-order lag of
 1/w follows it, its velocity, and whether it is still short of the reference in that direction."""
 
-RUBBING = 7
+RUBBING = 9
 """Numbers of friction, see `friction_numbers`."""
 
 _KEPT = 200.0
@@ -65,12 +64,23 @@ def rigid_contacts(model: ServoModel) -> ServoModel:
 
 
 def friction_numbers(
-    *, std: float, wave: float, noise: float, resolution: float, jitter: float, floor: float, greatest: float
+    *,
+    std: float,
+    wave: float,
+    noise: float,
+    resolution: float,
+    jitter: float,
+    floor: float,
+    greatest: float,
+    memory: float,
+    quiet: float,
 ) -> Array:
-    """(7,) numbers of friction.
+    """(9,) numbers of friction.
 
     Speed below which a reference stands, relative error of friction, memory [1/s], deaf band [rad], largest change in a
-    sample [N m], distance at which a load has arrived [rad], largest torque [N m]. A reference stands that passes less
+    sample [N m], distance at which a load has arrived [rad], largest torque [N m], samples that the estimate of the
+    disturbance has in common with the one before, by how much the change in a sample of what is fed forward may change
+    in a sample [N m]. A reference stands that passes less
     than the sensor's noise within the time of the loop. While it does, an innovation within half a count is none, less
     three standard deviations of the noise that would show what is inside.
 
@@ -82,10 +92,14 @@ def friction_numbers(
         floor: least flank torque, seen at the load [N m]; undamped teeth swing by as much as the torque jumps. Zero
             keeps no teeth together and bounds nothing.
         greatest: torque of the drives [N m].
+        memory: of the estimator [samples].
+        quiet: change of the torque from sample to sample that the teeth bear all the time [N m].
     """
     deaf = max(resolution / 2 - 3 * jitter, 0.0)
-    memory = wave / (2 * np.pi * _KEPT)
-    return np.array([wave * noise, std, memory, deaf, floor or np.inf, _CLEAR * noise, greatest])
+    fades = wave / (2 * np.pi * _KEPT)
+    return np.array(
+        [wave * noise, std, fades, deaf, floor or np.inf, _CLEAR * noise, greatest, max(memory, 1.0), quiet]
+    )
 
 
 def _levels(model: ServoModel, angle: Any, velocity: Any, torque: Any) -> tuple[Any, Any]:
@@ -155,7 +169,7 @@ def learn(model: ServoModel, motors: bool) -> Any:
     fades = rubbing[2] * dt
     Q_bb, Q_ss = ca.fmin(P_bb + fades * friction**2, most), ca.fmin(P_ss + fades * doubt, doubt)
     towards_b, towards_s = Q_bb - friction * P_bs, P_bs - friction * Q_ss
-    expected = towards_b - friction * towards_s + d_variance * ca.fmax(1 / (OBSERVER * wave * dt), 1)
+    expected = towards_b - friction * towards_s + d_variance * rubbing[7]
     miss = d - now[0] - (b - s * friction)
     believed = ca.logic_and(slid > 1 / wave, expected > 0)
     gain_b, gain_s = (ca.if_else(believed, towards / expected, 0) for towards in (towards_b, towards_s))

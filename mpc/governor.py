@@ -58,6 +58,18 @@ def _fastest(room: Any, acceleration: Any, dt: Any) -> Any:
     return ca.fmax(braked, ca.fmin(room / dt, acceleration * dt))
 
 
+def followed(path: Any, wanted: Any, limits: tuple[Any, Any], dt: Any) -> Any:
+    """A path and its rate (2,) one sample on, towards what is wanted now and at the two samples to come (3,)."""
+    (angle, rate), (backward, forward) = ca.vertsplit(path), limits
+    speed = (wanted[1] - wanted[0]) / dt
+    turn = ((wanted[2] - wanted[1]) / dt - speed) / dt
+    own = ca.fmin(ca.fmax(turn, -backward), forward)
+    least = 0.2 * ca.fmin(forward, backward)
+    room = (ca.fmax(backward + own, least), ca.fmax(forward - own, least))
+    pull = time_optimal_acceleration(angle - wanted[0], rate - speed, room, dt)
+    return ca.vertcat(angle + dt * rate, rate + dt * ca.fmin(ca.fmax(own + pull, -backward), forward))
+
+
 @cache
 def governed(limited: bool = False) -> Any:
     """One sample of the governed reference, as a `casadi.Function`.
@@ -70,15 +82,8 @@ def governed(limited: bool = False) -> Any:
     soft, asked = ca.SX.sym("soft", SOFT), wanted
     if limited:
         asked = ca.fmin(ca.fmax(wanted, soft[0]), soft[1])
-    angle, rate = ca.vertsplit(path)
-    backward, forward = ca.vertsplit(limits)
-    speed = (asked[1] - asked[0]) / dt
-    turn = ((asked[2] - asked[1]) / dt - speed) / dt
-    own = ca.fmin(ca.fmax(turn, -backward), forward)
-    least = 0.2 * ca.fmin(forward, backward)
-    room = (ca.fmax(backward + own, least), ca.fmax(forward - own, least))
-    pull = time_optimal_acceleration(angle - asked[0], rate - speed, room, dt)
-    next_angle, next_rate = angle + dt * rate, rate + dt * ca.fmin(ca.fmax(own + pull, -backward), forward)
+    (_, rate), (backward, forward) = ca.vertsplit(path), ca.vertsplit(limits)
+    next_angle, next_rate = ca.vertsplit(followed(path, asked, (backward, forward), dt))
     if limited:
         least, greatest = (_SURE * ca.fmin(brake, (backward + forward) / 2) for brake in (forward, backward))
         up = ca.fmin(_fastest(soft[1] - next_angle, greatest, dt), soft[2])

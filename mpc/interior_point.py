@@ -85,6 +85,12 @@ def solve_from_inside(programme: Sweeps) -> None:
     p.data[:], p.end[:] = kept
     p.follow(x)
     p.forces[:] = _sums(p, row, sign * force)
+    given_up = priced & (excess * far > spare * strong)
+    size = np.where(given_up, 2.0, np.where(slack * far < force * strong, 1.0, 0.0)) * (row % p.rows > 0)
+    pushes, standing = np.zeros((p.forces.size, 2)), np.zeros((p.forces.size, 2))
+    end = (sign > 0).astype(np.intp)
+    pushes[row, end], standing[row, end] = force, sign * size
+    p.pressed[:] = np.where(pushes[:, 1] > pushes[:, 0], standing[:, 1], standing[:, 0]).reshape(p.pressed.shape)
     push, inside = p.forces[:, 0] / p.curvature, x - middle
     p.bounds[:, 0] = np.where(inside + push < -half, -1.0, np.where(inside + push > half, 1.0, 0.0))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,3 +54,26 @@ def unrolled(loop: Any, stages: int, *functions: Any) -> Any:
     """A loop over stages that calls functions, written out as one list of operations unless that would be too long."""
     work = stages * sum(function.n_instructions() for function in functions)
     return loop.expand() if work <= _UNROLLED else loop
+
+
+def along_the_way(function: Any, stages: int, memory: int) -> Any:
+    """A function of a stage and of what the last one left, over many stages.
+
+    Args:
+        function: (what is new at a stage, ..., memory, ..., the same for all) -> memory.
+        stages: how many there are.
+        memory: place of what the last stage left.
+
+    Returns:
+        The function with the first argument stage by stage, and the memory behind each stage as its result.
+    """
+    given = [ca.MX.sym(function.name_in(i), function.sparsity_in(i)) for i in range(function.n_in())]
+    new = ca.MX.sym("new", function.size1_in(0), stages)
+    found, left = [], given[memory]
+    for k in range(stages):
+        arguments = [new[:, k], *given[1:]]
+        arguments[memory] = left
+        left = function(*arguments)
+        found.append(left)
+    loop = ca.Function(f"{function.name()}_along", [new, *given[1:]], [ca.horzcat(*found)])
+    return unrolled(loop, stages, function)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.control import OUTCOME
+from mpc.feed_forward import FED
 from mpc.friction import LEARNT
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "numbers": 4,  # how many wanted angles are known, and the last three
         "past": late + 3,  # torques under way, oldest first: those of a delay, and the two around the last sample
         "plan": N + 1,  # whether there is one, and its torques
+        "pressed": rows * N,  # which other numbers are held at an end (1, -1) or given up to their price (2, -2)
+        "forces": rows * N,  # with which these ends push back
         "bounds": 3 * N,  # which of them holds, and both, at each stage
         "preload": 1,  # lambda of the last sample
         "load": 1,  # torque that the load takes without accelerating
@@ -31,6 +34,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "watched": watched,  # see `mpc.encoder_faults`
         "astray": 1,  # mean square of what the load is off its reference, in units of what is admitted
         "rubs": late + 3,  # torques against friction, beside those of past
+        "fed": FED,  # see `mpc.feed_forward`
     }
     handed = {
         "readings": 3,
@@ -50,11 +54,11 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "B": samples * n * 2,
         "range": 2 * N,
         "unit": 1,
+        "feed": N + 1,  # torque that the reference takes: in the last sample, and in each of the horizon
         "rub": N,  # torque against friction of each stage
         "data": 2 * N,
         "barrier": 2 * rows * N,  # what the interior point method adds to the cost
         "fence": 2 * rows * N,  # ends of the intervals of each stage
-        "forces": rows * N,  # with which they push back
         "end": 2,
         "law": (2 * n + 5) * N,
         "s": (N + 1) * (n + 1),

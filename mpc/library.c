@@ -6,6 +6,8 @@
 typedef double real;
 
 #define CERTIFIED 1e-6 /* largest residual of an accepted solution, in units of the greatest torque */
+#define DIGITS 2.3e-16 /* what a number is rounded by, in units of itself */
+#define FIRM 1e4       /* how steep the cost is beyond an end that is held: see mpc/active_set.py */
 #define STIFF 1e11     /* how steep the barrier of the interior point method may be, */
 #define CLOSE 1e-9     /* and how near it ends: see mpc/interior_point.py */
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
+from mpc.active_set import find_active_set
 from mpc.interior_point import solve_from_inside
 from mpc.riccati import TORQUE_ALONE
-from mpc.sweeps import Sweeps
-
-CERTIFIED = 1e-6
-"""Largest residual of an accepted solution, in units of the greatest torque."""
+from mpc.sweeps import CERTIFIED, Sweeps
 
 
 class Programme(Sweeps):
@@ -16,23 +14,15 @@ class Programme(Sweeps):
     def solve(self) -> float:
         """The minimiser in `e`; the residual, inf if none was certified.
 
-        Newton steps until the active bounds repeat. They end at the minimiser after a few sweeps, but may cycle, and
-        know the torques' own bounds alone. Where that is not enough, the interior point method guesses the active
-        bounds anew, or, where other intervals are active, is itself the answer. Nothing is believed without `residual`.
+        The active set ends at the minimiser after a few sweeps, but may cycle. Then the interior point method guesses
+        it anew, or, where other intervals than those of the torque are active, is itself the answer. Nothing is
+        believed without `residual`; where leaving an interval has a price, that little would be dear, and the active
+        set must have come to its end too.
         """
-        self._active_set()
-        if (residual := self.residual()) <= CERTIFIED:
+        settled = find_active_set(self)
+        if (residual := self.residual()) <= CERTIFIED and (settled or self.rows == TORQUE_ALONE):
             return residual
         solve_from_inside(self)
         if self.rows == TORQUE_ALONE:
-            self._active_set()
+            find_active_set(self)
         return residual if (residual := self.residual()) <= CERTIFIED else float("inf")
-
-    def _active_set(self) -> None:
-        self.forces[:] = 0.0
-        for _ in range(self.rounds):
-            settled = self.sweep()
-            self.bounds[:, 0] = self.held
-            if settled:
-                break
-        self.curvature[:] = self.law[:, -1]

@@ -2,10 +2,11 @@
 
    The functions backward, forward and slope above are one stage each, written by CasADi from the same expressions that
    the Python form uses (mpc/programme.py); here stand the loops around them. No memory is taken, every loop is bounded.
-   HORIZON, LATE, PASSES, ROUNDS, TABLE, STEP, CERTIFIED, STIFF and CLOSE come from what it is written into. */
+   HORIZON, LATE, PASSES, ROUNDS, TABLE, STEP, CERTIFIED, DIGITS, FIRM, STIFF and CLOSE come from what it is written into. */
 
 enum { N = STATES, M = STATES + 1, TRIANGLE = M * (M + 1) / 2, LAW = 2 * M + 3, ROWS = BARRIER / 2 };
 
+#define TRIES (ROWS > 1 && ROUNDS > 15 ? 15 : ROUNDS) /* of the active set: see mpc/active_set.py */
 #define BEGIN 1e3 /* where the interior point method begins, see mpc/interior_point.py */
 
 static real larger(real a, real b) { return a > b ? a : b; }
@@ -33,7 +34,7 @@ static int sweep(struct controller *c)
 {
   int k, shift = N * LATE;
   real V[2][TRIANGLE] = {{0}}, v[2][M] = {{0}};
-  const real *P = TABLE(tuning) + 1;
+  const real *P = TABLE(tuning) + TUNING_END;
   V[0][0] = P[0], V[0][1] = P[1], V[0][2] = P[2];
   v[0][0] = P[0] * c->end[0] + P[1] * c->end[1];
   v[0][1] = P[1] * c->end[0] + P[2] * c->end[1];
@@ -46,6 +47,9 @@ static int sweep(struct controller *c)
 }
 
 /* Where torques lead. */
+#ifndef STAT
+#define STAT(x)
+#endif
 static void follow(struct controller *c, const real *torques)
 {
   int k, i;
@@ -68,7 +72,7 @@ static real residual(struct controller *c)
 {
   int k, i, shift = N * LATE;
   real costate[2][M] = {{0}}, slope_e, worst = 0, miss;
-  const real *P = TABLE(tuning) + 1, *s = c->s + M * HORIZON;
+  const real *P = TABLE(tuning) + TUNING_END, *s = c->s + M * HORIZON;
   costate[0][0] = P[0] * (c->end[0] + s[0]) + P[1] * (c->end[1] + s[1]);
   costate[0][1] = P[1] * (c->end[0] + s[0]) + P[2] * (c->end[1] + s[1]);
   for (k = HORIZON - 1; k >= 0; --k) {
@@ -84,23 +88,127 @@ static real residual(struct controller *c)
       real scale = TABLE(moved)[i], stiff = curvature / (scale * scale), q = number(c, k, i);
       real up = clipped(forces[i] + stiff * (q - fence[2 * i + 1]), 0, TABLE(prices)[i]);
       real down = clipped(forces[i] + stiff * (q - fence[2 * i]), -TABLE(prices)[i], 0);
-      miss = fabs(up + down - forces[i]) / stiff / scale;
+      miss = larger(DIGITS * fabs(forces[i]), fabs(up + down - forces[i])) / stiff / scale;
       if (!(miss <= worst)) worst = miss;
     }
   }
   return worst / c->unit[0];
 }
 
-/* Newton steps until the active bounds repeat. */
-static void active_set(struct controller *c)
+/* How steep the cost is beyond an end at which a number is held, see mpc/active_set.py. */
+static real steepness(const struct controller *c, int j)
 {
-  int round, k, changes = 1;
-  for (k = 0; k < ROWS * HORIZON; ++k) c->forces[k] = 0;
-  for (round = 0; round < ROUNDS && changes; ++round) {
-    changes = sweep(c);
-    for (k = 0; k < HORIZON; ++k) c->bounds[3 * k] = c->held[k];
+  real scale = TABLE(moved)[j % ROWS];
+  return FIRM * (c->curvature[j / ROWS] / (scale * scale));
+}
+
+/* What of the numbers beside the torque is known to be held, or given up to its price; how many. */
+static int known(struct controller *c)
+{
+  int j, count = 0;
+  for (j = 0; j < ROWS * HORIZON; ++j) {
+    real at = c->pressed[j], price = TABLE(prices)[j % ROWS], *force = c->forces + j;
+    int end = fabs(c->fence[2 * j + (at > 0)]) < INFINITY;
+    if (fabs(at) == 2 && price < INFINITY) *force = at > 0 ? price : -price;
+    if (!(j % ROWS && end && ((fabs(at) == 1 && fabs(*force) < INFINITY) || (fabs(at) == 2 && price < INFINITY))))
+      c->pressed[j] = *force = 0;
+    count += c->pressed[j] != 0;
   }
+  return count;
+}
+
+/* What that adds to the cost. */
+static void press(struct controller *c)
+{
+  int j;
+  for (j = 0; j < ROWS * HORIZON; ++j) {
+    real at = c->pressed[j], firm = fabs(at) == 1 ? steepness(c, j) : 0;
+    c->barrier[2 * j] = firm;
+    c->barrier[2 * j + 1] = firm > 0 ? c->forces[j] - firm * c->fence[2 * j + (at > 0)] : c->forces[j];
+  }
+}
+
+/* The forces behind a sweep, and which numbers are let go, given up to their price, or held again; how many. */
+static int settle(struct controller *c)
+{
+  int j, changes = 0;
+  for (j = 0; j < ROWS * HORIZON; ++j) {
+    real at = c->pressed[j], sense = at > 0 ? 1 : -1, price = TABLE(prices)[j % ROWS], beyond, force;
+    if (at == 0) continue;
+    beyond = sense * (number(c, j / ROWS, j % ROWS) - c->fence[2 * j + (at > 0)]);
+    if (fabs(at) == 2) {
+      if (beyond < 0) c->pressed[j] = sense, ++changes;
+      continue;
+    }
+    if (fabs(beyond) > CLOSE * c->unit[0] * TABLE(moved)[j % ROWS]) ++changes; /* not quite there */
+    force = sense * c->forces[j] + steepness(c, j) * beyond;
+    if (!(force > 0)) c->pressed[j] = force = 0, ++changes;
+    if (force > price) c->pressed[j] = 2 * sense, force = price, ++changes;
+    c->forces[j] = sense * force;
+  }
+  return changes;
+}
+
+/* How far each number that is free is beyond an end, in units of the torque that moves it. */
+static void look_beyond(struct controller *c)
+{
+  int j;
+  for (j = 0; j < ROWS * HORIZON; ++j) {
+    real q = number(c, j / ROWS, j % ROWS), far = larger(q - c->fence[2 * j + 1], c->fence[2 * j] - q);
+    c->gap[j] = j % ROWS && c->pressed[j] == 0 ? far / TABLE(moved)[j % ROWS] : -INFINITY;
+  }
+}
+
+/* Hold those that are farther beyond than their neighbours in time; how many. */
+static int take_up(struct controller *c)
+{
+  int j, count = 0;
+  for (j = 0; j < ROWS * HORIZON; ++j) {
+    real far = c->gap[j];
+    if (!(far > CLOSE * c->unit[0])) continue;
+    if (j >= ROWS && !(far >= c->gap[j - ROWS])) continue;
+    if (j < ROWS * (HORIZON - 1) && !(far > c->gap[j + ROWS])) continue;
+    c->pressed[j] = number(c, j / ROWS, j % ROWS) > c->fence[2 * j + 1] ? 1 : -1;
+    ++count;
+  }
+  return count;
+}
+
+/* The bounds of the torques as the last sweep has them. */
+static void take(struct controller *c)
+{
+  int k;
+  for (k = 0; k < HORIZON; ++k) c->bounds[3 * k] = c->held[k];
+}
+
+static void measure(struct controller *c)
+{
+  int k;
   for (k = 0; k < HORIZON; ++k) c->curvature[k] = c->law[LAW * k + LAW - 1];
+}
+
+/* Newton steps until the active bounds and ends repeat; whether they do. */
+static int active_set(struct controller *c)
+{
+  int round, j, changes = 1, once_more = 0, count, warm = ROWS > 1 && known(c), pressing = warm;
+  for (j = 0; j < BARRIER * HORIZON; ++j) c->barrier[j] = 0;
+  for (round = 0; round < TRIES && (changes || warm); ++round) {
+    if (ROWS > 1 && round) press(c);
+    changes = sweep(c);
+    if (ROWS == 1 || !round) measure(c);
+    if (!round && warm) continue; /* the first sweep was for the curvature alone */
+    warm = 0;
+    take(c);
+    if (ROWS == 1) continue;
+    look_beyond(c);
+    changes += settle(c);
+    count = take_up(c);
+    changes += count, pressing |= count > 0;
+    once_more = !changes && pressing && !once_more; /* with forces that are right by now */
+    changes += once_more;
+  }
+  for (j = 0; j < BARRIER * HORIZON; ++j) c->barrier[j] = 0;
+  return !changes;
 }
 
 /* Count from now on from where that part of the last sweep ends. */
@@ -179,7 +287,7 @@ static real left(const struct controller *c, real *mean)
   real worst = 0, sum = 0;
   for (j = 0; j < BARRIER * HORIZON; ++j) {
     real scale = TABLE(moved)[j % BARRIER / 2], slack = c->slack[j], force = c->force[j], product = slack * force;
-    real far = 1 / (c->unit[0] * scale), strong = scale / (c->unit[0] * TABLE(tuning)[0]);
+    real far = 1 / (c->unit[0] * scale), strong = scale / (c->unit[0] * TABLE(tuning)[TUNING_RATE_WEIGHT]);
     if (!(fabs(c->fence[j]) < INFINITY)) continue;
     worst = larger(smaller(slack * far, force * strong), worst);
     ++ends;
@@ -192,6 +300,16 @@ static real left(const struct controller *c, real *mean)
   }
   *mean = sum / ends;
   return worst;
+}
+
+/* Whether the force of an end stands for a number that is held there, or given up to its price. */
+static real pressed(const struct controller *c, int j)
+{
+  real scale = TABLE(moved)[j % BARRIER / 2], sense = j % 2 ? 1 : -1;
+  real far = 1 / (c->unit[0] * scale), strong = scale / (c->unit[0] * TABLE(tuning)[TUNING_RATE_WEIGHT]);
+  if (!(fabs(c->fence[j]) < INFINITY) || j % BARRIER < 2) return 0;
+  if (c->excess[j] * far > c->spare[j] * strong) return 2 * sense;
+  return c->slack[j] * far < c->force[j] * strong ? sense : 0;
 }
 
 /* The primal-dual interior point method (see mpc/interior_point.py): the solution, and which torques are at a bound. */
@@ -236,6 +354,7 @@ static void interior_point(struct controller *c)
   for (j = 0; j < BARRIER * count; j += 2) {
     real down = fabs(c->fence[j]) < INFINITY ? c->force[j] : 0, up = fabs(c->fence[j + 1]) < INFINITY ? c->force[j + 1] : 0;
     c->forces[j / 2] = up - down;
+    c->pressed[j / 2] = pressed(c, j + (up > down));
     c->barrier[j] = c->barrier[j + 1] = 0;
   }
   for (k = 0; k < count; ++k) {
@@ -247,10 +366,9 @@ static void interior_point(struct controller *c)
 /* The solution of the programme, certified; its residual, infinite if there is none. */
 STEP real solve(struct controller *c)
 {
-  real worst;
-  active_set(c);
-  worst = residual(c);
-  if (worst <= CERTIFIED) return worst;
+  int settled = active_set(c);
+  real worst = residual(c);
+  if (worst <= CERTIFIED && (settled || ROWS == 1)) return worst; /* a price makes much of little: see mpc/programme.py */
   interior_point(c);
   if (ROWS == 1) active_set(c); /* the other intervals it does not know */
   worst = residual(c);

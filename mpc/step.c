@@ -12,7 +12,7 @@ enum { LOST = 1, BRIDGED = 2, JUMPED = 4, STAYED = 8, DIVERGED = 16, AIMLESS = 3
 static int look(struct controller *c, int previewed)
 {
   int k, trouble = 0;
-  real speed = 0, numbers[4], angle = c->belief[3];
+  real speed = 0, numbers[4], angle = c->belief[BELIEF_ANGLE];
   real *wanted = c->wanted;
   for (k = 0; k <= (previewed ? HORIZON : 0); ++k)
     if (!isfinite(wanted[k])) trouble = AIMLESS;
@@ -21,7 +21,7 @@ static int look(struct controller *c, int previewed)
     c->numbers[0] = 0;
     return trouble;
   }
-  preview(c->numbers, wanted, TABLE(tuning) + 7, numbers, &speed);
+  preview(c->numbers, wanted, TABLE(tuning) + TUNING_ATTAINABLE, numbers, &speed);
   memcpy(c->numbers, numbers, sizeof numbers);
   for (k = 1; k <= HORIZON; ++k) wanted[k] = wanted[0] + speed * k;
   return trouble;
@@ -40,7 +40,7 @@ static int lead(const struct controller *c, const real *path, const real *limits
 {
   int k;
   real jumps = 0, due = 0, count;
-  for (k = 0; k < HORIZON - 1 && !jumps; ++k) jump(c->wanted + k, TABLE(tuning) + 7, &jumps);
+  for (k = 0; k < HORIZON - 1 && !jumps; ++k) jump(c->wanted + k, TABLE(tuning) + TUNING_ATTAINABLE, &jumps);
   count = k;
   if (jumps) early(path, c->wanted + k - 1, &count, limits, TABLE(model) + PARAMETERS - 1, &due, change);
   if (due) return k;
@@ -54,13 +54,13 @@ static void aim(struct controller *c, int previewed)
 {
   int k, i, last = HORIZON, first = 0;
   real limits[2], near, speed, bend, now[2], next[2], three[3], change = 0, *ahead = c->ahead;
-  followable(c->belief + 3, c->load, TABLE(machine), TABLE(tuning), limits, &near);
-  if (!(c->path[0] && fabs(c->belief[3] - c->path[1]) <= near)) {
-    c->path[0] = 1;
-    c->path[1] = c->belief[3];
-    c->path[2] = c->belief[4];
+  followable(c->belief + BELIEF_ANGLE, c->load, TABLE(machine), TABLE(tuning), limits, &near);
+  if (!(c->path[PATH_GOVERNED] && fabs(c->belief[BELIEF_ANGLE] - c->path[PATH_ANGLE]) <= near)) {
+    c->path[PATH_GOVERNED] = 1;
+    c->path[PATH_ANGLE] = c->belief[BELIEF_ANGLE];
+    c->path[PATH_RATE] = c->belief[BELIEF_VELOCITY];
   }
-  memcpy(now, c->path + 1, sizeof now);
+  memcpy(now, c->path + PATH_ANGLE, sizeof now);
   if (previewed) first = lead(c, now, limits, &change);
   for (k = 0; k <= last; ++k) {
     const real *wanted = c->wanted + k;
@@ -71,7 +71,7 @@ static void aim(struct controller *c, int previewed)
     ahead[k] = now[0];
     govern(now, wanted, limits, TABLE(soft), TABLE(govern_numbers), next);
     memcpy(now, next, sizeof now);
-    if (k == 0) memcpy(c->path + 1, next, sizeof next);
+    if (k == 0) memcpy(c->path + PATH_ANGLE, next, sizeof next);
   }
   speed = ahead[last] - ahead[last - 1];
   bend = speed - (ahead[last - 1] - ahead[last - 2]);
@@ -83,11 +83,11 @@ static void aim(struct controller *c, int previewed)
 static int astray(struct controller *c)
 {
   const real *ahead = c->ahead, *own = TABLE(tuning);
-  real step = TABLE(model)[PARAMETERS - 1] * own[6], *mean = c->astray;
-  real admitted = own[9] + fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step);
-  real miss = (ahead[0] - c->belief[3]) / admitted;
+  real step = TABLE(model)[PARAMETERS - 1] * own[TUNING_WAVE], *mean = c->astray;
+  real admitted = own[TUNING_ASTRAY] + fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step);
+  real miss = (ahead[0] - c->belief[BELIEF_ANGLE]) / admitted;
   if (!(*mean >= 0 && *mean <= 2)) *mean = 0;
-  *mean += own[10] * (smaller(miss * miss, 2) - *mean);
+  *mean += own[TUNING_SHARE] * (smaller(miss * miss, 2) - *mean);
   return *mean > 1 ? ASTRAY : 0;
 }
 
@@ -102,8 +102,8 @@ static void rubbed(struct controller *c)
   now[0] = c->rubs[1], now[1] = total, now[2] = ahead[0], now[3] = ahead[1], now[4] = c->ahead[HORIZON];
   learn(c->belief, c->learnt, now, TABLE(model), TABLE(rubbing), TABLE(tuning), learnt, &disturbance);
   memcpy(c->learnt, learnt, sizeof learnt);
-  more = c->belief[2] - disturbance;
-  c->belief[2] = disturbance;
+  more = c->belief[BELIEF_DISTURBANCE] - disturbance;
+  c->belief[BELIEF_DISTURBANCE] = disturbance;
   for (k = 0; k < LATE + 3; ++k) c->past[k] += more, c->rubs[k] -= more;
   for (k = 1; k <= HORIZON; ++k) c->plan[k] += more;
   before = c->rubs[LATE + 1];
@@ -112,6 +112,24 @@ static void rubbed(struct controller *c)
   for (k = 0; k < HORIZON; ++k) {
     rub(ahead + (k + lead < HORIZON ? k + lead : HORIZON - 1), &before, &total, c->learnt, TABLE(model), TABLE(rubbing), c->rub + k);
     before = c->rub[k];
+  }
+}
+
+/* The torque that the governed reference takes; before the first sample it is what moves the load. */
+static void feed_forward(struct controller *c)
+{
+  int k, known = c->fed[0] == 1;
+  real fed[FED], next[FED] = {0};
+  const real *ahead = c->ahead + LATE;
+  for (k = 1; k < FED; ++k) known = known && isfinite(c->fed[k]);
+  memcpy(fed, c->fed, sizeof fed);
+  if (!known) feed(ahead, next, TABLE(model), TABLE(rubbing), fed);
+  c->feed[0] = known ? fed[1] : c->past[LATE + 1] + c->belief[BELIEF_DISTURBANCE];
+  for (k = 0; k < HORIZON; ++k) {
+    feed(ahead + k, fed, TABLE(model), TABLE(rubbing), next);
+    memcpy(fed, next, sizeof fed);
+    c->feed[k + 1] = fed[1];
+    if (k == 0) memcpy(c->fed, fed, sizeof fed);
   }
 }
 
@@ -134,11 +152,12 @@ static void confine(struct controller *c)
 static void linearise(struct controller *c)
 {
   int k, late = LATE, total = late + HORIZON;
-  real both[2], pace, acceleration, disturbance = c->belief[2], dt = TABLE(model)[PARAMETERS - 1];
-  real low = c->past[late + 1] + c->rubs[late + 1], high = low, step = TABLE(tuning)[8], least, most, before_low, before_high, most_step;
-  real rubbed_before = c->rubs[late + 1];
+  real both[2], pace, acceleration, disturbance = c->belief[BELIEF_DISTURBANCE], dt = TABLE(model)[PARAMETERS - 1];
+  real low = c->past[late + 1] + c->rubs[late + 1], high = low, step = TABLE(tuning)[TUNING_TORQUE_STEP];
+  real least, most, before_low, before_high, most_step;
+  real rubbed_before = c->rubs[late + 1], change;
   const real *ahead = c->ahead + late, *state;
-  memcpy(c->states, c->belief + 3, N * sizeof(real));
+  memcpy(c->states, c->belief + BELIEF_ANGLE, N * sizeof(real));
   for (k = 0; k < total; ++k) {
     both[0] = (k < late ? c->past[k + 2] : c->guess[k - late]) + disturbance;
     both[1] = (k <= late ? c->past[k + 1] : c->guess[k - late - 1]) + disturbance;
@@ -161,10 +180,11 @@ static void linearise(struct controller *c)
     bounds[1] = range[0] - c->guess[k];
     bounds[2] = range[1] - c->guess[k];
     data[0] = k ? state[0] - ahead[k] : 0;
-    data[1] = c->guess[k] - (k ? c->guess[k - 1] : c->past[late + 1]);
+    change = c->guess[k] - (k ? c->guess[k - 1] : c->past[late + 1]);
+    data[1] = change - (c->feed[k + 1] - c->feed[k]);
     if (ROWS > 1) {
-      c->fence[BARRIER * k + 2] = -most_step - data[1] - (c->rub[k] - rubbed_before);
-      c->fence[BARRIER * k + 3] = most_step - data[1] - (c->rub[k] - rubbed_before);
+      c->fence[BARRIER * k + 2] = -most_step - change - (c->rub[k] - rubbed_before);
+      c->fence[BARRIER * k + 3] = most_step - change - (c->rub[k] - rubbed_before);
     }
     rubbed_before = c->rub[k];
   }
@@ -207,14 +227,14 @@ static void hold(struct controller *c)
   int k;
   real nothing = 0, given, margin, preload = c->preload[0], next;
   c->plan[0] = 0;
-  c->outcome[2] = INFINITY;
+  c->outcome[OUTCOME_RESIDUAL] = INFINITY;
   for (k = 0; k < HORIZON; ++k) {
     split(&preload, &nothing, &nothing, &nothing, TABLE(split_numbers), &next, c->torques + 2 * k, &given, &margin);
     preload = next;
     c->angles[k] = NAN;
     if (k) continue;
     c->preload[0] = preload;
-    c->outcome[0] = margin;
+    c->outcome[OUTCOME_MARGIN] = margin;
     c->past[LATE + 2] = given;
     c->rubs[LATE + 2] = 0;
   }
@@ -225,7 +245,9 @@ static void hold(struct controller *c)
 static int broken(const struct controller *c, int k)
 {
   real angle = c->angles[k], speed = c->states[N * (LATE + k) + 1] + c->s[M * k + 1];
-  return angle < TABLE(soft)[0] - TABLE(soft)[5] || angle > TABLE(soft)[1] + TABLE(soft)[5] || fabs(speed) > TABLE(soft)[2] + TABLE(soft)[6];
+  const real *limits = TABLE(soft);
+  return angle < limits[SOFT_LOWEST] - limits[SOFT_SHOWS] || angle > limits[SOFT_HIGHEST] + limits[SOFT_SHOWS] ||
+         fabs(speed) > limits[SOFT_FASTEST] + limits[SOFT_SHOWS_SPEED];
 }
 
 /* The torques of the horizon for what was planned. */
@@ -236,7 +258,12 @@ static int plan_ahead(struct controller *c)
   for (k = 0; k < HORIZON; ++k) c->guess[k] = c->plan[0] ? c->plan[k + 2 - (k == HORIZON - 1)] : c->past[shift + 1];
   for (k = 0; k < HORIZON; ++k)
     c->bounds[3 * k] = c->plan[0] ? c->bounds[3 * (k + 1 - (k == HORIZON - 1))] : 0;
-  c->outcome[2] = optimise(c);
+  for (k = 0; k < ROWS * HORIZON; ++k) {
+    int next = k < ROWS * (HORIZON - 1) ? k + ROWS : k;
+    c->pressed[k] = c->plan[0] ? c->pressed[next] : 0;
+    c->forces[k] = c->plan[0] ? c->forces[next] : 0;
+  }
+  c->outcome[OUTCOME_RESIDUAL] = optimise(c);
   if (!c->plan[0]) trouble = UNCERTIFIED;
   for (k = 0; k <= HORIZON; ++k) {
     const real *state = c->states + N * (shift + k), *s = c->s + M * k;
@@ -249,20 +276,20 @@ static int plan_ahead(struct controller *c)
     hold(c);
     return UNCERTIFIED;
   }
-  c->load[0] = c->plan[1] + c->rub[0] - TABLE(tuning)[4] * c->acceleration[0];
-  c->outcome[0] = INFINITY;
+  c->load[0] = c->plan[1] + c->rub[0] - TABLE(tuning)[TUNING_INERTIA] * c->acceleration[0];
+  c->outcome[OUTCOME_MARGIN] = INFINITY;
   for (k = 0; k < HORIZON; ++k) {
     total = c->plan[k + 1] + c->rub[k];
     split(&preload, &total, c->states + N * (shift + k) + 1, c->acceleration + k, TABLE(split_numbers),
           &next, c->torques + 2 * k, &given, &margin);
     preload = next;
-    c->outcome[0] = margin < c->outcome[0] ? margin : c->outcome[0];
+    c->outcome[OUTCOME_MARGIN] = margin < c->outcome[OUTCOME_MARGIN] ? margin : c->outcome[OUTCOME_MARGIN];
     if (k) continue;
     c->past[shift + 2] = given - c->rub[0];
     c->rubs[shift + 2] = c->rub[0];
     c->preload[0] = preload;
   }
-  if (c->outcome[0] < -1e-9 * TABLE(machine)[1]) trouble |= PARTING;
+  if (c->outcome[OUTCOME_MARGIN] < -1e-9 * TABLE(machine)[1]) trouble |= PARTING;
   return trouble | beyond;
 }
 
@@ -290,17 +317,19 @@ static void miss(struct controller *c)
 static void lapse(struct controller *c)
 {
   int k, missed;
-  real dt = TABLE(model)[PARAMETERS - 1], elapsed = c->elapsed[0], shift;
+  real dt = TABLE(model)[PARAMETERS - 1], elapsed = c->elapsed[0], shift, late, bend;
   memcpy(c->acting, TABLE(model), PARAMETERS * sizeof(real));
   c->elapsed[0] = 0;
   if (!(elapsed > 0 && isfinite(elapsed))) return;
   if (elapsed > (HORIZON + 0.5) * dt) { /* nothing is known any more */
-    c->belief[0] = c->path[0] = c->plan[0] = c->numbers[0] = 0;
+    c->belief[BELIEF_KNOWN] = c->path[PATH_GOVERNED] = c->plan[0] = c->numbers[0] = 0;
     return;
   }
   shift = c->numbers[0] > 1 ? (elapsed / dt - 1) * (c->numbers[3] - c->numbers[2]) : 0;
   for (k = 1; k < 4; ++k) c->numbers[k] += shift;
-  c->path[1] += c->path[2] * (elapsed - dt);
+  late = elapsed - dt, bend = isfinite(c->fed[3]) ? c->fed[3] : 0;
+  c->path[PATH_ANGLE] += late * (c->path[PATH_RATE] + late * (bend / (2 * dt * dt)));
+  c->path[PATH_RATE] += late * (bend / (dt * dt));
   missed = elapsed > dt ? (int)(elapsed / dt - 0.5) : 0;
   for (k = 0; k < missed; ++k) miss(c);
   c->acting[PARAMETERS - 1] = elapsed - missed * dt;
@@ -332,16 +361,17 @@ STEP int control_step(struct controller *c, real angle, int previewed)
   memcpy(c->belief, belief, sizeof belief);
   trouble = (int)code;
   if (out) trouble = (trouble & ~BRIDGED) | CONTRADICTED;
-  if (!c->belief[0]) {
+  if (!c->belief[BELIEF_KNOWN]) {
     hold(c);
   } else {
     trouble |= look(c, previewed);
     aim(c, previewed && !(trouble & AIMLESS));
     trouble |= astray(c);
     rubbed(c);
+    feed_forward(c);
     trouble |= plan_ahead(c);
   }
-  c->outcome[1] = c->belief[2];
+  c->outcome[OUTCOME_DISTURBANCE] = c->belief[BELIEF_DISTURBANCE];
   move_on(c);
   return trouble;
 }

@@ -11,21 +11,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mpc.corridor import corridor, enter
 from mpc.estimator import Estimator
+from mpc.feed_forward import FED
 from mpc.governor import Governor, followable
-from mpc.kernel import Kernel, unrolled
+from mpc.kernel import Kernel, along_the_way, unrolled
 from mpc.prepared import prepared
 from mpc.preview import preview, prolonged
-from mpc.programme import CERTIFIED, Programme
+from mpc.real_time_iteration import RealTimeIteration
 from mpc.riccati import TORQUE_ALONE
-from mpc.split import reach, split
+from mpc.slots import Belief, Outcome, Path, Tuning
+from mpc.split import split
 from mpc.trouble import Trouble
 
 Array = NDArray[np.float64]
-
-CONVERGED = 1e-9
-"""Change of the torques at which a full solution ends, in units of the greatest torque."""
 
 
 class InterpretedStep:
@@ -41,37 +39,30 @@ class InterpretedStep:
         arrays: Mapping[str, Array],
         estimator: Estimator,
         governor: Governor,
-        friction: tuple[Any, Any],
+        friction: tuple[Any, Any, Any],
         watch: Any,
     ) -> None:
-        """On the arrays of a controller; the functions of friction are `mpc.friction.rub` and `learn`."""
+        """On the arrays of a controller; friction: `mpc.friction.rub`, `learn`, and `mpc.feed_forward.feed`."""
         N, late = sizes["horizon"], sizes["late"]
         n = len(estimator.predictor.model.states)
-        self._late, self._passes, self._dt = late, sizes["passes"], float(arrays["model"][-1])
+        self._late, self._dt = late, float(arrays["model"][-1])
         self._estimator, self._governor = estimator, governor
-        self.programme = Programme(arrays, sizes["rounds"])
-        self._a = arrays
+        self._iteration = RealTimeIteration(sizes, arrays, estimator)
+        self.programme = self._iteration.programme
+        self._a, self._places = arrays, np.arange(N)
         self._states = arrays["states"].reshape(-1, n)
-        self._range, self._torques = arrays["range"].reshape(N, 2), arrays["torques"].reshape(N, 2)
         machine = arrays["machine"]
-        self._preview = Kernel(preview(), {0: arrays["numbers"], 2: arrays["tuning"][7:8]})
+        self._preview = Kernel(preview(), {0: arrays["numbers"], 2: arrays["tuning"][Tuning.ATTAINABLE :][:1]})
         self._followable = Kernel(followable(), {1: arrays["load"], 2: machine, 3: arrays["tuning"]})
-        stage = estimator.predictor.along.function
-        along = unrolled(stage.mapaccum(late + N), late + N, stage)
-        outputs = {0: arrays["states"][n:], 1: arrays["A"], 2: arrays["B"]}
-        self._along = Kernel(along, {0: arrays["states"][:n], 2: np.tile(arrays["stage_numbers"], late + N)}, outputs)
-        to_reach, to_split = prepared(reach()).function, prepared(split()).function
-        reaching = {2: np.tile(arrays["reach_numbers"], N)}
-        self._reach = Kernel(unrolled(to_reach.map(N), N, to_reach), reaching, {0: arrays["range"]})
-        rub, learn = friction
+        rub, learn, feed = friction
         learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
         self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
-        self._rub = Kernel(rub, {3: learnt, 4: same, 5: rubbing})
+        self._rub = Kernel(along_the_way(rub, N, 1), {3: learnt, 4: same, 5: rubbing}, {0: arrays["rub"]})
+        self._feed = Kernel(feed, {2: same, 3: rubbing})
+        self._fed = Kernel(along_the_way(feed, N, 1), {1: arrays["fed"], 2: same, 3: rubbing})
         shared = {0: estimator.belief, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
         self._watch = Kernel(watch, shared)
-        self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
-        confined = {0: self._enter.outputs[0], 2: np.tile(arrays["soft"], N), 3: np.full(N, self._dt)}
-        self._corridor = Kernel(unrolled(corridor().mapaccum(N), N, corridor()), confined)
+        to_split = prepared(split()).function
         inputs = {0: arrays["preload"], 3: arrays["acceleration"], 4: np.tile(arrays["split_numbers"], N)}
         self._split = Kernel(unrolled(to_split.mapaccum(N), N, to_split), inputs, {1: arrays["torques"]})
 
@@ -89,15 +80,16 @@ class InterpretedStep:
         trouble = self._estimator.update(angle, past[1], past[0], (first, second), deaf)
         if out:
             trouble = trouble & ~Trouble.BRIDGED | Trouble.CONTRADICTED
-        if self._estimator.belief[0]:
+        if self._estimator.belief[Belief.KNOWN]:
             trouble |= self._look(previewed)
             self._aim(previewed and not trouble & Trouble.AIMLESS)
             trouble |= self._astray()
             self._rubbed()
+            self._feed_forward()
             trouble |= self._plan_ahead()
         else:
             self._hold()
-        self._a["outcome"][1] = self._estimator.belief[2]
+        self._a["outcome"][Outcome.DISTURBANCE] = self._estimator.belief[Belief.DISTURBANCE]
         self._move_on()
         return trouble
 
@@ -126,11 +118,13 @@ class InterpretedStep:
         if not (elapsed > 0 and np.isfinite(elapsed)):
             return
         if elapsed > (a["guess"].size + 0.5) * dt:  # nothing is known any more
-            self._estimator.belief[0] = path[0] = a["plan"][0] = numbers[0] = 0.0
+            self._estimator.belief[Belief.KNOWN] = path[Path.GOVERNED] = a["plan"][0] = numbers[0] = 0.0
             return
         if numbers[0] > 1:
             numbers[1:] += (elapsed / dt - 1) * (numbers[3] - numbers[2])
-        path[1] += path[2] * (elapsed - dt)
+        late, bend = elapsed - dt, a["fed"][3] if np.isfinite(a["fed"][3]) else 0.0
+        path[Path.ANGLE] += late * (path[Path.RATE] + late * (bend / (2 * dt * dt)))
+        path[Path.RATE] += late * (bend / (dt * dt))
         missed = int(elapsed / dt - 0.5) if elapsed > dt else 0
         for _ in range(missed):
             self._miss()
@@ -155,7 +149,7 @@ class InterpretedStep:
         wanted, numbers = self._a["wanted"], self._a["numbers"]
         trouble = Trouble.NONE if np.isfinite(wanted if previewed else wanted[0]).all() else Trouble.AIMLESS
         if trouble:
-            previewed, wanted[0] = False, self._estimator.belief[3]
+            previewed, wanted[0] = False, self._estimator.belief[Belief.ANGLE]
         if previewed:
             numbers[0] = 0.0
             return trouble
@@ -177,13 +171,13 @@ class InterpretedStep:
     def _astray(self) -> int:
         """Whether the load has been beside the governed reference for long."""
         ahead, mean, tuning = self._a["ahead"], self._a["astray"], self._a["tuning"]
-        step = self._dt * tuning[6]
-        admitted = tuning[9] + abs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step)
-        miss = (ahead[0] - self._estimator.belief[3]) / admitted
+        step = self._dt * tuning[Tuning.WAVE]
+        admitted = tuning[Tuning.ASTRAY] + abs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step)
+        miss = (ahead[0] - self._estimator.belief[Belief.ANGLE]) / admitted
         if not 0 <= mean[0] <= 2:
             mean[0] = 0.0
         square = miss * miss
-        mean[0] += tuning[10] * ((square if square < 2 else 2.0) - mean[0])
+        mean[0] += tuning[Tuning.SHARE] * ((square if square < 2 else 2.0) - mean[0])
         return Trouble.ASTRAY if mean[0] > 1 else Trouble.NONE
 
     def _rubbed(self) -> None:
@@ -193,8 +187,8 @@ class InterpretedStep:
         self._learn.inputs[2][:] = rubs[1], total, ahead[0], ahead[1], a["ahead"][a["rub"].size]
         learnt, disturbance = self._learn()
         a["learnt"][:] = learnt
-        more = belief[2] - disturbance[0]
-        belief[2] = disturbance[0]
+        more = belief[Belief.DISTURBANCE] - disturbance[0]
+        belief[Belief.DISTURBANCE] = disturbance[0]
         a["past"] += more
         rubs -= more
         a["plan"][1:] += more
@@ -202,10 +196,23 @@ class InterpretedStep:
         last = a["rub"].size - 1
         samples = abs(before) / a["rubbing"][4]  # until friction is back at zero
         lead = int(samples) if samples < last + 1 else last + 1
-        for k in range(last + 1):
-            place = min(k + lead, last)
-            self._rub.inputs[0][:], self._rub.inputs[1][0] = ahead[place : place + 2], before
-            before = a["rub"][k] = self._rub()[0][0]
+        place = np.minimum(self._places + lead, last)
+        self._rub.inputs[0][0::2], self._rub.inputs[0][1::2] = ahead[place], ahead[place + 1]
+        self._rub.inputs[1][0] = before
+        self._rub()
+
+    def _feed_forward(self) -> None:
+        """The torque that the governed reference takes; before the first sample it is what moves the load."""
+        a, ahead, inputs = self._a, self._a["ahead"][self._late :], self._feed.inputs
+        known = a["fed"][0] == 1.0 and np.isfinite(a["fed"]).all()
+        if not known:
+            inputs[0][:], inputs[1][:] = ahead[:3], 0.0
+            a["fed"][:] = self._feed()[0]
+        a["feed"][0] = a["fed"][1] if known else a["past"][self._late + 1] + self._estimator.belief[Belief.DISTURBANCE]
+        for k in range(3):
+            self._fed.inputs[0][k::3] = ahead[k : k + a["rub"].size]
+        fed = self._fed()[0].reshape(-1, FED)
+        a["feed"][1:], a["fed"][:] = fed[:, 1], fed[0]
 
     def _plan_ahead(self) -> int:
         """The torques of the horizon for what was planned."""
@@ -214,9 +221,12 @@ class InterpretedStep:
         if plan[0]:
             guess[:-1], guess[-1] = plan[2:], plan[-1]
             held[:-1] = held[1:]
+            for active in (self.programme.pressed, self.programme.forces):
+                active[:-1] = active[1:]
         else:
             guess[:], held[:] = a["past"][late + 1], 0.0
-        a["outcome"][2] = self._optimise()
+            self.programme.pressed[:] = self.programme.forces[:] = 0.0
+        a["outcome"][Outcome.RESIDUAL] = self._iteration.optimise()
         if not plan[0]:
             trouble = Trouble.UNCERTIFIED
         states, s = self._states[late:], self.programme.s
@@ -226,72 +236,19 @@ class InterpretedStep:
         if not all(np.isfinite(part).all() for part in (a["acceleration"], plan, a["rub"])):
             self._hold()
             return Trouble.UNCERTIFIED
-        a["load"][0] = plan[1] + a["rub"][0] - a["tuning"][4] * a["acceleration"][0]
+        a["load"][0] = plan[1] + a["rub"][0] - a["tuning"][Tuning.INERTIA] * a["acceleration"][0]
         self._split.inputs[1][:] = plan[1:] + a["rub"]
         self._split.inputs[2][:] = states[:-1, 1]
         preload, _, given, margin = self._split()
         a["preload"][0] = preload[0]
-        a["outcome"][0] = margin.min()
+        a["outcome"][Outcome.MARGIN] = margin.min()
         a["past"][late + 2], a["rubs"][late + 2] = given[0] - a["rub"][0], a["rub"][0]
-        if a["outcome"][0] < -1e-9 * a["machine"][1]:
+        if a["outcome"][Outcome.MARGIN] < -1e-9 * a["machine"][1]:
             trouble |= Trouble.PARTING
         low, high, speed, _, _, far, fast, _ = a["soft"].tolist()
         late_angles, late_speeds = a["angles"][1:], speeds[1:]
         beyond = (late_angles < low - far) | (late_angles > high + far) | (np.abs(late_speeds) > speed + fast)
         return trouble | (Trouble.BEYOND if self.programme.rows > TORQUE_ALONE and beyond.any() else Trouble.NONE)
-
-    def _optimise(self) -> float:
-        """Linearise, solve, and go on with the torques found; the residual."""
-        a, programme = self._a, self.programme
-        residual = float("inf")
-        for place in range(self._passes):
-            if place:
-                a["guess"][:] = a["plan"][1:]
-            self._linearise()
-            residual = programme.solve()
-            a["plan"][0] = residual <= CERTIFIED
-            if not a["plan"][0]:  # the guess, as far as the bounds let it stand
-                programme.bounds[:, 0] = -1.0
-                programme.bounds[:, 1] = np.clip(0.0, programme.bounds[:, 1], programme.bounds[:, 2])
-                programme.bounds[:, 2] = programme.bounds[:, 1]
-                programme.sweep()
-            a["plan"][1:] = np.clip(a["guess"] + programme.e, self._range[:, 0], self._range[:, 1])
-            if not np.max(np.abs(programme.e)) > CONVERGED * a["unit"][0]:
-                break
-        return residual
-
-    def _linearise(self) -> None:
-        """The programme around the course of the model under the guess."""
-        a, late, programme = self._a, self._late, self.programme
-        N, guess, past = a["guess"].size, a["guess"], a["past"]
-        a["states"][: self._states.shape[1]] = self._estimator.belief[3 : 3 + self._states.shape[1]]
-        held = np.concatenate((past[1 : late + 2], guess)) + self._estimator.belief[2]
-        self._along.inputs[1][0::2], self._along.inputs[1][1::2] = held[1:], held[:-1]
-        self._along()
-        states, ahead = self._states[late:], a["ahead"][late:]
-        pace = states[:, 1]
-        self._reach.inputs[0][:] = pace[:-1]
-        self._reach.inputs[1][:] = (pace[1:] - pace[:-1]) / self._dt
-        self._reach()
-        steps = np.full(N, np.inf)
-        if a["tuning"][8] < np.inf:
-            self._range[:], steps = within_rate(self._range, past[late + 1] + a["rubs"][late + 1], a["tuning"][8])
-        a["unit"][0] = np.abs(a["range"]).max()
-        self._range[:] -= a["rub"][:, None]  # what is left to the net torque
-        programme.bounds[:, 1:] = self._range - guess[:, None]
-        programme.data[1:, 0] = states[1:-1, 0] - ahead[1:N]
-        programme.data[0, 1] = guess[0] - past[late + 1]
-        programme.data[1:, 1] = guess[1:] - guess[:-1]
-        if programme.rows > TORQUE_ALONE:
-            rubs = np.diff(a["rub"], prepend=a["rubs"][late + 1])
-            programme.fence[:, 1] = np.stack((-steps, steps), axis=-1) - programme.data[:, 1:] - rubs[:, None]
-            self._enter()
-            for place in range(3):
-                self._corridor.inputs[1][place::3] = ahead[place : place + N]
-            _, ends = self._corridor()
-            programme.fence[:, 2:] = ends.reshape(N, 2, 2) - states[1:, :2, None]
-        programme.end[0] = states[-1, 0] - ahead[N]
-        programme.end[1] = pace[-1] - (ahead[N + 1] - ahead[N - 1]) / (2 * self._dt)
 
     def _hold(self) -> None:
         """Keep the teeth together with as little torque on the load as that allows, and know nothing."""
@@ -301,19 +258,6 @@ class InterpretedStep:
         preload, _, given, margin = self._split()
         a["preload"][0] = preload[0]
         a["angles"][:] = np.nan
-        a["outcome"][0], a["outcome"][2] = margin[0], np.inf
+        a["outcome"][Outcome.MARGIN], a["outcome"][Outcome.RESIDUAL] = margin[0], np.inf
         a["past"][self._late + 2] = given[0]
         a["rubs"][self._late + 2] = 0.0
-
-
-def within_rate(ranges: Array, last: float, step: float) -> tuple[Array, Array]:
-    """What of the ranges (N, 2) can be reached from a last torque in steps of bounded size, and these sizes (N,) [N m].
-
-    Where the range is out of reach the step yields, and the torque goes to the nearest end.
-    """
-    reached, steps, (low, high) = np.empty_like(ranges), np.empty(len(ranges)), (last, last)
-    for k, (least, most) in enumerate(ranges.tolist()):
-        before = low, high
-        reached[k] = low, high = min(max(low - step, least), most), max(min(high + step, most), least)
-        steps[k] = max(step, low - before[1], before[0] - high)
-    return reached, steps

@@ -12,8 +12,15 @@ from numpy.typing import NDArray
 
 from mpc.kernel import Kernel, unrolled
 from mpc.riccati import TORQUE_ALONE, backward, forward, slope, triangle
+from mpc.slots import Tuning
 
 Array = NDArray[np.float64]
+
+CERTIFIED = 1e-6
+"""Largest residual of an accepted solution, in units of the greatest torque."""
+
+_DIGITS = 2.3e-16
+"""What a number is rounded by, in units of itself."""
 
 
 class Sweeps:
@@ -31,6 +38,8 @@ class Sweeps:
         end: (2,) miss of the last angle and velocity [rad, rad/s].
         e: (N,) change of the torques [N m], the solution.
         s: (N + 1, n + 1) what it makes of states and last torque.
+        pressed: (N, rows) which numbers beside the torque are held at their upper or lower end (1, -1), or given up to
+            its price (2, -2).
         forces: (N, rows) with which the intervals push back, as far as they are needed besides `bounds`.
         held: (N,) what the last sweep says about the bounds.
         barrier: (N, 2 rows) what the interior point method adds to the cost.
@@ -44,6 +53,7 @@ class Sweeps:
         A, B = arrays["A"][late * n * n :], arrays["B"][late * 2 * n :]
         self.data, self.bounds = arrays["data"].reshape(N, 2), arrays["bounds"].reshape(N, 3)
         self.barrier, self.forces = arrays["barrier"].reshape(N, -1), arrays["forces"].reshape(N, -1)
+        self.pressed = arrays["pressed"].reshape(N, -1)
         self.fence = arrays["fence"].reshape(N, self.rows, 2)
         self.rate_weight = arrays["tuning"][:1]
         self.prices, self.moved = arrays["prices"][: self.rows], arrays["moved"][: self.rows]
@@ -65,7 +75,7 @@ class Sweeps:
 
     def sweep(self) -> bool:
         """Backward for the law, forward for the torques; whether the bounds that hold stay the same."""
-        P = self._tuning[1:4]
+        P = self._tuning[Tuning.END : Tuning.END_VELOCITY + 1]
         self._V[:3] = P
         self._v[0] = P[0] * self.end[0] + P[1] * self.end[1]
         self._v[1] = P[1] * self.end[0] + P[2] * self.end[1]
@@ -89,9 +99,11 @@ class Sweeps:
         have to change by, seen as a torque m f/curvature with the stage's m = moved:
 
             f = clip(f + (q - high) curvature/m^2, 0, price) + clip(f + (q - low) curvature/m^2, -price, 0)
+
+        and no less than what f is rounded by: a force beyond all digits would hide how far q is off.
         """
         low, high = self.bounds[:, 1], self.bounds[:, 2]
-        P, (angle, velocity) = self._tuning[1:4], self.end + self.s[-1, :2]
+        P, (angle, velocity) = self._tuning[Tuning.END : Tuning.END_VELOCITY + 1], self.end + self.s[-1, :2]
         self._slopes.inputs[0][:2] = P[0] * angle + P[1] * velocity, P[1] * angle + P[2] * velocity
         (slope_e,) = self._slopes()
         curvature = self.law[:, -1] if self.rows == TORQUE_ALONE else self.curvature
@@ -103,7 +115,8 @@ class Sweeps:
             stiff = curvature[:, None] / (moved * moved)
             up = np.clip(f + stiff * (q - self.fence[:, 1:, 1]), 0.0, price)
             down = np.clip(f + stiff * (q - self.fence[:, 1:, 0]), -price, 0.0)
-            worst = float(np.max(np.abs(up + down - f) / stiff / moved, initial=worst))
+            missing = np.maximum(np.abs(up + down - f), _DIGITS * np.abs(f))
+            worst = float(np.max(missing / stiff / moved, initial=worst))
         return worst / float(self.unit[0])
 
 

@@ -1,21 +1,25 @@
-"""Bandwidth, horizon and disturbance rate for any machine: as fast as sample time, encoder and dead time allow.
+"""Bandwidth, horizon and disturbance rate for any machine: the fastest answer to an unknown torque that is safe.
 
-In units of 1/w (w = 2 pi times the bandwidth), of the inertia J and of the encoder's noise the loop of a rigid servo
-depends on w Ts alone, so one choice of these three serves a clock's hand and a crane. Its peak sensitivity is 1.6 to
-1.75 for a rigid servo, and with the lateness that is admitted below 2.
+Both are chosen together, the bandwidth of the control law and that of the filter: least squared error after a step of
+the load's torque, with a peak sensitivity of at most two, a delay margin of at least a sample, and no more change of
+the torque for the encoder's noise than the teeth bear. What the reference asks for is fed forward (`mpc.feed_forward`),
+so nothing of it is lost with a slower loop.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from plant.effects import ActuatorLag, SensorLag
+from mpc.linear_loop import Assessment, LinearPlant, assess, filter_gain, law
+from mpc.prediction import Predictor
+from mpc.weights import rate_weight, terminal_weight
+from plant.effects import ActuatorLag, InputDelay, SensorLag
 from plant.servo import ServoModel
-
-OBSERVER, _LATER = 5.0, 28.0
-"""Bandwidth of the estimator in units of that of the control law, and by how much it is more for a lateness of 1/w."""
+from plant.simulation import whole_samples
 
 _HORIZON = 0.25
 """Time looked ahead, in periods of the bandwidth: with half of it the loop is all but unstable."""
@@ -23,11 +27,8 @@ _HORIZON = 0.25
 _LEAST = 10
 """Samples looked ahead at least."""
 
-_PER_SAMPLE = 0.05
-"""Of a period of the bandwidth a sample may be: the estimator then moves by about its own time constant."""
-
-_LATE = 0.25
-"""Largest lateness of drive and sensor, in units of 1/w."""
+_PEAK = 1.98
+"""Largest peak sensitivity, two to within the frequencies that are looked at."""
 
 _SHARE = 0.125
 """Of the least flank torque, the standard deviation by which the encoder's noise makes the torque change from sample to
@@ -36,8 +37,16 @@ sample: swinging teeth need some times that."""
 _FLOOR = 1e-3
 """That torque is taken to be no less than this share of the greatest: with no preload nothing is kept together."""
 
-_GAIN = 92.0
-"""That deviation for a noise of one, J = 1, w = 1 and Ts = 1: it grows with w^3.5 Ts^1.5 and the estimator's speed."""
+_FASTEST, _SLOWEST = 0.2 * np.pi, 0.004
+"""Bandwidths of the law that are looked at, as angles in a sample."""
+
+_FILTERS = (4.0, 32.0)
+"""Bandwidths of the filter that are looked at, in units of that of the law: below, the peak sensitivity is above two
+however slow the loop is. For a bandwidth that is more than the machine allows half of it is tried too."""
+
+
+_FINE = 0.01
+"""Relative error of a bandwidth that is searched for, and ten times it of the filter's: the optimum is flat."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,41 +76,101 @@ class Tuning:
     ) -> Tuning:
         """For a machine, or also for a bandwidth that is wanted [Hz].
 
+        At a bandwidth that is more than the machine allows the teeth come first, then the margins.
+
         Args:
-            model: inertia and what is late are asked for.
+            model: inertia, viscous friction and what is late are asked for.
             sample_time: Ts [s].
             noise: standard deviation of the encoder, its steps included [rad].
             least: flank torque that is to be left, seen at the load [N m].
             greatest: torque that the drives together reach in both senses [N m].
         """
-        J, late = model.inertia, _lateness(model)
-        quiet = max(_SHARE * least, _FLOOR * greatest) / (_GAIN * J * noise * sample_time**1.5)
-
-        def admitted(w: float) -> bool:
-            faster = observer(w, late) / OBSERVER
-            calm = w**3.5 * faster**2.25 <= quiet
-            return calm and w * late <= _LATE and w * sample_time * faster <= 2 * np.pi * _PER_SAMPLE
-
-        if bandwidth is None:
-            w, most = 0.0, 2 * np.pi * _PER_SAMPLE / sample_time
-            for place in range(1, 40):  # bisection: whatever is slower is admitted too
-                tried = w + most / 2**place
-                w = tried if admitted(tried) else w
-            bandwidth = w / (2 * np.pi)
-        w = 2 * np.pi * bandwidth
+        w, observer = _chosen(_linear(model), sample_time, noise, quiet(least, greatest), bandwidth)
         return cls(
-            bandwidth=bandwidth,
-            horizon=max(_LEAST, int(np.ceil(_HORIZON / (bandwidth * sample_time)))),
-            disturbance_rate=float(J * (observer(w, late) * w) ** 3 * noise * np.sqrt(sample_time)),
+            bandwidth=bandwidth or w / (2 * np.pi),
+            horizon=_horizon(w, sample_time),
+            disturbance_rate=disturbance_rate(model.inertia, observer, noise, sample_time),
         )
 
 
-def observer(w: float, late: float) -> float:
-    """Bandwidth of the estimator in units of that of the control law, w [1/s], for a lateness [s]."""
-    return OBSERVER + _LATER * min(w * late, _LATE)
+def quiet(least: float, greatest: float) -> float:
+    """Change of the torque from sample to sample that the teeth bear all the time [N m], see `Tuning.of`."""
+    return max(_SHARE * least, _FLOOR * greatest)
 
 
-def _lateness(model: ServoModel) -> float:
-    """Dead time and lags of drive and sensor [s]."""
-    lags = (effect for effect in model.effects if isinstance(effect, ActuatorLag | SensorLag))
-    return float(model.delay()) + sum(effect.time_constant for effect in lags)
+def disturbance_rate(inertia: float, observer: float, noise: float, sample_time: float) -> float:
+    """How fast the unknown torque wanders for a filter of a bandwidth [1/s], in [N m/sqrt(s)]."""
+    return float(inertia * observer**3 * noise * np.sqrt(sample_time))
+
+
+def observer_rate(inertia: float, disturbance_rate: float, noise: float, sample_time: float) -> float:
+    """The inverse of that [1/s]."""
+    return float(np.cbrt(disturbance_rate / (inertia * noise * np.sqrt(sample_time))))
+
+
+def _linear(model: ServoModel) -> ServoModel:
+    """Inertia, viscous friction and what is late."""
+    late = tuple(effect for effect in model.effects if isinstance(effect, ActuatorLag | SensorLag | InputDelay))
+    return ServoModel(
+        inertia=model.inertia, gravity=0.0, viscous_friction=model.viscous_friction, effects=late, axis=model.axis
+    )
+
+
+def _horizon(w: float, sample_time: float) -> int:
+    return max(_LEAST, int(np.ceil(2 * np.pi * _HORIZON / (w * sample_time) - 1e-9)))
+
+
+@lru_cache(maxsize=256)
+def _chosen(
+    model: ServoModel, sample_time: float, noise: float, chatter: float, bandwidth: float | None
+) -> tuple[float, float]:
+    """Bandwidths of law and filter [1/s]; the torque may change so much from sample to sample [N m]."""
+    from scipy.optimize import brentq, minimize_scalar
+
+    loop = _family(model, sample_time, noise)
+    slowest, most = np.log(np.array((_SLOWEST, _FASTEST)) / sample_time)
+    told = None if bandwidth is None else float(np.log(2 * np.pi * bandwidth))
+
+    def excess(log_w: float, log_ratio: float) -> float:
+        found = loop(np.exp(log_w), np.exp(log_ratio))
+        peak = np.log(found.peak_sensitivity / _PEAK)
+        return float(max(peak, np.log(found.chatter / chatter), np.log(sample_time / found.delay_margin)))
+
+    def fastest(log_ratio: float) -> float:
+        low = most
+        while excess(low, log_ratio) > 0 and low > slowest:
+            low -= np.log(2.0)
+        if low == most or low <= slowest:
+            return float(max(low, slowest))
+        return float(brentq(excess, low, low + np.log(2.0), (log_ratio,), xtol=_FINE)) - _FINE
+
+    def slowness(log_ratio: float) -> float:
+        if told is None:
+            return float(np.log(loop(np.exp(fastest(log_ratio)), np.exp(log_ratio)).error))
+        found = loop(np.exp(told), np.exp(log_ratio))
+        loud, peaked = np.log(found.chatter / chatter), np.log(found.peak_sensitivity / _PEAK)
+        return float(np.log(found.error) + 1e4 * max(loud, 0) + 1e2 * max(peaked, 0))
+
+    ratios = np.log(_FILTERS if told is None else (_FILTERS[0] / 2, _FILTERS[1]))
+    best = minimize_scalar(slowness, bounds=ratios, method="bounded", options={"xatol": 10 * _FINE})
+    w = float(np.exp(fastest(best.x) if told is None else told))
+    return w, w * float(np.exp(best.x))
+
+
+def _family(model: ServoModel, sample_time: float, noise: float) -> Callable[[float, float], Assessment]:
+    """The loop by the bandwidth of its law [1/s] and that of its filter in units of it."""
+    late, switch = whole_samples(float(model.delay()), sample_time)
+    predictor = Predictor(model=model, sample_time=sample_time, switch=max(switch, 0.0))
+    still, p = np.zeros(len(model.states)), predictor.parameters
+    _, A, B = predictor.stage(still, np.zeros(2), p)
+    row = np.asarray(predictor.sensor(still, p)[1])[:, 0]
+    plant = LinearPlant(A=np.array(A), B=np.array(B), row=row, late=late, sample_time=sample_time)
+
+    def loop(w: float, ratio: float) -> Assessment:
+        rate = rate_weight(model, w / (2 * np.pi), sample_time)
+        wander = disturbance_rate(model.inertia, ratio * w, noise, sample_time)
+        gain = filter_gain(plant, variance=noise**2, kick=0.0, wander=wander)
+        terminal = terminal_weight(model, rate, sample_time)
+        return assess(plant, gain, law(plant, _horizon(w, sample_time), rate, terminal), noise)
+
+    return loop

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mpc.linear_loop import settled
 from plant.servo import ServoModel
 
 Array = NDArray[np.float64]
@@ -24,10 +25,9 @@ def rate_weight(model: ServoModel, bandwidth: float, sample_time: float) -> floa
 
 def terminal_weight(model: ServoModel, rate: float, sample_time: float) -> Array:
     """P of the rigid servo for angle and velocity (2, 2), from its Riccati equation, the torque minimised away."""
-    from scipy.linalg import solve_discrete_are
 
     dt, J, K = sample_time, model.inertia, model.viscous_friction
     A = np.array([[1.0, dt, dt**2 / (2 * J)], [0.0, 1.0 - K * dt / J, dt / J], [0.0, 0.0, 1.0]])
     B = np.array([[dt**2 / (2 * J)], [dt / J], [1.0]])
-    P = solve_discrete_are(A, B, np.diag([1.0, 0.0, 0.0]), np.array([[rate]]))
+    P = rate * settled(A.T, B[:, 0], np.diag([1.0 / rate, 0.0, 0.0]))
     return np.asarray(P[:2, :2] - np.outer(P[:2, 2], P[2, :2]) / P[2, 2])

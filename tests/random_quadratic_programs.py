@@ -151,8 +151,15 @@ class Solver:
         residual = self.machine_code() if compiled else self.program.solve()
         return self.arrays["e"].copy(), residual
 
-    def load(self, stages: Stages, guess: Array | None = None, fences: Fences | None = None) -> None:
-        """Put a program into the arrays."""
+    def load(
+        self,
+        stages: Stages,
+        guess: Array | None = None,
+        fences: Fences | None = None,
+        pressed: Array | None = None,
+    ) -> None:
+        """Put a program into the arrays, and guesses of the bounds (N,) and other ends (N, rows) that hold."""
+        self.program.pressed[:], self.program.forces[:] = 0.0 if pressed is None else pressed, 0.0
         if fences is not None:
             self.program.fence[:, 1:], self.program.prices[1:] = fences.ends, fences.prices
             self.program.moved[1:] = fences.moved

@@ -118,9 +118,9 @@ def at_its_worst(made: TargetCode) -> dict[str, str]:
     for old, new in (
         ("for (k = 0; k < missed; ++k) miss(c);", "for (k = 0; k < HORIZON; ++k) miss(c);"),
         ("if (!(elapsed > 0 && isfinite(elapsed))) return;", "elapsed = dt;"),
-        ("round < ROUNDS && changes", "round < ROUNDS && changes >= 0"),
+        ("round < TRIES && (changes || warm)", "round < TRIES"),
         ("    if (!(left(c, &mean) > CLOSE)) break;", "    left(c, &mean);"),
-        ("  if (worst <= CERTIFIED) return worst;", ""),
+        ("if (worst <= CERTIFIED && (settled || ROWS == 1)) return worst;", "(void)settled;"),
         ("c->plan[0] = worst <= CERTIFIED;", "c->plan[0] = 0;"),
         ("pass < PASSES && (!pass || most > CONVERGED * c->unit[0])", "pass < PASSES"),
     ):

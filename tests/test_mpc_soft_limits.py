@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from random_quadratic_programs import Fences, Solver, Stages, fenced_stages
 
-from mpc.step import within_rate
-from plant import machine_code
+import mpc.programme
+from mpc import Controller, closed_loop
+from mpc.real_time_iteration import within_rate
+from plant import GearTrain, Rig, ServoModel, machine_code
 
 Array = NDArray[np.float64]
 FORMS = [False] if machine_code.compiler() is None else [False, True]  # compiled
@@ -104,6 +106,39 @@ def test_both_forms_find_the_same(seed: int, hardness: float) -> None:
     answers = [solver(2, 30, fenced=True).solve(stages, None, compiled, fences) for compiled in FORMS]
     assert np.array_equal(answers[0][0], answers[-1][0])
     assert answers[0][1] <= 1e-6
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds, st.floats(-1, 2))
+def test_whatever_is_remembered_the_answer_is_the_same(seed: int, hardness: float) -> None:
+    rng, both = np.random.default_rng(seed), solver(2, 30, fenced=True)
+    stages, fences = fenced_stages(rng, 30, hardness)
+    cold, residual = both.solve(stages, fences=fences)
+    assert residual <= 1e-6
+    for spoilt in (0.0, np.nan, np.inf, -1e200, -7.0):
+        both.load(stages, rng.integers(-1, 2, 30), fences, rng.integers(-2, 3, (30, 4)))
+        places = rng.random((2, 30, 4)) < 0.2
+        both.programme.pressed[places[0] & (spoilt != 0.0)] = spoilt
+        both.programme.forces[places[1]] = spoilt
+        warm = both.machine_code() if FORMS[-1] else both.programme.solve()
+        assert warm <= 1e-6
+        best = cost(stages, fences, cold)
+        assert cost(stages, fences, both.arrays["e"]) == pytest.approx(best, rel=1e-7, abs=1e-12)
+
+
+def test_the_active_set_alone_follows_a_limit_that_moves_by_a_sample() -> None:
+    """What one step has found is the next one's beginning, so that the interior point method is seldom asked."""
+    asked = []
+    controller = Controller(ServoModel.paper(), GearTrain.paper(), horizon=30, angle_limits=(-0.2, 0.2))
+    interpreted = controller._interpreted
+    controller._step = interpreted
+    inside = mpc.programme.solve_from_inside
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(mpc.programme, "solve_from_inside", lambda p: (asked.append(1), inside(p)))
+        loop = closed_loop(controller, Rig.paper_like(), lambda t: 0.3 * (t > 0.1), 1.5, seed=0)
+    assert loop.degraded == 0
+    assert np.max(loop.angle) == pytest.approx(0.2, abs=1e-3)
+    assert len(asked) <= 3
 
 
 def test_a_force_that_is_wrong_is_not_certified() -> None:

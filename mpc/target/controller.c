@@ -24,6 +24,8 @@ typedef ${name}_real real;
 enum { DRIVES = ${NAME}_DRIVES, HORIZON = ${NAME}_HORIZON, LATE = ${NAME}_LATE, PASSES = ${passes}, ROUNDS = ${rounds} };
 
 #define CERTIFIED ${certified} /* largest residual of an accepted solution, in units of the greatest torque */
+#define DIGITS ${digits} /* what a number is rounded by, in units of itself */
+#define FIRM ${firm} /* how steep the cost is beyond an end that is held */
 #define STIFF ${stiff} /* how steep the barrier of the interior point method may be, and how near it ends */
 #define CLOSE ${close}
 #define TABLE(name) name

@@ -41,9 +41,10 @@ ${statuses}
 
 /* One controller. The first three members may be read after a step; leave the others alone. */
 struct ${name}_controller {
-  ${name}_real outcome[3]; /* predicted flank torque above the minimum, least of both drives over the horizon, at the
-                              pinion [N m], negative where the teeth may part; ${torque} on the load that the model does
-                              not know [${newton}]; residual of the programme, infinite if nothing was certified */
+  /* Predicted flank torque above the minimum, least of both drives over the horizon, at the pinion [N m], negative where
+     the teeth may part; ${torque} on the load that the model does not know [${newton}]; residual of the quadratic
+     program, infinite if nothing was certified. */
+  ${name}_real outcome[3];
   ${name}_real torques[${torques}]; /* ${of_torques} */
   ${name}_real angles[${angles}]; /* predicted ${angle} of the load from now on [${length}]; NaN if nothing is known */
 ${members}
@@ -55,19 +56,19 @@ void ${name}_init(struct ${name}_controller *controller);
 
 /* One sample.
 
-   ${angle}  measured ${angle} of the load [${length}], any finite number${turns}; NaN if there is no
-              reading, then the model's prediction stands in.
-   reference  wanted ${angle} of the load now [${length}]; it is taken to go on at its speed while that is smooth. NaN holds
-              the load where it is.
-   torques    out: torque of each drive to apply until the next step [N m], within ${NAME}_TORQUE_1_LOW ..
-              ${NAME}_TORQUE_1_HIGH and so on.
-   returns    the status. */
+   - ${angle}: measured ${angle} of the load [${length}], any finite number${turns}; NaN if there is no
+     reading, then the model's prediction stands in.
+   - reference: wanted ${angle} of the load now [${length}]; it is taken to go on at its speed while that is smooth. NaN
+     holds the load where it is.
+   - torques, out: of each drive to apply until the next step [N m], the first within
+     ${NAME}_TORQUE_1_LOW .. ${NAME}_TORQUE_1_HIGH and so on.
+   - returns the status. */
 int ${name}_step(struct ${name}_controller *controller, ${name}_real ${angle}, ${name}_real reference,
-                 ${name}_real torques[${NAME}_DRIVES]);
+    ${name}_real torques[${NAME}_DRIVES]);
 
 /* The same where the coming reference is known: from now on [${length}], one a sample, all finite. */
 int ${name}_step_ahead(struct ${name}_controller *controller, ${name}_real ${angle},
-                       const ${name}_real reference[${NAME}_HORIZON + 1], ${name}_real torques[${NAME}_DRIVES]);
+    const ${name}_real reference[${NAME}_HORIZON + 1], ${name}_real torques[${NAME}_DRIVES]);
 
 /* Measured angles of the motor shafts for the next step [rad], NaN where there is none. They count only if
    ${NAME}_MOTORS is 1, and for one step. */

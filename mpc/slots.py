@@ -1,0 +1,75 @@
+"""Names for the places of an array that code outside a stage reads or writes: the same in Python and, with the array's
+name before them, in C.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum, auto
+
+
+class _Slot(IntEnum):
+    @staticmethod
+    def _generate_next_value_(name: str, start: int, count: int, last_values: list[int]) -> int:
+        return count
+
+
+class Tuning(_Slot):
+    """By what a controller is tuned."""
+
+    RATE_WEIGHT = auto()  # of a change of torque [rad^2/(N m)^2]
+    END = auto()  # P of the horizon's end: angle, both, velocity
+    END_BOTH = auto()
+    END_VELOCITY = auto()
+    INERTIA = auto()
+    GREATEST = auto()  # torque on the load in both senses [N m]
+    WAVE = auto()  # 2 pi times the bandwidth [1/s]
+    ATTAINABLE = auto()  # by how much a path can be bent in a sample [rad]
+    TORQUE_STEP = auto()  # greatest change of torque in a sample [N m]
+    ASTRAY = auto()  # what a load is off that stands where it should [rad]
+    SHARE = auto()  # of a period of the bandwidth a sample is
+
+
+class Soft(_Slot):
+    """Limits of angle and speed, see `mpc.corridor.SoftLimits.numbers`."""
+
+    LOWEST = auto()
+    HIGHEST = auto()
+    FASTEST = auto()
+    FADES = auto()
+    WAVE = auto()
+    SHOWS = auto()  # angle beyond a limit from which it is reported
+    SHOWS_SPEED = auto()
+
+
+class Belief(_Slot):
+    """What the estimator believes, first of all."""
+
+    KNOWN = auto()
+    DOUBTS = auto()
+    DISTURBANCE = auto()
+    ANGLE = auto()  # and behind it the rest of the state
+    VELOCITY = auto()
+
+
+class Path(_Slot):
+    """The governed reference."""
+
+    GOVERNED = auto()
+    ANGLE = auto()
+    RATE = auto()
+
+
+class Outcome(_Slot):
+    """What a step tells besides torques and angles."""
+
+    MARGIN = auto()
+    DISTURBANCE = auto()
+    RESIDUAL = auto()
+
+
+def c_names() -> str:
+    """Enumerations of C."""
+    return "\n".join(
+        f"enum {{ {', '.join(f'{slots.__name__.upper()}_{slot.name} = {slot.value}' for slot in slots)} }};"
+        for slots in (Tuning, Soft, Belief, Path, Outcome)
+    )
