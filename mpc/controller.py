@@ -22,7 +22,7 @@ from mpc.encoder_faults import watch, watched_of
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
 from mpc.feed_forward import feed
 from mpc.friction import Frictionless, friction_numbers, learn, rigid_contacts, rub
-from mpc.governor import Governor, early, followable, governed
+from mpc.governor import Governor, early, followable, governed, hurry
 from mpc.layout import laid_out
 from mpc.prediction import Predictor
 from mpc.preview import preview
@@ -209,7 +209,10 @@ class Controller(Remembering):
         self._soft = limits.numbers(2 * np.pi * self.bandwidth, self.sample_time, noise)
         attainable = 2.0 * self._greatest / self.model.inertia * self.sample_time**2
         self.governor = Governor(
-            sample_time=self.sample_time, soft=self._soft if limits.any else None, attainable=attainable
+            sample_time=self.sample_time,
+            soft=self._soft if limits.any else None,
+            attainable=attainable,
+            jerk=(self._floor or np.inf) / (4 * self.model.inertia * self.sample_time),
         )
         self._rows = ALL_ROWS if limits.any or self.torque_rate < np.inf else TORQUE_ALONE
         self._rate_weight = rate_weight(self.model, self.bandwidth, self.sample_time)
@@ -225,7 +228,7 @@ class Controller(Remembering):
         n = len(behind.states)
         self._watch = watch(predictor, self.estimator.motors is not None)
         filters = (predictor.stage, self._watch, *self.estimator.functions, *self._friction)
-        aims = (preview(), early(), followable(), governed(limits.any), enter(), corridor(), reach())
+        aims = (preview(), hurry(), early(), followable(), governed(limits.any), enter(), corridor(), reach())
         sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows), split())
         self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
@@ -296,6 +299,7 @@ class Controller(Remembering):
                 greatest=greatest,
                 memory=1.0 / (self._observer * self.sample_time),
                 quiet=quiet(self._floor, self._greatest),
+                jerk=self.governor.jerk,
             ),
         }
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}

@@ -42,7 +42,7 @@ static int lead(const struct controller *c, const real *path, const real *limits
   for (k = 1; k <= HORIZON && !jumps; ++k) {
     for (i = 0; i < 3; ++i) three[i] = wanted_at(c, k - 1 + i);
     count = k;
-    early(path, three, &count, limits, TABLE(tuning) + 7, TABLE(model) + PARAMETERS - 1, &jumps, &due, change);
+    early(path, three, &count, limits, TABLE(tuning) + 7, TABLE(model) + PARAMETERS - 1, TABLE(rubbing) + 9, &jumps, &due, change);
   }
   if (jumps && due) return k - 1;
   *change = 0;
@@ -54,15 +54,19 @@ static int lead(const struct controller *c, const real *path, const real *limits
 static void aim(struct controller *c, int previewed)
 {
   int k, i, last = HORIZON, first = 0;
-  real limits[2], near, speed, bend, now[2], next[2], three[3], change = 0, *ahead = c->ahead;
+  real limits[3], near, wanted, speed, bend, now[2], next[2], three[3], change = 0, *ahead = c->ahead;
   followable(c->belief + 3, c->load, TABLE(machine), TABLE(tuning), limits, &near);
   if (!(c->path[0] && fabs(c->belief[3] - c->path[1]) <= near)) {
     c->path[0] = 1;
     c->path[1] = c->belief[3];
     c->path[2] = c->belief[4];
+    c->path[3] = 0;
   }
   memcpy(now, c->path + 1, sizeof now);
   if (previewed) first = lead(c, now, limits, &change);
+  wanted = wanted_at(c, first) - first * change;
+  hurry(now, &wanted, c->path + 3, TABLE(tuning) + 7, TABLE(rubbing) + 9, limits + 2);
+  c->path[3] = limits[2];
   for (k = 0; k <= last; ++k) {
     for (i = 0; i < 3; ++i) three[i] = wanted_at(c, first + k + i) - first * change;
     ahead[k] = now[0];
