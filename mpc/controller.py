@@ -20,7 +20,7 @@ from mpc.drive import DriveInverse
 from mpc.encoder_faults import numbers as watching
 from mpc.encoder_faults import watch, watched_of
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
-from mpc.feed_forward import feed
+from mpc.feed_forward import ease, take
 from mpc.friction import Frictionless, friction_numbers, learn, rigid_contacts, rub
 from mpc.governor import Governor, early, followable, governed, hurry
 from mpc.layout import laid_out
@@ -194,7 +194,7 @@ class Controller(Remembering):
         behind = rigid_contacts(behind)
         smooth = Frictionless.of(behind)
         predictor = Predictor(model=smooth, sample_time=self.sample_time, switch=max(switch, 0.0))
-        self._friction = rub(behind), learn(behind, self.motor_resolution is not None), feed(behind)
+        self._friction = rub(behind), learn(behind, self.motor_resolution is not None), take(behind)
         self.estimator = Estimator(
             predictor=predictor,
             resolution=self.encoder_resolution,
@@ -228,7 +228,7 @@ class Controller(Remembering):
         n = len(behind.states)
         self._watch = watch(predictor, self.estimator.motors is not None)
         filters = (predictor.stage, self._watch, *self.estimator.functions, *self._friction)
-        aims = (preview(), hurry(), early(), followable(), governed(limits.any), enter(), corridor(), reach())
+        aims = (ease(), preview(), hurry(), early(), followable(), governed(limits.any), enter(), corridor(), reach())
         sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows), split())
         self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted

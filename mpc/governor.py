@@ -78,7 +78,8 @@ def hurry() -> Any:
     (governed and wanted angle, the same function's answer one sample before, attainable change, `jerk` of `unhurried`)
     -> acceleration beside that of the reference [rad/s^2]; as of the farthest sample of the move, zero without one.
     """
-    path, wanted, before, attainable, jerk = (ca.SX.sym(n) for n in ("path", "wanted", "before", "attainable", "jerk"))
+    path, wanted, before = ca.SX.sym("path"), ca.SX.sym("wanted"), ca.SX.sym("before")
+    attainable, jerk = ca.SX.sym("attainable"), ca.SX.sym("jerk")
     off, held = path - wanted, ca.if_else(before >= 0, before, 0)
     kept = ca.if_else(ca.fabs(off) > _THERE * attainable, held, 0)
     pull = ca.fmax(unhurried(off, jerk), kept)
@@ -119,8 +120,8 @@ def early() -> Any:
     """Whether the reference jumps to a sample that is seen ahead, as a `casadi.Function`.
 
     (angle and rate (2,), wanted angle around that sample (3,), how many samples ahead it is, greatest acceleration
-    backward and forward (2,), attainable change, sample time, `jerk` of `unhurried`) -> whether it jumps there, whether it is time to set out,
-    and the change of the wanted angle from there on, in a sample.
+    backward and forward (2,), attainable change, sample time, `jerk` of `unhurried`) -> whether it jumps there, whether
+    it is time to set out, and the change of the wanted angle from there on, in a sample.
 
     A jump is followed with least squared error by a move that has its middle where the jump is: so it is time if the
     sample is no farther ahead than half of the least time to it takes, and a move that is under way goes on.

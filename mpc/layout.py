@@ -47,7 +47,8 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "B": samples * n * 2,
         "range": 2 * N,
         "unit": 1,
-        "feed": N + 1,  # torque that the reference takes: in the last sample, and in each of the horizon
+        "taken": N,  # torque that the reference takes in each sample of the horizon
+        "feed": N + 1,  # what of it is fed: in the last sample, and in each of the horizon
         "rub": N,  # torque against friction of each stage
         "data": 2 * N,
         "barrier": 2 * rows * N,  # what the interior point method adds to the cost

@@ -116,22 +116,48 @@ static void rubbed(struct controller *c)
   }
 }
 
-/* The torque that the governed reference takes; before the first sample it is what moves the load. */
+/* One sample of a torque that is eased, in place. */
+static real eased(const struct controller *c, real *torque, real taken)
+{
+  real next[2];
+  (void)c; /* where the tables are not in it */
+  ease(torque, &taken, TABLE(rubbing), next);
+  memcpy(torque, next, sizeof next);
+  return *torque;
+}
+
+/* The torque that the governed reference takes, and what of it is fed; before the first it is what acts. */
 static void feed_forward(struct controller *c)
 {
-  int k, known = c->fed[0] == 1;
-  real fed[FED], next[FED] = {0};
+  int k, last = HORIZON - 1, known = c->fed[0] == 1;
+  real bend, bent, torque[2], *taken = c->taken, *fed = c->fed, *feeds = c->feed + 1;
   const real *ahead = c->ahead + LATE;
-  for (k = 1; k < FED; ++k) known = known && isfinite(c->fed[k]);
-  memcpy(fed, c->fed, sizeof fed);
-  if (!known) feed(ahead, next, TABLE(model), TABLE(rubbing), fed);
-  c->feed[0] = known ? fed[1] : c->past[LATE + 1] + c->belief[2];
-  for (k = 0; k < HORIZON; ++k) {
-    feed(ahead + k, fed, TABLE(model), TABLE(rubbing), next);
-    memcpy(fed, next, sizeof fed);
-    c->feed[k + 1] = fed[1];
-    if (k == 0) memcpy(c->fed, fed, sizeof fed);
+  for (k = 1; k < 6; ++k) known = known && isfinite(fed[k]);
+  if (!known) {
+    fed[1] = ahead[2] - 2 * ahead[1] + ahead[0], bend = -fed[1];
+    take(ahead, &bend, TABLE(model), fed + 2, &bent);
+    fed[4] = fed[2], fed[3] = fed[5] = 0;
   }
+  c->feed[0] = known ? fed[4] : c->past[LATE + 1] + c->belief[2];
+  bend = fed[1];
+  for (k = 0; k <= last; ++k) {
+    take(ahead + k, &bend, TABLE(model), taken + k, &bent);
+    bend = bent;
+    if (k == 0) fed[1] = bend;
+  }
+  memcpy(torque, fed + 2, sizeof torque);
+  for (k = 0; k <= last; ++k) {
+    feeds[k] = eased(c, torque, taken[k]);
+    if (k == 0) memcpy(fed + 2, torque, sizeof torque);
+  }
+  torque[0] = taken[last], torque[1] = taken[last - 1] - taken[last];
+  for (k = last; k >= 0; --k) feeds[k] = (feeds[k] + eased(c, torque, taken[k])) / 2;
+  memcpy(torque, fed + 4, sizeof torque);
+  for (k = 0; k <= last; ++k) {
+    feeds[k] = eased(c, torque, feeds[k]);
+    if (k == 0) memcpy(fed + 4, torque, sizeof torque);
+  }
+  fed[0] = 1;
 }
 
 /* The intervals of the numbers beside the torque, less what the guess makes of them. */
@@ -320,7 +346,7 @@ static void lapse(struct controller *c)
   }
   shift = c->numbers[0] > 1 ? (elapsed / dt - 1) * (c->numbers[3] - c->numbers[2]) : 0;
   for (k = 1; k < 4; ++k) c->numbers[k] += shift;
-  late = elapsed - dt, bend = isfinite(c->fed[3]) ? c->fed[3] : 0;
+  late = elapsed - dt, bend = isfinite(c->fed[1]) ? c->fed[1] : 0;
   c->path[1] += late * (c->path[2] + late * (bend / (2 * dt * dt)));
   c->path[2] += late * (bend / (dt * dt));
   missed = elapsed > dt ? (int)(elapsed / dt - 0.5) : 0;

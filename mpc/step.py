@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mpc.corridor import corridor, enter
 from mpc.estimator import Estimator
+from mpc.feed_forward import ease
 from mpc.governor import Governor, followable
 from mpc.kernel import Kernel, unrolled
 from mpc.preview import preview, prolonged
@@ -43,7 +44,9 @@ class InterpretedStep:
         friction: tuple[Any, Any, Any],
         watch: Any,
     ) -> None:
-        """On the arrays of a controller; the functions of friction are `mpc.friction.rub` and `learn`, and `mpc.feed_forward.feed`."""
+        """On the arrays of a controller; the functions of friction are `mpc.friction.rub` and `learn`, and
+        `mpc.feed_forward.take`.
+        """
         N, late = sizes["horizon"], sizes["late"]
         n = len(estimator.predictor.model.states)
         self._late, self._passes, self._dt = late, sizes["passes"], float(arrays["model"][-1])
@@ -60,11 +63,11 @@ class InterpretedStep:
         outputs = {0: arrays["states"][n:], 1: arrays["A"], 2: arrays["B"]}
         self._along = Kernel(along, {0: arrays["states"][:n], 2: np.tile(arrays["model"], late + N)}, outputs)
         self._reach = Kernel(unrolled(reach().map(N), N, reach()), {2: np.tile(machine, N)}, {0: arrays["range"]})
-        rub, learn, feed = friction
+        rub, learn, take = friction
         learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
         self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
         self._rub = Kernel(rub, {3: learnt, 4: same, 5: rubbing})
-        self._feed = Kernel(feed, {2: same, 3: rubbing})
+        self._take, self._ease = Kernel(take, {2: same}), Kernel(ease(), {2: rubbing})
         shared = {0: estimator.belief, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
         self._watch = Kernel(watch, shared)
         self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
@@ -129,7 +132,7 @@ class InterpretedStep:
             return
         if numbers[0] > 1:
             numbers[1:] += (elapsed / dt - 1) * (numbers[3] - numbers[2])
-        late, bend = elapsed - dt, a["fed"][3] if np.isfinite(a["fed"][3]) else 0.0
+        late, bend = elapsed - dt, a["fed"][1] if np.isfinite(a["fed"][1]) else 0.0
         path[1] += late * (path[2] + late * (bend / (2 * dt * dt)))
         path[2] += late * (bend / (dt * dt))
         missed = int(elapsed / dt - 0.5) if elapsed > dt else 0
@@ -209,20 +212,44 @@ class InterpretedStep:
             before = a["rub"][k] = self._rub()[0][0]
 
     def _feed_forward(self) -> None:
-        """The torque that the governed reference takes; before the first sample it is what moves the load."""
-        a, ahead, inputs = self._a, self._a["ahead"][self._late :], self._feed.inputs
-        known = a["fed"][0] == 1.0 and np.isfinite(a["fed"]).all()
+        """The torque that the governed reference takes, and what of it is fed; before the first it is what acts."""
+        a, ahead = self._a, self._a["ahead"][self._late :]
+        fed, taken, feed = a["fed"], a["taken"], a["feed"]
+        known = fed[0] == 1.0 and np.isfinite(fed).all()
         if not known:
-            inputs[0][:], inputs[1][:] = ahead[:3], 0.0
-            a["fed"][:] = self._feed()[0]
-        a["feed"][0] = a["fed"][1] if known else a["past"][self._late + 1] + self._estimator.belief[2]
-        inputs[1][:] = a["fed"]
-        for k in range(a["rub"].size):
-            inputs[0][:] = ahead[k : k + 3]
-            inputs[1][:] = self._feed()[0]
-            a["feed"][k + 1] = inputs[1][1]
+            fed[1] = ahead[2] - 2 * ahead[1] + ahead[0]
+            fed[2] = fed[4] = self._taken(ahead, -fed[1])[0]
+            fed[3] = fed[5] = 0.0
+        feed[0] = fed[4] if known else a["past"][self._late + 1] + self._estimator.belief[2]
+        bend, last = fed[1], taken.size - 1
+        for k in range(taken.size):
+            taken[k], bend = self._taken(ahead[k:], bend)
             if k == 0:
-                a["fed"][:] = inputs[1]
+                fed[1] = bend
+        self._ease.inputs[0][:] = fed[2:4]
+        for k in range(taken.size):
+            feed[k + 1] = self._eased(taken[k])
+            if k == 0:
+                fed[2:4] = self._ease.inputs[0]
+        self._ease.inputs[0][:] = taken[last], taken[last - 1] - taken[last]
+        for k in range(last, -1, -1):
+            feed[k + 1] = (feed[k + 1] + self._eased(taken[k])) / 2
+        self._ease.inputs[0][:] = fed[4:6]
+        for k in range(taken.size):
+            feed[k + 1] = self._eased(feed[k + 1])
+            if k == 0:
+                fed[4:6] = self._ease.inputs[0]
+        fed[0] = 1.0
+
+    def _taken(self, way: Array, before: float) -> tuple[float, float]:
+        self._take.inputs[0][:], self._take.inputs[1][0] = way[:3], before
+        torque, bend = self._take()
+        return float(torque[0]), float(bend[0])
+
+    def _eased(self, taken: float) -> float:
+        self._ease.inputs[1][0] = taken
+        self._ease.inputs[0][:] = self._ease()[0]
+        return float(self._ease.inputs[0][0])
 
     def _plan_ahead(self) -> int:
         """The torques of the horizon for what was planned."""

@@ -63,3 +63,13 @@ def test_nobody_follows_worse_for_knowing_more(effect: str) -> None:
 def test_what_is_known_and_can_be_undone_costs_nothing(effect: str) -> None:
     assert informed(effect).rms < 1.2 * informed(None).rms + UNSEEN
     assert informed(effect).degraded == 0
+
+
+@pytest.mark.parametrize("effect", ["input_delay", "actuator_lag"])
+def test_so_it_is_with_the_loop_that_each_model_gets_by_default(effect: str) -> None:
+    chosen = {"bandwidth": None, "horizon": None, "disturbance_rate": None, "torque_noise": 0.0}
+    machine, base = Machine().hiding(**{effect: SIZES[effect]}), ServoModel.paper()
+    knows = base.with_effect(catalogue[effect](**SIZES[effect]))
+    informed, ignorant = (track(machine, model, swing, 5.0, begin=END, noise=FINE, **chosen) for model in (knows, base))
+    assert informed.rms < 1.05 * ignorant.rms + UNSEEN
+    assert informed.rms < 1e-4
