@@ -18,25 +18,26 @@ from plant.servo import ServoModel
 
 FED = 6
 """What is remembered from sample to sample: whether anything is, the last change of the reference's speed in a sample
-[rad], the torque that was eased forward in time and its last change, the torque that was fed and its last change."""
+[rad/s], the torque that was eased forward in time and its last change, the torque that was fed and its last change."""
 
 
 def take(model: ServoModel) -> Any:
     """What the reference takes during a sample, as a `casadi.Function`.
 
-    (governed angle now and at the two samples to come (3,), change of its speed in the sample before [rad], parameters)
-    -> torque on the load, rigid, without memory and dry friction; change of the speed.
+    (governed angle, its speed during the sample and the next one (2,), change of speed before, parameters) -> torque on
+    the load, rigid, without memory and dry friction; change of the speed. Speeds and not angles, whose differences have
+    no digits left in single precision.
     """
-    way, before, p = ca.SX.sym("way", 3), ca.SX.sym("before"), ca.SX.sym("p", len(model.names) + 1)
+    angle, speeds, before = ca.SX.sym("angle"), ca.SX.sym("speeds", 2), ca.SX.sym("before")
+    p = ca.SX.sym("p", len(model.names) + 1)
     bound, dt = model.bound(p[:-1]), p[-1]
-    first, second = way[1] - way[0], way[2] - way[1]
-    bend = second - first
-    at = Moment(angle=(way[0] + way[1]) / 2, velocity=first / dt, inertia=bound.inertia)
+    bend = speeds[1] - speeds[0]
+    at = Moment(angle=angle + dt * speeds[0] / 2, velocity=speeds[0], inertia=bound.inertia)
     still = [effect for effect in bound.effects if not effect.states]
     inertia = bound.inertia + sum(effect.added_inertia(at) for effect in still)
     passive = bound.gravity * ca.cos(at.angle) + bound.viscous_friction * at.velocity
-    torque = inertia * (bend + before) / (2 * dt**2) + passive - sum(effect.load_torque(at, 0.0) for effect in still)
-    return ca.Function("take", [way, before, p], [torque, bend], {"cse": True})
+    torque = inertia * (bend + before) / (2 * dt) + passive - sum(effect.load_torque(at, 0.0) for effect in still)
+    return ca.Function("take", [angle, speeds, before, p], [torque, bend], {"cse": True})
 
 
 @cache

@@ -171,6 +171,7 @@ class Governor:
         soft: limits of angle and speed as numbers, None if there are none.
         attainable: by how much the torques can bend a path in a sample [rad]; what bends more is a jump.
         jerk: a quarter of how fast the acceleration may change in a move [rad/s^3].
+        speeds: (N + 1,) of what was governed last, each until the next sample [rad/s].
         path: all that is remembered: whether there is a governed reference, its angle [rad] and rate [rad/s], and how
             fast the move is made that is under way, see `hurry`.
     """
@@ -179,6 +180,7 @@ class Governor:
     soft: Array | None = None
     attainable: float = float("inf")
     jerk: float = float("inf")
+    speeds: Array = field(default_factory=lambda: np.zeros(0), init=False)
     path: Array = field(default_factory=lambda: np.zeros(4), init=False)
 
     def restart(self, angle: float, rate: float) -> None:
@@ -220,8 +222,9 @@ class Governor:
         greatest[0::3], greatest[1::3], greatest[2::3] = *limits, self.path[3]
         (path,) = govern()
         path = path.reshape(-1, 2)
-        before = self.path[1]
+        before, speed = self.path[1:3]
         self.path[1:3] = path[0]
+        self.speeds = np.append(speed, path[:-1, 1])
         return np.append(before, path[:-1, 0])
 
     def _lead(self, wanted: Array, last: int, limits: tuple[float, float]) -> tuple[int, float]:

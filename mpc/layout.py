@@ -41,6 +41,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
     }
     work = {
         "ahead": N + late + 2,
+        "speeds": N + late + 2,  # of what is ahead
         "guess": N,
         "states": (samples + 1) * n,
         "A": samples * n * n,

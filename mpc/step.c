@@ -54,7 +54,7 @@ static int lead(const struct controller *c, const real *path, const real *limits
 static void aim(struct controller *c, int previewed)
 {
   int k, i, last = HORIZON, first = 0;
-  real limits[3], near, wanted, speed, bend, now[2], next[2], three[3], change = 0, *ahead = c->ahead;
+  real limits[3], near, wanted, speed, bend, now[2], next[2], three[3], change = 0, *ahead = c->ahead, *speeds = c->speeds;
   followable(c->belief + 3, c->load, TABLE(machine), TABLE(tuning), limits, &near);
   if (!(c->path[0] && fabs(c->belief[3] - c->path[1]) <= near)) {
     c->path[0] = 1;
@@ -69,13 +69,14 @@ static void aim(struct controller *c, int previewed)
   c->path[3] = limits[2];
   for (k = 0; k <= last; ++k) {
     for (i = 0; i < 3; ++i) three[i] = wanted_at(c, first + k + i) - first * change;
-    ahead[k] = now[0];
+    ahead[k] = now[0], speeds[k] = now[1];
     govern(now, three, limits, TABLE(soft), TABLE(model) + PARAMETERS - 1, next);
     memcpy(now, next, sizeof now);
     if (k == 0) memcpy(c->path + 1, next, sizeof next);
   }
   speed = ahead[last] - ahead[last - 1];
   bend = speed - (ahead[last - 1] - ahead[last - 2]);
+  for (k = 0; k <= LATE + 1; ++k) speeds[last + k] = speeds[last - 1] + (speeds[last - 1] - speeds[last - 2]) * (k + 1);
   for (k = 1; k <= LATE + 1; ++k) ahead[last + k] = ahead[last] + speed * k + bend * k * (k + 1) / 2;
 }
 
@@ -131,17 +132,17 @@ static void feed_forward(struct controller *c)
 {
   int k, last = HORIZON - 1, known = c->fed[0] == 1;
   real bend, bent, torque[2], *taken = c->taken, *fed = c->fed, *feeds = c->feed + 1;
-  const real *ahead = c->ahead + LATE;
+  const real *ahead = c->ahead + LATE, *speeds = c->speeds + LATE;
   for (k = 1; k < 6; ++k) known = known && isfinite(fed[k]);
   if (!known) {
-    fed[1] = ahead[2] - 2 * ahead[1] + ahead[0], bend = -fed[1];
-    take(ahead, &bend, TABLE(model), fed + 2, &bent);
+    fed[1] = speeds[1] - speeds[0], bend = -fed[1];
+    take(ahead, speeds, &bend, TABLE(model), fed + 2, &bent);
     fed[4] = fed[2], fed[3] = fed[5] = 0;
   }
   c->feed[0] = known ? fed[4] : c->past[LATE + 1] + c->belief[2];
   bend = fed[1];
   for (k = 0; k <= last; ++k) {
-    take(ahead + k, &bend, TABLE(model), taken + k, &bent);
+    take(ahead + k, speeds + k, &bend, TABLE(model), taken + k, &bent);
     bend = bent;
     if (k == 0) fed[1] = bend;
   }
@@ -347,8 +348,8 @@ static void lapse(struct controller *c)
   shift = c->numbers[0] > 1 ? (elapsed / dt - 1) * (c->numbers[3] - c->numbers[2]) : 0;
   for (k = 1; k < 4; ++k) c->numbers[k] += shift;
   late = elapsed - dt, bend = isfinite(c->fed[1]) ? c->fed[1] : 0;
-  c->path[1] += late * (c->path[2] + late * (bend / (2 * dt * dt)));
-  c->path[2] += late * (bend / (dt * dt));
+  c->path[1] += late * (c->path[2] + late * (bend / (2 * dt)));
+  c->path[2] += late * (bend / dt);
   missed = elapsed > dt ? (int)(elapsed / dt - 0.5) : 0;
   for (k = 0; k < missed; ++k) miss(c);
   c->acting[PARAMETERS - 1] = elapsed - missed * dt;

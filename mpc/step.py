@@ -51,6 +51,7 @@ class InterpretedStep:
         n = len(estimator.predictor.model.states)
         self._late, self._passes, self._dt = late, sizes["passes"], float(arrays["model"][-1])
         self._estimator, self._governor = estimator, governor
+        governor.speeds = np.zeros(N + 1)
         self.programme = Programme(arrays, sizes["rounds"])
         self._a = arrays
         self._states = arrays["states"].reshape(-1, n)
@@ -67,7 +68,7 @@ class InterpretedStep:
         learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
         self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
         self._rub = Kernel(rub, {3: learnt, 4: same, 5: rubbing})
-        self._take, self._ease = Kernel(take, {2: same}), Kernel(ease(), {2: rubbing})
+        self._take, self._ease = Kernel(take, {3: same}), Kernel(ease(), {2: rubbing})
         shared = {0: estimator.belief, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
         self._watch = Kernel(watch, shared)
         self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
@@ -133,8 +134,8 @@ class InterpretedStep:
         if numbers[0] > 1:
             numbers[1:] += (elapsed / dt - 1) * (numbers[3] - numbers[2])
         late, bend = elapsed - dt, a["fed"][1] if np.isfinite(a["fed"][1]) else 0.0
-        path[1] += late * (path[2] + late * (bend / (2 * dt * dt)))
-        path[2] += late * (bend / (dt * dt))
+        path[1] += late * (path[2] + late * (bend / (2 * dt)))
+        path[2] += late * (bend / dt)
         missed = int(elapsed / dt - 0.5) if elapsed > dt else 0
         for _ in range(missed):
             self._miss()
@@ -177,6 +178,10 @@ class InterpretedStep:
             self._governor.restart(float(angle), float(velocity))
         governed = self._governor.govern(self._a["wanted"], (limits[0], limits[1]), previewed)
         self._a["ahead"][:] = prolonged(governed, self._late + 1)
+        speeds, last = self._a["speeds"], governed.size - 1
+        speeds[: last + 1] = self._governor.speeds
+        for k in range(last, speeds.size):
+            speeds[k] = speeds[last - 1] + (speeds[last - 1] - speeds[last - 2]) * (k - last + 1)
 
     def _astray(self) -> int:
         """Whether the load has been beside the governed reference for long."""
@@ -213,17 +218,17 @@ class InterpretedStep:
 
     def _feed_forward(self) -> None:
         """The torque that the governed reference takes, and what of it is fed; before the first it is what acts."""
-        a, ahead = self._a, self._a["ahead"][self._late :]
+        a, ahead, speeds = self._a, self._a["ahead"][self._late :], self._a["speeds"][self._late :]
         fed, taken, feed = a["fed"], a["taken"], a["feed"]
         known = fed[0] == 1.0 and np.isfinite(fed).all()
         if not known:
-            fed[1] = ahead[2] - 2 * ahead[1] + ahead[0]
-            fed[2] = fed[4] = self._taken(ahead, -fed[1])[0]
+            fed[1] = speeds[1] - speeds[0]
+            fed[2] = fed[4] = self._taken(ahead[0], speeds, -fed[1])[0]
             fed[3] = fed[5] = 0.0
         feed[0] = fed[4] if known else a["past"][self._late + 1] + self._estimator.belief[2]
         bend, last = fed[1], taken.size - 1
         for k in range(taken.size):
-            taken[k], bend = self._taken(ahead[k:], bend)
+            taken[k], bend = self._taken(ahead[k], speeds[k:], bend)
             if k == 0:
                 fed[1] = bend
         self._ease.inputs[0][:] = fed[2:4]
@@ -241,8 +246,8 @@ class InterpretedStep:
                 fed[4:6] = self._ease.inputs[0]
         fed[0] = 1.0
 
-    def _taken(self, way: Array, before: float) -> tuple[float, float]:
-        self._take.inputs[0][:], self._take.inputs[1][0] = way[:3], before
+    def _taken(self, angle: float, speeds: Array, before: float) -> tuple[float, float]:
+        self._take.inputs[0][0], self._take.inputs[1][:], self._take.inputs[2][0] = angle, speeds[:2], before
         torque, bend = self._take()
         return float(torque[0]), float(bend[0])
 
