@@ -118,15 +118,15 @@ def test_whatever_is_remembered_the_answer_is_the_same(seed: int, hardness: floa
     for spoilt in (0.0, np.nan, np.inf, -1e200, -7.0):
         both.load(stages, rng.integers(-1, 2, 30), fences, rng.integers(-2, 3, (30, 4)))
         places = rng.random((2, 30, 4)) < 0.2
-        both.programme.pressed[places[0] & (spoilt != 0.0)] = spoilt
-        both.programme.forces[places[1]] = spoilt
-        warm = both.machine_code() if FORMS[-1] else both.programme.solve()
+        both.program.pressed[places[0] & (spoilt != 0.0)] = spoilt
+        both.program.forces[places[1]] = spoilt
+        warm = both.machine_code() if FORMS[-1] else both.program.solve()
         assert warm <= 1e-6
         best = cost(stages, fences, cold)
         assert cost(stages, fences, both.arrays["e"]) == pytest.approx(best, rel=1e-7, abs=1e-12)
 
 
-def test_the_active_set_alone_follows_a_limit_that_moves_by_a_sample() -> None:
+def test_the_active_set_follows_a_limit_that_moves_by_a_sample() -> None:
     """What one step has found is the next one's beginning, so that the interior point method is seldom asked."""
     asked = []
     controller = Controller(ServoModel.paper(), GearTrain.paper(), horizon=30, angle_limits=(-0.2, 0.2))
