@@ -124,7 +124,7 @@ def test_every_notebook_is_there_with_its_pictures(site: Path) -> None:
 
 def test_each_limit_of_the_readme_is_told_in_full(site: Path) -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    bold = re.findall(r"^- \*\*([^*]+?)\*\*", readme[readme.index("## Limits") :], re.MULTILINE)
+    bold = re.findall(r"^\| \*\*([^*]+?)\*\*", readme[readme.index("## Limits") :], re.MULTILINE)
     page = (site / "explanation" / "limits.html").read_text(encoding="utf-8")
     assert len(bold) > 6
     for words in bold:
