@@ -7,7 +7,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 
 from plant.errors import BadParameter
 
@@ -75,6 +74,8 @@ def admissible(A: ArrayLike) -> Admissibility:
     Raises:
         BadParameter: A is not a finite matrix.
     """
+    from scipy.optimize import linprog
+
     matrix = structure_matrix(A)
     n, m = matrix.shape
     scaled = _unit_rows(matrix)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from allocation.structure import Structure
 
@@ -24,6 +23,8 @@ def still_preloaded(structure: Structure, lost: tuple[int, ...]) -> Flags:
 
     because v may be as large as it takes: t_i is 1 where it can be positive at all, and 0 elsewhere.
     """
+    from scipy.optimize import linprog
+
     n, m = structure.matrix.shape
     alive = np.ones(m)
     alive[[number - 1 for number in lost]] = 0.0

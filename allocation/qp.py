@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import qpsolvers
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
 
 from plant.errors import BadParameter
+
+if TYPE_CHECKING:
+    import qpsolvers
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,8 @@ _SETTINGS: dict[str, dict[str, Any]] = {
 
 def check_solver(name: str) -> None:
     """Raise `BadParameter` unless the solver is installed."""
+    import qpsolvers  # with every solver there is: only who shares by one needs it
+
     if name not in qpsolvers.available_solvers:
         raise BadParameter(
             f"The QP solver {name!r} is not installed; use one of {', '.join(qpsolvers.available_solvers)}."
@@ -58,6 +61,9 @@ def solve_qp(
     Scale the problem so that x is of the order of one. Accept the answer by its residuals: those of a failed solve are
     infinite, and no exception or warning of the solver gets out.
     """
+    import qpsolvers
+    from scipy.sparse import csc_matrix
+
     sparse = solver in qpsolvers.sparse_solvers
     problem = qpsolvers.Problem(
         P=csc_matrix(P) if sparse else P,

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 Array = NDArray[np.float64]
 
@@ -100,6 +99,8 @@ class QuadraticProgram:
 
 def _nonnegative(M: Array, r: Array) -> tuple[Array, float]:
     """The y >= 0 that minimises |M y - r|, and that norm; inf if it was not found."""
+    from scipy.optimize import nnls
+
     if M.shape[1] == 0 or M.shape[0] == 0:
         return np.zeros(M.shape[1]), float(np.linalg.norm(r))
     try:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import qpsolvers
 from numpy.typing import NDArray
 
 from allocation.active_set import solve_exactly
@@ -13,6 +13,9 @@ from allocation.least_effort import settled, share_between_two
 from allocation.qp import largest_residual, solve_qp
 from allocation.quadratic_program import UNPROVEN, QuadraticProgram, Residuals
 from allocation.rows import Rows
+
+if TYPE_CHECKING:
+    import qpsolvers
 
 Array = NDArray[np.float64]
 

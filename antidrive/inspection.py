@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from antidrive.log_options import LogOptions
+from identification.errors import MalformedLog, MissingColumns
 from identification.log import Log
 from identification.reading.files import read_table
 from identification.reading.inventory import ColumnFacts, inventory, lines
@@ -19,6 +20,7 @@ from identification.reading.recognition import joined_if_needed, recognise
 from identification.reading.table import Table
 from identification.reading.units import kind_of
 from identification.run import Run
+from plant.errors import BadParameter
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,10 +55,7 @@ class Inspection:
 
     def sentences(self) -> list[str]:
         """The same in words, a line each."""
-        said: list[str] = []
-        for name, facts in self.tables:
-            rows = max((one.samples for one in facts), default=0)
-            said += [f"{name}: {rows} rows, {len(facts)} columns", *lines(facts), ""]
+        said = [*_columns(self.tables), ""] if self.tables else []
         said += [f"{self.log!r}, command in {self.log.command_unit}", *_table(self.log.runs)]
         if self.holdout is not None:
             said += ["To validate on:", *_table(self.holdout.runs)]
@@ -96,7 +95,22 @@ def inspected(options: LogOptions, tell: Callable[[str], None] | None = None) ->
     tables = [read_table(path) for path in options.files]
     facts = tuple(_understood(table, reading) for table in joined_if_needed(tables, reading))
     held = Log.of_files(options.holdout, reading) if options.holdout else None
-    return Inspection(options=options, tables=facts, log=Log.of_tables(tables, reading), holdout=held)
+    try:
+        log = Log.of_tables(tables, reading)
+    except MissingColumns:  # it has the columns already
+        raise
+    except (MalformedLog, BadParameter) as error:
+        raise type(error)("\n".join([str(error), *_columns(facts)])) from error
+    return Inspection(options=options, tables=facts, log=log, holdout=held)
+
+
+def _columns(tables: Sequence[tuple[str, tuple[ColumnFacts, ...]]]) -> list[str]:
+    """The columns of each table, in lines."""
+    said: list[str] = []
+    for name, facts in tables:
+        rows = max((one.samples for one in facts), default=0)
+        said += [f"{name}: {rows} rows, {len(facts)} columns", *lines(facts)]
+    return said
 
 
 def _understood(table: Table, reading: Reading) -> tuple[str, tuple[ColumnFacts, ...]]:

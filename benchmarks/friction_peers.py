@@ -77,15 +77,7 @@ class Peer:
         if low < torque < high:  # else what it remembers stands still
             self._state = A @ self._state + B * error
         torques = least_effort(self.bounds, float(np.clip(torque, low, high)))
-        return Control(
-            torques=torques,
-            status="optimal",
-            margin=0.0,
-            predicted_torques=torques[None],
-            predicted_angle=path,
-            disturbance=0.0,
-            residual=0.0,
-        )
+        return Control(np.array([0.0, 0.0, 0.0, *torques, *path[:2]]))
 
 
 def cascade(J: float, w: float, dt: float, integral: float) -> Any:

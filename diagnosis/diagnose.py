@@ -26,6 +26,7 @@ from diagnosis.result import Cause, Verdict
 from diagnosis.state_gaussian_process import beside_gaussian_process, displaced_sentences
 from diagnosis.stepwise_round import Addition
 from diagnosis.stepwise_search import Outcome, forward_selection, reselected
+from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable
 from identification.fit import base_model, fit_with_prior, known_of
 from identification.fit_result import Fit
@@ -160,6 +161,8 @@ def diagnose(
     left = repeats(final)
     if left is not None:
         warnings.append(str(left))
+    if (apart := between_run_differences(final)) is not None:
+        warnings.append(apart)
     if (formula := suggested_formula(final)) is not None:
         warnings.append(formula)
     opinions = holdout_differences(final, held_out)

@@ -139,7 +139,7 @@ def _sentence(fit: Fit, names: list[str]) -> str:
         told.append(f"{name} ({has[0]}, {has[1]} {fit[name].unit}, {errors:.3g} standard errors apart)")
     listed = ", ".join(f"'{name}'" for name in names) + "," * (len(names) == 1)
     payload = "a payload per run (columns payload_mass and payload_radius, or payload_inertia), or "
-    way = f"--per-run {','.join(names)} (in Python per_run=({listed}))"
+    way = f"antidrive identify --per-run {','.join(names)} (in Python fit(log, per_run=({listed})))"
     return (
         f"The runs disagree about {' and '.join(told)}: "
         f"{payload if {'inertia', 'gravity'} & set(names) else ''}{way} lets {'it' if len(names) == 1 else 'them'} "

@@ -123,7 +123,9 @@ class Fit(Presented):
             return "the motion of the model grows without bound. Leave out the part of the log where it does."
         if not self.converged:
             return "the iteration ended before it converged. Start it near the machine, with --base MODEL.json."
-        told = [line.value is not None for line in self.parameters if not line.fixed]
+        free = [line for line in self.parameters if not line.fixed]
+        unseen = any(line.value is None for line in free)  # beside which a value at its bound says nothing
+        told = [line.value is not None and not (line.at_bound and unseen) for line in free]
         moves = [(run.output - run.output[run.valid].mean())[run.valid] for run in self.log.runs]
         if any(told) or not told or np.std(np.concatenate(moves)) <= 2.0 * self.noise_std:
             return None

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 
 from mpc.controller import Controller
 from plant.errors import BadParameter
@@ -134,6 +133,8 @@ def _holding(controller: Controller, angle: float, velocity: float) -> tuple[flo
 
 def _filter(controller: Controller, F: Array, row: Array) -> tuple[Array, Array]:
     """I - g row' and the gain g of the settled filter."""
+    from scipy.linalg import solve_discrete_are
+
     variance, torque_noise, wander = controller.estimator.levels[:3]
     dt, n = controller.sample_time, F.shape[0] - 1
     kick = dt / controller.estimator.predictor.model.inertia * torque_noise

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from plotly.graph_objects import Figure, Scatter
-from plotly.subplots import make_subplots
 
 from mpc.analysis import LoopAnalysis
+
+if TYPE_CHECKING:
+    from plotly.graph_objects import Figure
 
 
 def bode_figure(loop: LoopAnalysis) -> Figure:
     """Bode plot of an analysed loop, its numbers in the title."""
+    from plotly.graph_objects import Scatter
+    from plotly.subplots import make_subplots
+
     frequencies = np.geomspace(1e-3, 0.5, 600) / loop.gain.dt
     figure = make_subplots(rows=2, cols=1, shared_xaxes=True, vertical_spacing=0.06)
     for name, system in (

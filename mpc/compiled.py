@@ -6,6 +6,7 @@ import ctypes
 import re
 import time
 from collections.abc import Mapping
+from functools import partial
 from importlib.resources import files
 from string import Template
 from typing import Any
@@ -60,10 +61,9 @@ class CompiledStep:
         if not self.code.wait() or self.code.library is None:
             return None
         self.compile_time = 0.0 if kept else time.perf_counter() - begin
-        step = self.code.library.control_step
-        step.argtypes, step.restype = (ctypes.c_void_p, ctypes.c_double, ctypes.c_int), ctypes.c_int
-        where = ctypes.addressof(self.layout)
-        return lambda angle, previewed: step(where, angle, previewed)
+        step = ctypes.PYFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_int)
+        where = ctypes.c_void_p(ctypes.addressof(self.layout))
+        return partial(step(("control_step", self.code.library)), where)
 
 
 def parts(functions: tuple[Any, ...]) -> dict[str, str]:
@@ -72,7 +72,7 @@ def parts(functions: tuple[Any, ...]) -> dict[str, str]:
     for function in functions:
         generator.add(function)
     by_name = {function.name(): function for function in functions}
-    places = {"STATES": ("stage", 0), "PARAMETERS": ("stage", 2), "BELIEF": ("estimate", 0)}
+    places = {"STATES": ("stage", 0), "PARAMETERS": ("learn", 3), "BELIEF": ("estimate", 0)}
     places |= {"BARRIER": ("backward", 6), "LEARNT": ("learn", 1), "WATCHED": ("watch", 2)}
     counts = ", ".join(f"{name} = {by_name[stage].size1_in(i)}" for name, (stage, i) in places.items())
     return {

@@ -21,14 +21,14 @@ from mpc.encoder_faults import numbers as watching
 from mpc.encoder_faults import watch, watched_of
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
 from mpc.friction import Frictionless, friction_numbers, learn, rigid_contacts, rub
-from mpc.governor import Governor, early, followable, governed
+from mpc.governor import Governor, early, followable, governed, jump
 from mpc.layout import laid_out
 from mpc.prediction import Predictor
+from mpc.prepared import prepared
 from mpc.preview import preview
 from mpc.riccati import ALL_ROWS, TORQUE_ALONE, backward, forward, slope
 from mpc.split import machine, reach, split
 from mpc.step import InterpretedStep
-from mpc.trouble import sentence
 from mpc.tuning import OBSERVER, Tuning
 from mpc.weights import rate_weight, terminal_weight
 from plant.drive_train import DriveTrain
@@ -221,12 +221,15 @@ class Controller(Remembering):
         }
         preload_step = self.preload_rate * self.sample_time / (abs(float(self.gears.null_vector[0])) or 1.0)
         self._arrays = self._all_arrays(machine(self.bounds, drive, preload_step))
+        self._answer = np.asarray(self._arrays["outcome"].base)  # and behind it torques and angles
+        self._wanted, self._ahead, self._drives = self._arrays["wanted"], (self.horizon + 1,), self.gears.drives
         n = len(behind.states)
         self._watch = watch(predictor, self.estimator.motors is not None)
-        filters = (predictor.stage, self._watch, *self.estimator.functions, *self._friction)
-        aims = (preview(), early(), followable(), governed(limits.any), enter(), corridor(), reach())
-        sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows), split())
-        self._machine_code = CompiledStep((*filters, *aims, *sweeps), self._sizes, self._arrays)
+        filters = (predictor.along.function, self._watch, *self.estimator.functions, *self._friction)
+        aims = (preview(), jump(), early(), followable(), prepared(governed(limits.any)).function, enter(), corridor())
+        sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows))
+        splits = (prepared(reach()).function, prepared(split()).function)
+        self._machine_code = CompiledStep((*filters, *aims, *sweeps, *splits), self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
 
     def _tune(self) -> None:
@@ -268,6 +271,10 @@ class Controller(Remembering):
         others = [wave, self.governor.attainable, self.torque_rate * self.sample_time, _ASTRAY * noise, share]
         constant = {
             "model": self.estimator.predictor.parameters,
+            "stage_numbers": self.estimator.predictor.prepared,
+            "reach_numbers": prepared(reach()).of(machine),
+            "split_numbers": prepared(split()).of(machine),
+            "govern_numbers": prepared(governed(self.governor.soft is not None)).of(np.array([self.sample_time])),
             "acting": self.estimator.acting,
             "levels": self.estimator.levels,
             "machine": machine,
@@ -358,39 +365,35 @@ class Controller(Remembering):
         Raises:
             BadParameter: the reference or the motor angles have another shape, or the time is not above zero.
         """
-        wanted, arrays = np.asarray(reference, dtype=np.float64), self._arrays
-        if wanted.shape == (self.horizon + 1,):
-            arrays["wanted"][:] = wanted
-        elif wanted.shape == ():
-            arrays["wanted"][0] = wanted
+        if isinstance(reference, np.ndarray) and reference.shape == self._ahead:
+            self._wanted[:], previewed = reference, True
         else:
+            previewed = self._take(reference)
+        if motor_angles is not None or self.motor_resolution is not None:
+            self._arrays["readings"][1:] = self._pair(motor_angles)
+        if elapsed is not None:
+            if not (np.isfinite(elapsed) and elapsed > 0):
+                raise BadParameter(f"elapsed must be a time above zero since the last step, not {elapsed!r}.")
+            self._arrays["elapsed"][0] = elapsed
+        trouble = self._step(angle, previewed)
+        return Control(self._answer.copy(), trouble, self._drives)
+
+    def _take(self, reference: ArrayLike) -> bool:
+        """Note what is wanted; whether that is more than a number."""
+        wanted = np.asarray(reference, dtype=np.float64)
+        if wanted.shape not in ((), self._ahead):
             raise BadParameter(
                 f"The reference must be a number or {self.horizon + 1} samples, not an array of shape {wanted.shape}."
             )
-        if self.motor_resolution is not None:
-            arrays["readings"][1:] = NO_ANGLES if motor_angles is None else self._pair(motor_angles)
-        elif motor_angles is not None:
-            raise BadParameter("Give the controller a motor_resolution, or no motor angles.")
-        if elapsed is not None and not (np.isfinite(elapsed) and elapsed > 0):
-            raise BadParameter(f"elapsed must be a time above zero since the last step, not {elapsed!r}.")
-        arrays["elapsed"][0] = elapsed or 0.0
-        reasons = sentence(self._step(float(angle), wanted.ndim == 1))
-        torques = arrays["torques"].reshape(self.horizon, 2).copy()
-        if self.gears.drives == 1:  # the pair of its own senses
-            torques = torques.sum(axis=1, keepdims=True)
-        margin, disturbance, residual = arrays["outcome"].tolist()
-        return Control(
-            torques=torques[0],
-            status=f"degraded: {reasons}" if reasons else "optimal",
-            margin=margin,
-            predicted_torques=torques,
-            predicted_angle=arrays["angles"].copy(),
-            disturbance=disturbance,
-            residual=residual,
-        )
+        self._wanted[: wanted.size] = wanted
+        return wanted.ndim == 1
 
-    def _pair(self, angles: ArrayLike) -> Array:
+    def _pair(self, angles: ArrayLike | None) -> ArrayLike:
         """(2,) measured angles, that of a motor which is not there being none."""
+        if self.motor_resolution is None:
+            raise BadParameter("Give the controller a motor_resolution, or no motor angles.")
+        if angles is None:
+            return NO_ANGLES
         given, drives = np.asarray(angles, dtype=np.float64), self.gears.drives
         if given.shape != (drives,):
             count = "two angles" if drives > 1 else "one angle"

@@ -78,7 +78,16 @@ def calls(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bool
     N, passes = sizes["horizon"], sizes["passes"]
     sweeps, certificates = _sweeps(functions, sizes, worst), 2 if worst else 1
     once = {"watch": 1, "estimate": 1 + N * worst, "begin": int(worst)}  # at most for a horizon of missed samples
-    once |= {"preview": 1, "early": N * worst, "followable": 1, "govern": N + 1, "learn": 1, "rub": N, "split": N}
+    once |= {
+        "preview": 1,
+        "jump": N - 1,
+        "early": int(worst),
+        "followable": 1,
+        "govern": N + 1,
+        "learn": 1,
+        "rub": N,
+        "split": N,
+    }
     courses = sweeps + 2 * worst  # the interior point method follows its first and its last torques
     each = {"stage": sizes["late"] + N, "reach": N, "backward": N * sweeps, "forward": N * courses}
     if rows(functions) > 1:

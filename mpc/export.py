@@ -27,7 +27,21 @@ Array = NDArray[np.float64]
 FILES = ("controller.h", "controller.c", "driver.c", "CMakeLists.txt", "README.txt")
 """Templates; the first two are written with the controller's name before theirs."""
 
-_CONSTANT = ("model", "levels", "machine", "tuning", "prices", "moved", "soft", "rubbing", "watching")
+_CONSTANT = (
+    "model",
+    "stage_numbers",
+    "reach_numbers",
+    "split_numbers",
+    "govern_numbers",
+    "levels",
+    "machine",
+    "tuning",
+    "prices",
+    "moved",
+    "soft",
+    "rubbing",
+    "watching",
+)
 _SHOWN = ("outcome", "torques", "angles")
 _CLOCK = 200e6  # of the Cortex-M7 that the estimate is for [Hz]
 

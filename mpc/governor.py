@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mpc.corridor import SOFT
 from mpc.kernel import Kernel, unrolled
+from mpc.prepared import prepared
 from mpc.split import MACHINE, reach
 from mpc.weights import TUNING
 
@@ -88,27 +89,35 @@ def governed(limited: bool = False) -> Any:
 
 
 @cache
+def jump() -> Any:
+    """Whether the reference jumps to a sample, as a `casadi.Function`.
+
+    (wanted angle around that sample (3,), attainable change) -> whether it does.
+    """
+    wanted, attainable = ca.SX.sym("wanted", 3), ca.SX.sym("attainable")
+    before, change = wanted[1] - wanted[0], wanted[2] - wanted[1]
+    jumps = ca.logic_and(ca.fabs(before - change) > _JUMP * attainable, ca.fabs(change) < ca.fabs(before))
+    return ca.Function("jump", [wanted, attainable], [jumps])
+
+
+@cache
 def early() -> Any:
-    """Whether the reference jumps to a sample that is seen ahead, as a `casadi.Function`.
+    """Whether it is time to set out for a jump of the reference that is seen ahead, as a `casadi.Function`.
 
     (angle and rate (2,), wanted angle around that sample (3,), how many samples ahead it is, greatest acceleration
-    backward and forward (2,), attainable change, sample time) -> whether it jumps there, whether it is time to set out,
-    and the change of the wanted angle from there on, in a sample.
+    backward and forward (2,), sample time) -> whether it is time, and the change of the wanted angle from there on, in
+    a sample.
 
     A jump is followed with least squared error by a move that has its middle where the jump is: so it is time if the
     sample is no farther ahead than half of the least time to it takes, and a move that is under way goes on.
     """
     path, wanted, limits = ca.SX.sym("path", 2), ca.SX.sym("wanted", 3), ca.SX.sym("limits", 2)
-    count, attainable, dt = ca.SX.sym("count"), ca.SX.sym("attainable"), ca.SX.sym("dt")
-    before, change = wanted[1] - wanted[0], wanted[2] - wanted[1]
-    jumps = ca.logic_and(ca.fabs(before - change) > _JUMP * attainable, ca.fabs(change) < ca.fabs(before))
+    count, dt, change = ca.SX.sym("count"), ca.SX.sym("dt"), wanted[2] - wanted[1]
     error, rate, a = path[0] - (wanted[1] - count * change), path[1] - change / dt, ca.fmin(limits[0], limits[1])
     sense = ca.sign(error + rate * ca.fabs(rate) / (2 * a))
     least = sense * rate / a + 2 * ca.sqrt(ca.fmax(rate**2 / (2 * a**2) + sense * error / a, 0))
-    inputs = [path, wanted, count, limits, attainable, dt]
-    return ca.Function(
-        "early", inputs, [jumps, count * dt <= least / ca.if_else(sense * rate < 0, 1, 2), change], {"cse": True}
-    )
+    due = count * dt <= least / ca.if_else(sense * rate < 0, 1, 2)
+    return ca.Function("early", [path, wanted, count, limits, dt], [due, change], {"cse": True})
 
 
 @cache
@@ -190,20 +199,33 @@ class Governor:
         return np.append(before, path[:-1, 0])
 
     def _lead(self, wanted: Array, last: int, limits: tuple[float, float]) -> tuple[int, float]:
-        """To which sample it sets out now, and the change of the wanted angle from there on."""
+        """To which sample it sets out now, and the change of the wanted angle from there on.
+
+        Behind the last sample that is known it goes on at its speed, so there is no jump.
+        """
+        if last not in self._jumps:
+            self._jumps[last] = Kernel(unrolled(jump().map(last - 1), last - 1, jump()))
+            self._jumps[last].inputs[1][:] = self.attainable
+        jumps = self._jumps[last]
+        for place in range(3):
+            jumps.inputs[0][place::3] = wanted[place : place + last - 1]
+        (found,) = jumps()
+        count = int(found.argmax()) + 1
+        if not found[count - 1]:
+            return 0, 0.0
         early = self._early
-        early.inputs[0][:], early.inputs[3][:] = self.path[1:], limits
-        early.inputs[4][0], early.inputs[5][0] = self.attainable, self.sample_time
-        for count in range(1, last + 1):
-            early.inputs[1][:], early.inputs[2][0] = wanted[count - 1 : count + 2], count
-            jumps, due, change = early()
-            if jumps[0]:
-                return (count, float(change[0])) if due[0] else (0, 0.0)
-        return 0, 0.0
+        early.inputs[0][:], early.inputs[3][:], early.inputs[4][0] = self.path[1:], limits, self.sample_time
+        early.inputs[1][:], early.inputs[2][0] = wanted[count - 1 : count + 2], count
+        due, change = early()
+        return (count, float(change[0])) if due[0] else (0, 0.0)
 
     @cached_property
     def _early(self) -> Kernel:
         return Kernel(early())
+
+    @cached_property
+    def _jumps(self) -> dict[int, Kernel]:
+        return {}
 
     @cached_property
     def _along(self) -> dict[int, Kernel]:
@@ -211,9 +233,10 @@ class Governor:
 
 
 def _along(samples: int, sample_time: float, soft: Array | None) -> Kernel:
-    one = governed(soft is not None)
+    of_time = prepared(governed(soft is not None))
+    one = of_time.function
     kernel = Kernel(unrolled(one.mapaccum(samples), samples, one))
     if soft is not None:
         kernel.inputs[3][:] = np.tile(soft, samples)
-    kernel.inputs[4][:] = sample_time
+    kernel.inputs[4][:] = np.tile(of_time.of(np.array([sample_time])), samples)
     return kernel

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
+from mpc.control import OUTCOME
 from mpc.friction import LEARNT
 
 Array = NDArray[np.float64]
@@ -33,9 +36,11 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "readings": 3,
         "elapsed": 1,  # since the last sample, if it is not the sample time
         "wanted": N + 1,
+    }
+    answer = {
+        "outcome": OUTCOME,  # margin, disturbance, residual
         "torques": 2 * N,
         "angles": N + 1,
-        "outcome": 3,  # margin, disturbance, residual
     }
     work = {
         "ahead": N + late + 2,
@@ -60,4 +65,11 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
     ends = ("slack", "force", "excess", "spare", "gap", "stiff", "pull", "nearer", "wider", "harder", "farther")
     inside = dict.fromkeys(ends, 2 * rows * N) | dict.fromkeys(("inside", "middle", "half", "curvature"), N)
     every = remembered | handed | work | inside | {"kept": 2 * N + 2}
-    return {name: np.zeros(size) for name, size in every.items()}
+    return _one_behind_the_other(answer) | {name: np.zeros(size) for name, size in every.items()}
+
+
+def _one_behind_the_other(sizes: Mapping[str, int]) -> dict[str, Array]:
+    """Zeros that are parts of one array, which is copied at once."""
+    ends = np.cumsum([0, *sizes.values()])
+    whole = np.zeros(ends[-1])
+    return {name: whole[begin:end] for name, begin, end in zip(sizes, ends[:-1], ends[1:], strict=True)}

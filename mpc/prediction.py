@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.kernel import Kernel
+from mpc.prepared import Prepared, prepared
+from plant.actuator import settles_slowly
 from plant.discrete import Structure, integration_steps, sample_reading, sample_step
 from plant.servo import ServoModel
 from plant.simulation import at_switch
@@ -59,7 +61,18 @@ class Predictor:
     @cached_property
     def stage(self) -> Any:
         """One sample ahead, see `stage`."""
-        return stage(Structure(self.model), integration_steps(self.model, self.sample_time))
+        steps = integration_steps(self.model, self.sample_time)
+        return stage(Structure(self.model), steps, 1 if settles_slowly(self.model, self.sample_time) else 3)
+
+    @cached_property
+    def along(self) -> Prepared:
+        """The same for many samples in a row, all with these parameters."""
+        return prepared(self.stage)
+
+    @cached_property
+    def prepared(self) -> Array:
+        """(Q,) the numbers that it takes for these parameters."""
+        return self.along.of(self.parameters)
 
     @cached_property
     def sensor(self) -> Any:
@@ -82,12 +95,12 @@ class Predictor:
         """
         samples, n = torques.size - 1, state.size
         if samples not in self._horizons:
-            self._horizons[samples] = Kernel(self.stage.mapaccum(samples))
+            self._horizons[samples] = Kernel(self.along.function.mapaccum(samples))
         along = self._horizons[samples]
         held = torques + disturbance
         along.inputs[0][:] = state
         along.inputs[1][:] = np.column_stack((held[1:], held[:-1])).ravel()
-        along.inputs[2][:] = np.tile(self.parameters, samples)
+        along.inputs[2][:] = np.tile(self.prepared, samples)
         states, by_state, by_torque = along()
         return Trajectory(
             states=np.vstack((state, states.reshape(samples, n))),
@@ -97,7 +110,7 @@ class Predictor:
 
 
 @lru_cache(maxsize=64)
-def stage(structure: Structure, substeps: int) -> Any:
+def stage(structure: Structure, substeps: int, settling: int) -> Any:
     """One sample ahead with its derivatives, as a `casadi.Function` of a model's equations.
 
     (state (n,), torques (2,) now and before, parameters (P + 1,)) -> next state (n,), its derivatives by the state
@@ -107,6 +120,6 @@ def stage(structure: Structure, substeps: int) -> Any:
     z, torques = ca.SX.sym("z", len(model.states)), ca.SX.sym("torques", 2)
     p = ca.SX.sym("p", len(model.names) + 1)
     inputs = ca.vertcat(torques, 0.0, np.inf, 0.0, p[-1], 0.0, 0.0)
-    z_next = sample_step(model, substeps=substeps)(z, inputs, p[:-1])
+    z_next = sample_step(model, substeps=substeps, settling=settling)(z, inputs, p[:-1])
     derivatives = [ca.densify(ca.jacobian(z_next, z)), ca.densify(ca.jacobian(z_next, torques))]
     return ca.Function("stage", [z, torques, p], [ca.densify(z_next), *derivatives], {"cse": True})

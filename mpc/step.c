@@ -34,17 +34,16 @@ static real wanted_at(const struct controller *c, int k)
   return k <= last ? c->wanted[k] : c->wanted[last] + (k - last) * (c->wanted[last] - c->wanted[last - 1]);
 }
 
-/* To which sample that is known ahead it sets out now, and by how much the wanted angle changes from there on. */
+/* To which sample that is known ahead it sets out now, and by how much the wanted angle changes from there on. Behind
+   the last one it goes on at its speed, so there is no jump. */
 static int lead(const struct controller *c, const real *path, const real *limits, real *change)
 {
-  int k, i;
-  real jumps = 0, due = 0, three[3], count;
-  for (k = 1; k <= HORIZON && !jumps; ++k) {
-    for (i = 0; i < 3; ++i) three[i] = wanted_at(c, k - 1 + i);
-    count = k;
-    early(path, three, &count, limits, TABLE(tuning) + 7, TABLE(model) + PARAMETERS - 1, &jumps, &due, change);
-  }
-  if (jumps && due) return k - 1;
+  int k;
+  real jumps = 0, due = 0, count;
+  for (k = 0; k < HORIZON - 1 && !jumps; ++k) jump(c->wanted + k, TABLE(tuning) + 7, &jumps);
+  count = k;
+  if (jumps) early(path, c->wanted + k - 1, &count, limits, TABLE(model) + PARAMETERS - 1, &due, change);
+  if (due) return k;
   *change = 0;
   return 0;
 }
@@ -64,9 +63,13 @@ static void aim(struct controller *c, int previewed)
   memcpy(now, c->path + 1, sizeof now);
   if (previewed) first = lead(c, now, limits, &change);
   for (k = 0; k <= last; ++k) {
-    for (i = 0; i < 3; ++i) three[i] = wanted_at(c, first + k + i) - first * change;
+    const real *wanted = c->wanted + k;
+    if (first || k + 2 > last) {
+      for (i = 0; i < 3; ++i) three[i] = wanted_at(c, first + k + i) - first * change;
+      wanted = three;
+    }
     ahead[k] = now[0];
-    govern(now, three, limits, TABLE(soft), TABLE(model) + PARAMETERS - 1, next);
+    govern(now, wanted, limits, TABLE(soft), TABLE(govern_numbers), next);
     memcpy(now, next, sizeof now);
     if (k == 0) memcpy(c->path + 1, next, sizeof next);
   }
@@ -139,7 +142,7 @@ static void linearise(struct controller *c)
   for (k = 0; k < total; ++k) {
     both[0] = (k < late ? c->past[k + 2] : c->guess[k - late]) + disturbance;
     both[1] = (k <= late ? c->past[k + 1] : c->guess[k - late - 1]) + disturbance;
-    stage(c->states + N * k, both, TABLE(model), c->states + N * (k + 1), c->A + N * N * k, c->B + 2 * N * k);
+    stage(c->states + N * k, both, TABLE(stage_numbers), c->states + N * (k + 1), c->A + N * N * k, c->B + 2 * N * k);
   }
   c->unit[0] = 0;
   for (k = 0; k < HORIZON; ++k) {
@@ -147,7 +150,7 @@ static void linearise(struct controller *c)
     state = c->states + N * (late + k);
     pace = state[1];
     acceleration = (state[N + 1] - state[1]) / dt;
-    reach(&pace, &acceleration, TABLE(machine), range);
+    reach(&pace, &acceleration, TABLE(reach_numbers), range);
     least = range[0], most = range[1]; /* what of it can be reached in steps of bounded size */
     before_low = low, before_high = high;
     low = range[0] = smaller(larger(low - step, least), most);
@@ -206,7 +209,7 @@ static void hold(struct controller *c)
   c->plan[0] = 0;
   c->outcome[2] = INFINITY;
   for (k = 0; k < HORIZON; ++k) {
-    split(&preload, &nothing, &nothing, &nothing, TABLE(machine), &next, c->torques + 2 * k, &given, &margin);
+    split(&preload, &nothing, &nothing, &nothing, TABLE(split_numbers), &next, c->torques + 2 * k, &given, &margin);
     preload = next;
     c->angles[k] = NAN;
     if (k) continue;
@@ -250,7 +253,7 @@ static int plan_ahead(struct controller *c)
   c->outcome[0] = INFINITY;
   for (k = 0; k < HORIZON; ++k) {
     total = c->plan[k + 1] + c->rub[k];
-    split(&preload, &total, c->states + N * (shift + k) + 1, c->acceleration + k, TABLE(machine),
+    split(&preload, &total, c->states + N * (shift + k) + 1, c->acceleration + k, TABLE(split_numbers),
           &next, c->torques + 2 * k, &given, &margin);
     preload = next;
     c->outcome[0] = margin < c->outcome[0] ? margin : c->outcome[0];

@@ -15,6 +15,7 @@ from mpc.corridor import corridor, enter
 from mpc.estimator import Estimator
 from mpc.governor import Governor, followable
 from mpc.kernel import Kernel, unrolled
+from mpc.prepared import prepared
 from mpc.preview import preview, prolonged
 from mpc.programme import CERTIFIED, Programme
 from mpc.riccati import TORQUE_ALONE
@@ -55,11 +56,13 @@ class InterpretedStep:
         machine = arrays["machine"]
         self._preview = Kernel(preview(), {0: arrays["numbers"], 2: arrays["tuning"][7:8]})
         self._followable = Kernel(followable(), {1: arrays["load"], 2: machine, 3: arrays["tuning"]})
-        stage = estimator.predictor.stage
+        stage = estimator.predictor.along.function
         along = unrolled(stage.mapaccum(late + N), late + N, stage)
         outputs = {0: arrays["states"][n:], 1: arrays["A"], 2: arrays["B"]}
-        self._along = Kernel(along, {0: arrays["states"][:n], 2: np.tile(arrays["model"], late + N)}, outputs)
-        self._reach = Kernel(unrolled(reach().map(N), N, reach()), {2: np.tile(machine, N)}, {0: arrays["range"]})
+        self._along = Kernel(along, {0: arrays["states"][:n], 2: np.tile(arrays["stage_numbers"], late + N)}, outputs)
+        to_reach, to_split = prepared(reach()).function, prepared(split()).function
+        reaching = {2: np.tile(arrays["reach_numbers"], N)}
+        self._reach = Kernel(unrolled(to_reach.map(N), N, to_reach), reaching, {0: arrays["range"]})
         rub, learn = friction
         learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
         self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
@@ -69,13 +72,13 @@ class InterpretedStep:
         self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
         confined = {0: self._enter.outputs[0], 2: np.tile(arrays["soft"], N), 3: np.full(N, self._dt)}
         self._corridor = Kernel(unrolled(corridor().mapaccum(N), N, corridor()), confined)
-        inputs = {0: arrays["preload"], 3: arrays["acceleration"], 4: np.tile(machine, N)}
-        self._split = Kernel(unrolled(split().mapaccum(N), N, split()), inputs, {1: arrays["torques"]})
+        inputs = {0: arrays["preload"], 3: arrays["acceleration"], 4: np.tile(arrays["split_numbers"], N)}
+        self._split = Kernel(unrolled(to_split.mapaccum(N), N, to_split), inputs, {1: arrays["torques"]})
 
     def __call__(self, angle: float, previewed: bool) -> int:
         """The measured angle in, the torques and all else in the arrays; what went wrong, see `Trouble`."""
         with np.errstate(all="ignore"):  # absurd numbers may overflow; every result is checked
-            return self._sample(angle, previewed)
+            return self._sample(float(angle), previewed)
 
     def _sample(self, angle: float, previewed: bool) -> int:
         past = self._a["past"]

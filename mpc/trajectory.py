@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from allocation import Limits
 from mpc.shooting import Shooting
@@ -56,6 +55,8 @@ class Trajectory:
 
     def reference(self, time: ArrayLike) -> Array:
         """Angle at any times [rad], for a controller to follow; it is held before the start and after the end."""
+        from scipy.interpolate import CubicHermiteSpline
+
         course = CubicHermiteSpline(self.time, self.angle, self.speed)
         return np.asarray(course(np.clip(time, 0.0, self.duration)))
 

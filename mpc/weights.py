@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 
 from plant.servo import ServoModel
 
@@ -25,6 +24,8 @@ def rate_weight(model: ServoModel, bandwidth: float, sample_time: float) -> floa
 
 def terminal_weight(model: ServoModel, rate: float, sample_time: float) -> Array:
     """P of the rigid servo for angle and velocity (2, 2), from its Riccati equation, the torque minimised away."""
+    from scipy.linalg import solve_discrete_are
+
     dt, J, K = sample_time, model.inertia, model.viscous_friction
     A = np.array([[1.0, dt, dt**2 / (2 * J)], [0.0, 1.0 - K * dt / J, dt / J], [0.0, 0.0, 1.0]])
     B = np.array([[dt**2 / (2 * J)], [dt / J], [1.0]])

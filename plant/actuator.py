@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import casadi as ca
 
-from plant.effects import Effect, Expression, State
+from plant.effects import ActuatorLag, Effect, Expression, State
 from plant.effects.ramp import Ramp
 from plant.servo import ServoModel
 
@@ -186,6 +186,11 @@ def settling_time(model: ServoModel, own: Own, command: Expression, gain: Expres
         else:
             times.append(effect.settling_time(own[effect.name][0], command))
     return sum(times) if times else None
+
+
+def settles_slowly(model: ServoModel, time: float) -> bool:
+    """Whether what follows a command, if anything does, is a lag that goes on for longer than such a time [s]."""
+    return all(isinstance(effect, ActuatorLag) and 2 * effect.time_constant >= time for effect in _followers(model))
 
 
 def _or_one(gain: Expression) -> Expression:

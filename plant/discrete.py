@@ -36,12 +36,14 @@ servo_damping:     by how much the drive's torque falls with the velocity of the
 """
 
 
-def sample_step(model: ServoModel, *, substeps: int = 1, method: Method = "rk4") -> Any:
+def sample_step(model: ServoModel, *, substeps: int = 1, settling: int = 3, method: Method = "rk4") -> Any:
     """The step (state, inputs, parameters) -> next state, as a `casadi.Function`.
 
     Args:
         model: its structure is used, not its numbers.
         substeps: integration steps in one sample, see `integration_steps`.
+        settling: steps at least while an actuator settles behind a change of the command. A single one has the mean of
+            its torque right; where it settles slowly also the angle, to a hundredth of what that moves in a sample.
         method: "rk4" integrates eqs. (4), (6) and the effects by the classical Runge-Kutta method, dry friction by
             an implicit step; "backward_difference" is eq. (5) of the paper, for models without effects that carry
             dry friction or state.
@@ -58,7 +60,7 @@ def sample_step(model: ServoModel, *, substeps: int = 1, method: Method = "rk4")
         raise BadParameter(f"method must be 'rk4' or 'backward_difference', not {method!r}.")
     if method == "backward_difference" and (len(model.states) > 2 or model.slides):
         raise BadParameter("Equation (5) knows no dry friction and no states of effects; use the method 'rk4'.")
-    return _build(Structure(model), substeps, method)
+    return _build(Structure(model), substeps, settling, method)
 
 
 class Structure:
@@ -92,7 +94,7 @@ def sample_reading(model: ServoModel) -> Any:
 
 @one_at_a_time
 @lru_cache(maxsize=256)
-def _build(structure: Structure, substeps: int, method: Method) -> Any:
+def _build(structure: Structure, substeps: int, settling: int, method: Method) -> Any:
     template = structure.model
     state = ca.SX.sym("state", len(template.states))
     inputs = ca.SX.sym("inputs", len(INPUTS))
@@ -103,7 +105,7 @@ def _build(structure: Structure, substeps: int, method: Method) -> Any:
     one_step = advance if method == "rk4" else _backward_difference
     end = state
     for held, length in stretches(model, inputs):
-        for h in division(model, end, held, inputs, length, substeps):
+        for h in division(model, end, held, inputs, length, substeps, settling):
             step = Step(command=held, gain=gain, damping=damping, limit=limit, time=time, length=h, width=width)
             end, time = one_step(model, end, step), time + h
     names = (["state", "inputs", "parameters"], ["next_state"])
@@ -120,19 +122,25 @@ def stretches(model: ServoModel, inputs: Any) -> list[tuple[Expression, Expressi
 
 
 def division(
-    model: ServoModel, state: Any, command: Expression, inputs: Any, length: Expression, substeps: int
+    model: ServoModel,
+    state: Any,
+    command: Expression,
+    inputs: Any,
+    length: Expression,
+    substeps: int,
+    least: int = 3,
 ) -> list[Expression]:
     """Lengths of the integration steps over a stretch of constant command; zero of those that are not needed.
 
-    None is longer than the sample over its `substeps`, and three or more follow a fast actuator while it settles behind
-    the command's change.
+    None is longer than the sample over its `substeps`, and at `least` so many follow a fast actuator while it settles
+    behind the command's change.
     """
     gain, dt = inputs[2], inputs[5]
     settling = settling_time(model, model.own_states(state), command, gain)
-    if settling is None:
+    if settling is None or least == 1:
         return _equal(length, dt, substeps, least=1)
     early = ca.fmin(settling, length)
-    return [*_equal(early, dt, substeps, least=3), *_equal(length - early, dt, substeps, least=1)]
+    return [*_equal(early, dt, substeps, least=least), *_equal(length - early, dt, substeps, least=1)]
 
 
 def _equal(length: Expression, dt: Expression, substeps: int, *, least: int) -> list[Expression]:

@@ -27,7 +27,8 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 _GROUPS = hasattr(os, "killpg")  # of processes
-_FLAGS = ("-ffp-contract=off", "-fPIC", "-shared")
+_FLAGS = ("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
+"""No number changes by them: nobody asks for `errno` or for traps, so that a comparison needs no jump."""
 
 
 class MachineCode:

@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-import allocation.qp
 import allocation.sharing
 from allocation import Allocator, Bounds, InfeasibleTorque, least_effort
 from plant.errors import AntidriveError, BadParameter
@@ -196,7 +195,7 @@ def test_a_solver_that_fails_cannot_pass(monkeypatch: pytest.MonkeyPatch, failur
         return solution
 
     allocator = Allocator(PAPER, min_torque=0.02, max_torque=0.3, solver="osqp")
-    monkeypatch.setattr(allocation.qp.qpsolvers, "solve_problem", broken)
+    monkeypatch.setattr(qpsolvers, "solve_problem", broken)
     result = allocator.allocate(torque)
     assert "osqp was not certified, the exact method stands in" in result.status
     assert not result.is_optimal(1.0)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import importlib
+import subprocess
+import sys
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -137,3 +139,23 @@ def test_names_of_tests_are_short_and_unique_in_their_file():
     ]
     assert [name for _, name in names if len(name) > 60] == []
     assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize(
+    ("package", "own"),
+    [
+        ("antidrive", set()),
+        ("plant", {"numpy", "casadi", "platformdirs"}),
+        ("allocation", {"numpy", "casadi", "platformdirs"}),
+        ("mpc", {"numpy", "casadi", "platformdirs"}),
+    ],
+)
+def test_an_import_loads_no_more_than_a_loop_needs(package, own):
+    """What only a picture, an analysis or a solver asks for is loaded when it is asked for."""
+    listed = (
+        f"import sys; before = set(sys.modules); import {package}; "
+        "print(*{name.partition('.')[0] for name in set(sys.modules) - before})"
+    )
+    run = subprocess.run([sys.executable, "-c", listed], cwd=ROOT, capture_output=True, text=True, check=True)
+    foreign = set(run.stdout.split()) - set(sys.stdlib_module_names) - set(MAY_IMPORT)
+    assert {name for name in foreign if not name.startswith(("_", "swig_runtime"))} <= own

@@ -10,8 +10,9 @@ import pytest
 from sample_logs import motion, text
 
 from identification import Log, MalformedLog, MissingColumns
-from identification.reading.column_meaning import AMONG_OTHERS, OWN, SYNONYM, meaning
+from identification.reading.column_meaning import AMONG_OTHERS, ASKED_FOR, OWN, SYNONYM, meaning
 from identification.reading.headings import heading
+from identification.reading.units import kind_of
 
 CASES = Path(__file__).parents[1].parent / "shared" / "cases"
 SOUND = motion(samples=600)
@@ -52,6 +53,9 @@ def same(log):
         ("Torque (filtered)", "torque filtered", ""),
         ("I_A", "i", "A"),
         ("encoder_ticks", "encoder", "count"),
+        ("micros", "micros", "us"),
+        ("rpm", "rpm", "rpm"),
+        ("Vitesse (tr/min)", "vitesse", "tr/min"),
     ],
 )
 def test_a_heading_is_words_and_a_unit(name, words, unit):
@@ -80,6 +84,13 @@ def test_a_heading_is_words_and_a_unit(name, words, unit):
         ("Motor Optical Speed (RPM)", "velocity", AMONG_OTHERS),
         ("target_position", "setpoint", SYNONYM),
         ("episode_index", "run", SYNONYM),
+        ("q_axis_current", "current", SYNONYM),
+        ("Iq_setpoint", "current", ASKED_FOR),
+        ("u_nm", "torque", AMONG_OTHERS),
+        ("T_reg [s]", "time", AMONG_OTHERS),
+        ("Position angulaire (°)", "angle", SYNONYM),
+        ("Consigne_position", "setpoint", SYNONYM),
+        ("ms_today", "time", SYNONYM),
     ],
 )
 def test_a_name_means_a_quantity(name, column, grade):
@@ -88,7 +99,21 @@ def test_a_name_means_a_quantity(name, column, grade):
 
 
 @pytest.mark.parametrize(
-    "name", ["ddq3", "MaxTorque", "SpeedRef", "position error", "TestIndex", "x", "temperature", "i_d", "dq_d"]
+    "name",
+    [
+        "ddq3",
+        "MaxTorque",
+        "SpeedRef",
+        "position error",
+        "TestIndex",
+        "x",
+        "temperature",
+        "i_d",
+        "dq_d",
+        "d_axis_current",
+        "dt_ms",
+        "phase_A",
+    ],
 )
 def test_a_name_of_something_else_means_nothing(name):
     assert meaning(name) is None
@@ -103,6 +128,9 @@ def test_a_name_of_something_else_means_nothing(name):
         ("Zeit [s]", "Drehmoment [Nm]", "Winkel [rad]"),
         ("OSL:timestamp", "a1 torque [Nm]", "a1 position [rad]"),
         ("TIME", "Joint_Torque", "ENC1Position"),
+        ("Temps (s)", "Couple (N.m)", "Angle"),
+        ("tiempo", "par", "posición"),
+        ("时间(s)", "扭矩(Nm)", "角度(rad)"),
     ],
 )
 def test_logs_of_other_names_are_read(csv, names):
@@ -114,6 +142,101 @@ def test_a_unit_of_a_heading_is_used_and_said(csv):
     log = Log.read(csv(columns))
     assert same(log)
     assert any("'Angle (deg)' in deg" in told and "'Torque [mNm]' in mNm" in told for told in log.warnings)
+
+
+def test_a_unit_that_nobody_gave_is_said(csv):
+    log = Log.read(csv({"t": TIME, "tau": TORQUE, "pos": ANGLE}))
+    assert any("'pos' for angle in rad" in told and "'tau' for torque in N m" in told for told in log.warnings)
+    given = Log.read(csv({"t": TIME, "tau": TORQUE, "pos": ANGLE}), units={"angle": "turn"}, scales={"torque": 2.0})
+    assert not any("angle in" in told or "torque in" in told for told in given.warnings)
+
+
+def test_what_was_measured_comes_before_what_was_asked_for(csv):
+    asked = {"time": TIME, "drive.Iq_setpoint": 0 * TORQUE, "drive.Iq_measured": TORQUE, "theta": ANGLE}
+    assert same(Log.read(csv(asked)))
+
+
+def test_shafts_of_two_motors_are_not_the_load(csv):
+    torques = {"M1_torque": TORQUE / 2, "M2_torque": TORQUE / 2}
+    angles = {"M1_angle": 8 * ANGLE, "M2_angle": 8 * ANGLE, "load angle": ANGLE}
+    log = Log.read(csv({"time": TIME, **torques, **angles}))
+    assert same(log)
+    assert any("'M2_angle' for angle_2" in told for told in log.warnings)
+
+
+def test_a_position_in_counts_is_an_angle_where_a_torque_drives(csv):
+    path = csv({"time": TIME, "Torque (Nm)": TORQUE, "Position (counts)": np.round(1e6 * ANGLE)})
+    with pytest.raises(MalformedLog, match="--unit angle=turn"):
+        Log.read(path)
+    assert Log.read(path, units={"angle": "rad/1000000"}).axis == "rotary"
+
+
+def test_speed_of_the_field_asks_for_the_pole_pairs(csv):
+    speed = np.gradient(ANGLE, TIME)
+    path = csv({"ms_today": 1e3 * TIME, "q_axis_current": TORQUE, "d_axis_current": 0 * TIME, "erpm": speed})
+    with pytest.raises(MalformedLog, match="--unit velocity=rpm/7"):
+        Log.read(path)
+    (run,) = Log.read(path, units={"velocity": "rpm/7"}).runs
+    turned = np.trapezoid(speed, TIME) * np.pi / 30 / 7
+    assert run.output[-1] - run.output[0] == pytest.approx(turned, rel=1e-6)
+
+
+def test_the_command_to_type_names_what_the_file_has(csv):
+    path = csv({"t": TIME, "i_1": TORQUE, "i_2": TORQUE, "omega a": ANGLE, "omega b": ANGLE})
+    with pytest.raises(MissingColumns) as refused:
+        Log.read(path)
+    assert refused.value.options == "--map current=i_1 --map 'velocity=omega a'"
+    np.savetxt(path, np.column_stack((TORQUE, ANGLE)))
+    with pytest.raises(MissingColumns, match="--rate HZ --map torque=NAME"):
+        Log.read(path)
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "size"),
+    [
+        ("angle", "rev", 2 * np.pi),
+        ("Winkel", "Grad", np.pi / 180),
+        ("angle", "DEG", np.pi / 180),
+        ("velocity", "RPM", np.pi / 30),
+        ("velocity", "rev/s", 2 * np.pi),
+        ("velocity", "Grad/s", np.pi / 180),
+        ("velocity", "rps", 2 * np.pi),
+        ("torque", "oz-in", 0.0070615518),
+        ("torque", "in-lbf", 0.1129848290),
+        ("torque", "ft-lbs", 1.3558179483),
+        ("torque", "kg.cm", 0.0980665),
+        ("torque", "nm", 1.0),
+        ("torque", "NM", 1.0),
+        ("torque", "mNm", 1e-3),
+    ],
+)
+def test_units_as_the_trade_writes_them(csv, column, unit, size):
+    """None is passed over: the log would be read in another unit without a word."""
+    measured = {"angle": ANGLE, "Winkel": ANGLE, "velocity": np.gradient(ANGLE, TIME), "torque": TORQUE}
+    columns = {"time": TIME, "torque": TORQUE, "angle": ANGLE} | {f"{column} [{unit}]": measured[column] / size}
+    if column == "velocity":
+        columns.pop("angle")
+    columns.pop("torque" if column == "torque" else "angle", None)
+    log = Log.read(csv(columns))
+    assert any(f"'{column} [{unit}]' in {unit}" in told for told in log.warnings)
+    (run,) = log.runs
+    np.testing.assert_allclose(run.command, TORQUE, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(
+        run.output - run.output[0], ANGLE - ANGLE[0], atol=1e-3 if column == "velocity" else 1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind"),
+    [("A", "A"), ("V", "V"), ("Nm", "N m"), ("NM", "N m"), ("nm", "m"), ("2.4Nm/1000", "N m"), ("m", "m")],
+)
+def test_capitals_count_where_they_mean_something(unit, kind):
+    assert kind_of(unit) == kind
+
+
+def test_nanometres_are_no_newton_metres(csv):
+    log = Log.read(csv({"time": TIME, "force": TORQUE, "position [nm]": 1e9 * ANGLE}))
+    np.testing.assert_allclose(log.runs[0].output, ANGLE, atol=1e-7)
 
 
 def test_counts_are_no_radians(csv):
@@ -214,6 +337,9 @@ def test_public_headings_with_units(name):
     log = Log.read(path)
     assert log.runs[0].sample_time == pytest.approx(0.01)
     assert not log.faults  # the torque of a load of viscous friction alone is as its speed
+    (run,), (in_si,) = log.runs, Log.read(path.with_name("log_b.csv")).runs  # the same experiment
+    np.testing.assert_allclose(run.output, in_si.output, atol=2e-4)
+    np.testing.assert_allclose(run.command, in_si.command, atol=2e-3)
 
 
 @pytest.mark.parametrize("mapping", [{}, {"torque": "effort", "angle": "position"}], ids=["as it is", "mapped"])

@@ -146,7 +146,8 @@ def test_the_worst_case_is_counted(name: str, tmp_path: Path) -> None:
     used = controller(name)
     program = built(at_its_worst(export(used)), tmp_path, "-O0", "--coverage")
     readings = ["0.1", "nan", "nan"] if used.motor_resolution else ["0.1"]
-    columns = ",".join([*readings, *["0.2"] * (used.horizon + 1)])  # known ahead, and searched for a jump to the end
+    ahead = [*["0.2"] * (used.horizon - 1), "9", "9"]  # known ahead, and searched for a jump to the end
+    columns = ",".join([*readings, *ahead])
     subprocess.run([program], input=f"{columns}\n", capture_output=True, text=True, check=True)
     note = next(tmp_path.glob("*antidrive_controller.gcda"))
     subprocess.run(["gcov", "--json-format", note.name], cwd=tmp_path, capture_output=True, check=True)

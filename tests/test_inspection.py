@@ -72,6 +72,16 @@ def test_what_is_missing_ends_in_a_command_to_type(place):
     assert not (place / "seen").exists()
 
 
+def test_what_cannot_be_used_is_shown_beside_the_reason(place):
+    columns = {"time": SOUND["time"], "torque": SOUND["torque"], "Position (counts)": np.round(1e3 * SOUND["angle"])}
+    (place / "log.csv").write_text(text(columns), encoding="utf-8")
+    spoken = antidrive("inspect", "log.csv", "--out", "seen")
+    first, *table = spoken.err.splitlines()
+    assert spoken.code == 2
+    assert first.startswith("antidrive: log.csv: the unit 'count' of column 'angle' has no fixed size")
+    assert any(line.split()[:3] == ["Position", "(counts)", "count"] for line in table)
+
+
 @pytest.mark.parametrize(
     ("content", "word"),
     [

@@ -12,10 +12,11 @@ from mcap_ros2.writer import Writer
 from sample_logs import motion
 from test_malformed_logs import check_sentence
 
-from identification.errors import MalformedLog
+from identification.errors import MalformedLog, MissingColumns
 from identification.log import Log
 from identification.reading.files import read_table
 from identification.reading.joints import select_joint
+from identification.reading.reading_options import Reading
 from identification.reading.table import Table
 from plant.errors import AntidriveError, BadParameter
 
@@ -253,6 +254,9 @@ def test_data_sets_of_lerobot(tmp_path, names):
     assert list(one.columns) == ["observation.state", "action", "timestamp", "episode_index"]
     np.testing.assert_allclose(one.columns["observation.state"], SOUND["angle"], rtol=1e-6)
     np.testing.assert_allclose(one.columns["action"], SOUND["angle"] + 0.1, rtol=1e-6)
+    log = Log.of_tables([table], Reading(joint="elbow"))
+    assert log.command_unit == "rad"
+    np.testing.assert_allclose(log.runs[0].output, SOUND["angle"], rtol=1e-6)
 
 
 @pytest.mark.parametrize("names", [None, ["one", "two", "three"], "odd"])
@@ -260,6 +264,9 @@ def test_lists_without_names_are_counted(tmp_path, names):
     table = read_table(lerobot(tmp_path, names))
     assert table.joints == ()
     assert list(table.columns)[:4] == [f"{name}:{k}" for name in ("observation.state", "action") for k in (1, 2)]
+    with pytest.raises(MissingColumns) as refused:
+        Log.read(tmp_path / "data" / "chunk-000" / "episode_000000.parquet")
+    assert refused.value.options == "--map setpoint=action:1 --map angle=observation.state:1"
 
 
 @pytest.mark.parametrize("info", ["{", "[]", '{"features": 7}', '{"features": {"action": 7}}'])

@@ -68,6 +68,25 @@ def test_a_torque_that_only_brakes_is_warned_of_and_not_refused():
     assert any("works against the motion nearly always" in text for text in log.warnings)
 
 
+def test_an_angle_in_counts_is_no_angle_in_radians():
+    log = columns()
+    counts = np.round(log["angle"] * 4096 / (2 * np.pi))
+    (fault,) = Log.from_arrays(**log | {"angle": counts}).faults
+    assert "whole numbers only" in fault
+    assert "--unit angle=turn/4096" in fault
+    assert Log.from_arrays(**log | {"angle": counts}, units={"angle": "turn/4096"}).faults == ()
+    linear = {"time": log["time"], "force": log["torque"], "position": counts}
+    assert "--unit position=mm/1000" in Log.from_arrays(**linear).faults[0]
+
+
+def test_a_torque_of_zero_is_said_and_tells_nothing():
+    time = 0.005 * np.arange(600)
+    swings = 1e-4 * np.random.default_rng(0).standard_normal(600) + np.sin(3.0 * time) * np.exp(-0.2 * time)
+    log = Log.from_arrays(time=time, torque=np.zeros(600), angle=swings)
+    assert any("'torque' is zero throughout while the load moves" in text for text in log.warnings)
+    assert fit(log).failed is not None
+
+
 def test_degrees_by_the_encoder_by_the_wraps_and_by_gravity():
     log = columns()
     degrees = np.rad2deg(log["angle"])

@@ -236,6 +236,17 @@ def test_a_few_repeated_times_are_left_out():
     assert len(run) == 598
 
 
+def test_rows_that_stand_twice_are_left_out():
+    """Samples are missing too, so that an even clock would put the copies where none was measured."""
+    columns = motion(noise=1e-3)
+    rows = np.sort(np.concatenate([np.delete(np.arange(600), [50, 180, 181, 420]), [30, 31, 200, 330, 331, 332, 500]]))
+    run = only_repair(
+        read({name: values[rows] for name, values in columns.items()}), "7 rows that repeat the row before"
+    )
+    np.testing.assert_array_equal(run.time, np.delete(columns["time"], [50, 180, 181, 420]))
+    assert run.valid.all()
+
+
 def test_a_short_run_among_others_is_left_out_and_said():
     columns = motion(samples=630)
     columns["run"] = np.repeat([0, 1], [600, 30])

@@ -298,6 +298,17 @@ def test_a_goal_of_another_unit_is_refused(clean, factor, option):
     assert log.warnings == ()
 
 
+@pytest.mark.parametrize(("factor", "option"), [(180 / np.pi, "setpoint=deg"), (4096 / (2 * np.pi), "setpoint=turn/")])
+def test_a_goal_of_another_unit_that_is_followed_late_is_refused(factor, option):
+    time = 0.005 * np.arange(1600)
+    goal = 0.8 * np.sin(2 * np.pi * (1.0 + 0.05 * time) * time)
+    angle = np.interp(time - 0.1, time, goal)
+    assert np.corrcoef(goal, angle)[0, 1] < 0.9
+    with pytest.raises(MalformedLog, match=f"--unit {option}"):
+        Log.from_arrays(time=time, setpoint=factor * goal, angle=angle)
+    assert Log.from_arrays(time=time, setpoint=goal, angle=angle).warnings == ()
+
+
 @pytest.mark.parametrize("name", ["open loop", "open loop, slow sampling", "friction", "light load", "delay"])
 def test_a_torque_of_the_other_sign(clean, name):
     spoilt = clean(name)

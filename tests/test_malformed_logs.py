@@ -115,7 +115,7 @@ BAD = {
         ["holds text"],
     ),
     # columns
-    "no-time": (".csv", spoilt(time=None), ["recognised as 'time'", "--map time="]),
+    "no-time": (".csv", spoilt(time=None), ["recognised as 'time'", "--rate HZ"]),
     "no-output": (".csv", spoilt(angle=None), ["'angle'", "'position'", "--map angle="]),
     "no-command": (".csv", spoilt(torque=None), ["'torque'", "'setpoint'", "--map torque="]),
     "foreign-names": (".csv", {"t": TIME, "vir": SOUND["torque"], "qm": SOUND["angle"]}, ["qm", "--map angle="]),

@@ -55,7 +55,17 @@ def test_the_prediction_is_the_plants_simulation() -> None:
     commands = np.sin(np.arange(40.0))
     ahead = predictor().look_ahead(np.zeros(3), np.append(commands[0], commands), 0.0)
     expected = simulate(SMOOTH, command=commands, dt=DT, state=np.zeros(3))
-    assert ahead.states == pytest.approx(expected, abs=1e-12)
+    assert ahead.states == pytest.approx(expected, abs=1e-10)  # a lag is settled in one step
+
+
+@pytest.mark.parametrize("lag", [2e-4, 1e-3, 2.4e-3, 2.5e-3, 5e-3, 2e-2])
+def test_an_actuator_is_predicted_within_a_fiftieth(lag: float) -> None:
+    model = ServoModel(inertia=2.0).with_effect(ActuatorLag(time_constant=lag))
+    for command in (1.0, -1.0):
+        ahead = predictor(model).look_ahead(np.zeros(3), np.array([0.0, command]), 0.0).states[1]
+        expected = simulate(model, command=np.array([command]), dt=DT, state=np.zeros(3), substeps=50)[1]
+        assert ahead[0] == pytest.approx(expected[0], abs=DT**2 / (2 * model.inertia) / 50)
+        assert ahead[1] == pytest.approx(expected[1], abs=DT / model.inertia / 1000)
 
 
 def test_the_disturbance_is_a_torque_beside_the_command() -> None:

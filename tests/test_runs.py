@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
+from diagnosis import diagnose
 from identification import fit
 from identification.between_run_differences import between_run_differences
 from identification.errors import MalformedLog
@@ -98,6 +99,15 @@ def test_runs_that_disagree_are_said_with_what_and_by_how_much(loaded):
     assert "payload_mass" in said
     assert "inertia" in said.split(":")[0] or "gravity" in said.split(":")[0]
     assert "viscous" not in said
+
+
+def test_a_diagnosis_says_it_too_with_what_can_be_typed(loaded):
+    few = {name: values[(np.arange(values.size) % 2400 < 700)] for name, values in loaded.items()}
+    log = Log.from_arrays(**few)
+    found = diagnose(log, base=start(), candidates=["torque_offset"])
+    (said,) = (text for text in found.warnings if "disagree" in text)
+    assert "payload_mass" in said
+    assert "antidrive identify --per-run" in said
 
 
 def test_runs_that_agree_raise_no_warning_under_model_error():

@@ -10,7 +10,9 @@ import pytest
 from sample_logs import motion
 
 from identification.errors import MalformedLog
+from identification.log import Log
 from identification.reading.files import read_table
+from identification.reading.units import kind_of
 
 CASES = Path(__file__).parents[1].parent / "shared" / "cases"
 SOUND = motion(samples=60)
@@ -91,7 +93,8 @@ def test_a_row_of_units_below_the_names(tmp_path, names, row):
 def test_units_as_agilent_writes_them(tmp_path):
     read = table(tmp_path, "x-axis,1,2\nsecond,Volt,Volt\n" + "".join(f"{k * 1e-3:.3e},0.5,{k}\n" for k in range(9)))
     assert list(read.columns) == ["x-axis", "1", "2"]
-    assert read.units == {"x-axis": "second", "1": "volt", "2": "volt"}
+    assert read.units == {"x-axis": "second", "1": "Volt", "2": "Volt"}
+    assert {kind_of(unit) for unit in read.units.values()} == {"s", "V"}
 
 
 def test_names_that_are_units_too_are_names(tmp_path):
@@ -164,6 +167,43 @@ def test_separators_between_thousands(tmp_path, style):
     same(read, numbers=np.round(numbers, 4))
 
 
+def test_separators_are_set_alike_in_all_columns(tmp_path):
+    """Whole numbers such as 1,026 are in doubt by themselves, not beside 1,026.5."""
+    content = "time,torque,angle\n" + "".join(f'"{k + 1000.5:,.1f}","{k + 1000:,}","{k}"\n' for k in range(9))
+    read = table(tmp_path, content)
+    np.testing.assert_array_equal(read.columns["torque"], np.arange(9) + 1000)
+    np.testing.assert_array_equal(read.columns["time"], np.arange(9) + 1000.5)
+
+
+def test_a_garbled_first_line_of_a_serial_port_is_left_out(tmp_path):
+    junk = b"4,-0.2\x00\xff3,1\r\n"
+    read = table(tmp_path, junk + NAMES.encode() + rows().encode())
+    same(read)
+    assert any("first line is garbled" in note for note in read.notes)
+    assert read.where(0) == "log.csv, row 1 (line 3)"
+    bare = table(tmp_path, junk + rows().encode())
+    np.testing.assert_allclose(bare.columns["2"], SOUND["torque"], rtol=1e-7)
+    with pytest.raises(MalformedLog, match="not a text table"):
+        table(tmp_path, junk + b"1,2\n3,\x004\n", "log.bin")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "(1710000000.000123) can0 181#A40F0000",
+        " (1710000000.000123)  can0  181   [8]  A4 0F 00 00 00 00 00 00",
+        "  can0  181   [2]  A4 0F",
+        "   0.0123 1  181             Rx   d 8 A4 0F 00 00 00 00 00 00",
+        ";$FILEVERSION=1.1",
+    ],
+)
+def test_frames_of_a_bus_are_no_table(tmp_path, line):
+    with pytest.raises(MalformedLog, match=r"CAN bus.*\.dbc"):
+        table(tmp_path, f"{line}\n" * 60, "log.log")
+    with pytest.raises(MalformedLog, match="CAN bus"):
+        table(tmp_path, b"LOGG\x90\x00\x00\x00", "log.blf")
+
+
 def test_a_decimal_comma_far_below_whole_numbers(tmp_path):
     content = "time;torque;angle\n" + "0;0;0\n" * 300 + "".join(f"{k};0,5;0,{k}\n" for k in range(1, 9))
     read = table(tmp_path, content)
@@ -191,6 +231,22 @@ def test_a_header_that_says_where_it_ends(tmp_path):
     assert read.notes == ()
 
 
+@pytest.mark.parametrize("end", ["", "\tComment"])
+def test_units_that_labview_gives_in_its_header(tmp_path, end):
+    header = "***End_of_Header***\t\t\t\n"
+    head = f"LabVIEW Measurement\t\nX_Columns\tOne\n{header}Channels\t3\nY_Unit_Label\tNm\tdeg\tdeg/s\t\n{header}"
+    read = table(tmp_path, head + "\t".join(["X_Value", *list(SOUND)[1:]]) + end + "\n" + rows("\t"), name="log.lvm")
+    assert read.units == {"torque": "Nm", "angle": "deg", "velocity": "deg/s"}
+
+
+def test_labels_and_units_above_the_channels_of_a_scope(tmp_path):
+    head = "Model,MDO3014,,,\nVertical Units,V,V,V,\nLabel,Torque,,Speed,\nTIME,CH1,CH2,CH3,\n"
+    read = table(tmp_path, head + rows(trailing=","))
+    assert list(read.columns) == ["TIME", "Torque", "CH2", "Speed"]
+    assert read.units == {"Torque": "V", "CH2": "V", "Speed": "V"}
+    assert list(table(tmp_path, "Label,7\n\n" + NAMES + rows()).columns) == list(SOUND)
+
+
 def test_times_of_day_are_values(tmp_path):
     read = table(tmp_path, "Zeit;Moment\n" + "".join(f"09:41:{k:02d},250;0,{k}\n" for k in range(10, 40)))
     assert read.columns["Zeit"][3] == "09:41:13,250"
@@ -207,6 +263,13 @@ def test_a_time_for_each_channel_with_units_in_the_names(tmp_path):
     assert list(read.columns) == ["A", "B"]
     assert read.units == {"time": "ms"}
     np.testing.assert_allclose(read.clocks["B"], 1e3 * late)
+
+
+def test_channels_without_a_name_each_are_refused(tmp_path):
+    """Else the time of the second would be taken for the first."""
+    head = "Name;Scope\nStarttime of export;1\n\nName;torque;angle\nSampleTime[ms];5;5\n\n"
+    with pytest.raises(MalformedLog, match="4 columns but the line of names above has 3"):
+        table(tmp_path, head + "".join(f"{5 * k};0.{k};{5 * k};1.{k}\n" for k in range(9)))
 
 
 def test_a_temperature_is_no_second_time(tmp_path):
@@ -246,6 +309,9 @@ def test_case_a_matrix_without_names_and_time():
     assert list(read.columns) == ["1", "2", "3", "4", "5", "6", "7"]
     np.testing.assert_array_equal([column[1] for column in read.columns.values()],
         [30.1551, 0.988024, 0, -0.132474, 3.96777, 0.0201416, -0.82982])  # fmt: skip
+    log = Log.read(case("logs/13-no-time-column/log.csv"), mapping={"angle": "1", "torque": "5"}, rate=1000.0)
+    assert log.runs[0].sample_time == pytest.approx(1e-3)
+    assert len(log.runs[0]) > 0.9 * len(read.columns["1"])
 
 
 def test_case_separators_at_the_ends_of_rows():

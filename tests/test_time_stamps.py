@@ -149,3 +149,17 @@ def test_seconds_and_their_parts_in_two_columns(whole, part, per_second):
     assert run.zero == 1742233511.5
     assert any(f"'{whole}' and '{part}' are one time" in warning for warning in log.warnings)
     even(Log.from_dataframe(pd.DataFrame(columns), mapping={"time": whole}))
+
+
+@pytest.mark.parametrize(("heading", "bits", "tick"), [("micros", 32, 1e-6), ("time_ms", 16, 1e-3)])
+def test_a_counter_that_passes_its_end_goes_on(tmp_path, heading, bits, tick):
+    ticks = np.round(SOUND["time"] / tick).astype(np.int64) + 2**bits - round(1.0 / tick)
+    log = Log.read(csv(tmp_path, ticks % 2**bits, heading))
+    even(log)
+    assert any(f"passes the end of its {bits} bits" in told for told in log.warnings)
+
+
+def test_a_time_that_begins_anew_is_no_counter_at_its_end(tmp_path):
+    ticks = np.tile(np.arange(150) * 10, 2)
+    log = Log.read(csv(tmp_path, ticks, "time_ms"))
+    assert len(log.runs) == 2

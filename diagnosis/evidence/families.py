@@ -92,7 +92,15 @@ def _readings(motion: Motion) -> Iterator[tuple[float, Array]]:
         yield 1.0 / k, np.cos(k * turned)
     yield 1.0, motion.velocity
     yield 1.0, np.abs(motion.velocity)
-    yield 1.0, motion.acceleration
+    yield 1.0, motion.by_run(partial(_before, motion.acceleration))
+
+
+def _before(values: Array, rows: NDArray[np.intp]) -> Array:
+    """(T,) values of the sample before, in some rows.
+
+    In a closed loop the torque over a sample is made from the measurement at its beginning; it would explain its noise.
+    """
+    return np.asarray(np.append(values[rows[:1]], values[rows[:-1]]))
 
 
 def _to_one(values: Array) -> Array:

@@ -1,4 +1,7 @@
-"""Whether an angle is in degrees: by its encoder, by its wraps, by gravity; an unusual speed is only warned of."""
+"""Whether an angle is in degrees: by its encoder, by its wraps, by gravity; or in counts: by its whole numbers.
+
+An unusual speed is only warned of.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +16,21 @@ from identification.recording import Array, Finding, Recording
 
 FASTEST_LOAD = 1000.0  # [rad/s], 9550 rpm on the load's side
 _LEVELS, _MOST_LINES = 20, 2**26  # readings that differ, steps a turn
+_COUNTS = {"rotary": ("angle", "turn/4096", "deg"), "linear": ("position", "mm/1000", "mm")}
 _LUCK = 1e-3  # of the exponent of two: one encoder in 500 is as near to a power by chance
 _FELT = 0.01  # share of the torque's variance that gravity explains, from which it counts
 
 
 def unit_of_the_angle(recording: Recording) -> Iterable[Finding]:
-    """An angle that is in degrees makes the log unusable; an unusual speed is warned of."""
+    """An angle that is in degrees or counts makes the log unusable; an unusual speed is warned of."""
+    if in_whole_numbers(recording.output[recording.valid]):
+        column, count, other = _COUNTS[recording.axis]
+        text = (
+            f"{recording.label}: '{recording.name('output')}' holds whole numbers only, as an encoder's counts: give "
+            f"the size of one, for example --unit {column}={count}, or the unit, for example --unit {column}={other}"
+        )
+        yield Finding(kind="counts", repaired=False, text=text, unusable=True)
+        return
     if recording.axis != "rotary" or "velocity" in recording.others:
         return
     output = recording.name("output")
@@ -35,6 +47,11 @@ def unit_of_the_angle(recording: Recording) -> Iterable[Finding]:
     elif speed > FASTEST_LOAD:
         text = f"{recording.label}: '{output}' moves at {speed:.3g} rad/s; if it is in degrees, say --unit angle=deg"
         yield Finding(kind="fast", repaired=False, text=text)
+
+
+def in_whole_numbers(values: Array) -> bool:
+    """Whether readings (T,) are many different whole numbers; nobody reads an axis to a radian or a metre."""
+    return bool(np.all(values == np.round(values))) and len(np.unique(values)) >= _LEVELS
 
 
 def wraps_in_degrees(values: Array, index: NDArray[np.int64]) -> bool:

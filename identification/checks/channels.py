@@ -24,16 +24,30 @@ _ANGLES = (
 )
 _LENGTHS = ((1e3, "mm", "m"), (1e-3, "m", "mm"), (1e6, "um", "m"), (1e-6, "m", "um"))
 _FOLLOWS = 0.9  # correlation of a servo's output with its goal
+_ANSWERS = 0.5  # [s] in which it does
+_ONE_UNIT = 6.0  # no servo's output moves so many times as far as it asks, and follows
 _TEETH = 0.35  # logarithm of the ratio of two pinions of one gear
 _SLOW_TO_FAST = 3.0  # a reducing gear's load does not move so many times as fast as the motor
 
 
 def check_goal_unit(recording: Recording) -> None:
     """Refuse a goal that is the command and is in another unit than the output: no servo law makes sense of both."""
-    if recording.servo_gain.any():
-        finding = _unit_of(recording, "setpoint")
-        if finding is not None:
-            raise MalformedLog(f"{finding.text}.")
+    if not recording.servo_gain.any():
+        return
+    finding = _unit_of(recording, "setpoint")
+    if finding is not None:
+        raise MalformedLog(f"{finding.text}.")
+    ratio = _ratio_to(recording, "setpoint")
+    if ratio is not None and not 1.0 / _ONE_UNIT < abs(ratio) < _ONE_UNIT:
+        raise MalformedLog(
+            f"{recording.label}: '{recording.name('output')}' moves {abs(ratio):.3g} times as far as "
+            f"'{recording.name('setpoint')}' asks, so the two are not in one unit: give that of each, for example "
+            + (
+                "--unit angle=turn/4096 --unit setpoint=turn/4096."
+                if recording.axis == "rotary"
+                else "--unit setpoint=mm."
+            )
+        )
 
 
 def inconsistent_channels(recording: Recording) -> Iterable[Finding]:
@@ -48,10 +62,7 @@ def inconsistent_channels(recording: Recording) -> Iterable[Finding]:
 
 def _unit_of(recording: Recording, name: str) -> Finding | None:
     """A reference or goal that the output follows at the factor of a unit."""
-    wanted = recording.others.get(name)
-    if wanted is None:
-        return None
-    ratio = _ratio(wanted, recording.output, recording)
+    ratio = _ratio_to(recording, name)
     if ratio is None:
         return None
     asked, output = recording.name(name), recording.name("output")
@@ -71,6 +82,19 @@ def _unit_of(recording: Recording, name: str) -> Finding | None:
         )
         return Finding(kind=f"sign of {name}", repaired=False, text=text)
     return None
+
+
+def _ratio_to(recording: Recording, name: str) -> float | None:
+    """How far the output moves where a reference or set-point asks for 1, at once or a little later; None if unlike."""
+    wanted, output, sound = recording.others.get(name), recording.output, recording.valid
+    if wanted is None:
+        return None
+    latest = min(round(_ANSWERS / float(np.median(np.diff(recording.time)))), len(output) // 10)
+    later = range(0, latest + 1, max(1, latest // 50))
+    found = [_slope(wanted[: len(wanted) - lag][sound[lag:]], output[lag:][sound[lag:]]) for lag in later]
+    at_once, best = found[0], max(found)  # what turns against the request does so at once
+    alike, ratio = at_once if abs(at_once[0]) >= _FOLLOWS else best
+    return ratio if abs(alike) >= _FOLLOWS else None
 
 
 def _shafts(recording: Recording) -> Iterable[Finding]:
@@ -133,12 +157,15 @@ def _ratio(channel: Array, output: Array, recording: Recording, window: int | No
         span = max(1, len(output) // window)
         sound = sound[span:] & sound[:-span]
         channel, output = channel[span:] - channel[:-span], output[span:] - output[:-span]
-    asked, moved = channel[sound], output[sound]
+    alike, slope = _slope(channel[sound], output[sound])
+    return slope if abs(alike) >= _FOLLOWS else None
+
+
+def _slope(asked: Array, moved: Array) -> tuple[float, float]:
+    """Correlation of what moved with what was asked for, and how far it moved for 1; zeros where one stands still."""
     if len(asked) < 2 or np.ptp(asked) == 0 or np.ptp(moved) == 0:
-        return None
+        return 0.0, 0.0
     asked, moved = asked - asked.mean(), moved - moved.mean()
     size = float(asked @ asked) * float(moved @ moved)
     shared = float(asked @ moved)
-    if size <= 0 or abs(shared) < _FOLLOWS * np.sqrt(size):
-        return None
-    return shared / float(asked @ asked)
+    return (shared / np.sqrt(size), shared / float(asked @ asked)) if size > 0 else (0.0, 0.0)

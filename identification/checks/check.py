@@ -175,6 +175,12 @@ def constant_channels(recording: Recording) -> Iterable[Finding]:
         )
         yield Finding(kind="never turns", repaired=False, text=text)
     moving = np.ptp(recording.output) > 0
+    if moving and not recording.command.any() and not recording.servo_gain.any():
+        text = (
+            f"{recording.label}: '{recording.name('command')}' is zero throughout while the load moves; if it is not "
+            "what drives the load, name what does, for example --map current=NAME"
+        )
+        yield Finding(kind="no command", repaired=False, text=text)
     for name, values in recording.others.items():
         if moving and name in ("velocity", "angle_1", "angle_2") and np.ptp(values) == 0:
             text = f"{recording.label}: '{recording.name(name)}' is constant while the load moves, it is not connected"

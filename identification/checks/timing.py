@@ -37,6 +37,11 @@ def check_time(recording: Recording) -> Checked:
             "experiments in a column 'run'."
         )
     repeated = np.append(False, np.diff(time) == 0)
+    copies = repeated & _as_before(recording)
+    if copies.any() and np.array_equal(copies, repeated):
+        first = recording.where(int(np.flatnonzero(copies)[0]))
+        text = f"{first}: {counted(int(copies.sum()), 'row')} that repeat the row before are left out"
+        return recording.take(~copies), [Finding(kind="repeated row", repaired=True, text=text)]
     count = int(repeated.sum())
     if count == 0:
         return recording, []
@@ -55,6 +60,15 @@ def check_time(recording: Recording) -> Checked:
         )
     text = f"{first}: {counted(count, 'sample')} with a repeated time left out"
     return recording.take(~repeated), [Finding(kind="repeated time", repaired=True, text=text)]
+
+
+def _as_before(recording: Recording) -> NDArray[np.bool_]:
+    """(T,) whether a row holds in each channel what the row before holds."""
+    same = np.ones(len(recording), dtype=bool)
+    for values in (recording.command, recording.output, *recording.others.values()):
+        gone = np.isnan(values)
+        same[1:] &= (values[1:] == values[:-1]) | (gone[1:] & gone[:-1])
+    return same
 
 
 def _spread(time: Array) -> tuple[Array | None, float]:

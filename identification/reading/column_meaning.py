@@ -1,8 +1,8 @@
 """What a column means by its name, and how surely: `pos`, `theta`, `ENC1Position` and `q3` are angles.
 
 Of the words of a heading the last known noun says what was measured; words such as "error" or "max" say that it is
-something else, and "target" or "command" that it was asked for. How surely is one of three grades: its own name, a
-synonym and nothing else, or a synonym among other words.
+something else, and "target" or "command" that it was asked for. How surely is one of four grades: its own name, a
+synonym and nothing else, a synonym among other words, or a name that says it was asked for and not measured.
 """
 
 from __future__ import annotations
@@ -13,25 +13,38 @@ from dataclasses import dataclass
 from identification.reading.headings import Heading, heading
 from identification.reading.units import kind_of
 
-OWN, SYNONYM, AMONG_OTHERS = 3, 2, 1  # how surely a name says what a column is
+OWN, SYNONYM, AMONG_OTHERS, ASKED_FOR = 3, 2, 1, 0  # how surely a name says what a column is
 
-_TIMES = ("times", "timestamps", "stamps", "ts", "secs", "zeitstempel", "x value", "x axis")
+_TIMES = (
+    *("times", "timestamps", "stamps", "ts", "secs", "zeitstempel", "x value", "x axis"),
+    *("millis", "micros", "nanos", "uptime", "ms today", "temps", "tiempo", "tempo"),
+)
+_SPANS = ("dt", "latency", "period", "duration", "interval", "cycle time", "sample time")  # times, but not of a row
 NOUNS: Mapping[str, tuple[str, ...]] = {
     "time": ("time", "t", "timestamp", "stamp", "seconds", "sec", "elapsed", "clock", "zeit", *_TIMES),
-    "torque": ("torque", "effort", "tau", "trq", "tq", "moment", "drehmoment"),
-    "force": ("force", "thrust", "kraft"),
-    "current": ("current", "iq", "i q", "ia", "i a", "i", "amps", "strom"),
-    "voltage": ("voltage", "volts", "volt", "uq", "u q", "spannung"),
-    "duty": ("duty", "duty cycle"),
-    "angle": ("angle", "theta", "q", "phi", "alpha", "winkel", "rotation"),
-    "position": ("position", "pos", "encoder", "enc", "displacement"),
-    "setpoint": ("q d", "theta d", "phi d"),
+    "torque": ("torque", "effort", "tau", "trq", "tq", "moment", "drehmoment", "couple", "par", "coppia"),
+    "force": ("force", "thrust", "kraft", "fuerza", "forza"),
+    "current": (
+        *("current", "iq", "i q", "ia", "i a", "i", "amps", "q current", "q axis current"),
+        *("strom", "courant", "corriente", "corrente"),
+    ),
+    "voltage": ("voltage", "volts", "volt", "uq", "u q", "spannung", "voltaje"),
+    "duty": ("duty", "duty cycle", "pwm"),
+    "angle": (
+        *("angle", "theta", "q", "phi", "alpha", "rotation", "angular position", "position angulaire"),
+        *("observation state", "winkel", "angulo", "angolo", "posicion angular", "posizione angolare"),
+    ),
+    "position": (
+        *("position", "pos", "encoder", "enc", "displacement", "stroke", "travel"),
+        *("weg", "posicion", "posizione"),
+    ),
+    "setpoint": ("q d", "theta d", "phi d", "action"),  # of LeRobot: what the motors were asked for
     "velocity": (
         *("velocity", "vel", "velo", "speed", "omega", "w", "rpm", "dq", "qd", "qdot", "q dot", "dtheta", "d theta"),
-        *("theta dot", "thetadot", "drehzahl"),
+        *("theta dot", "thetadot", "erpm", "angular velocity", "drehzahl", "vitesse", "velocidad", "velocita"),
     ),
     "run": ("run", "experiment", "trial", "episode"),
-    "something else": ("id", "i d", "ud", "u d", "vd", "v d", "dq d", "tau d"),
+    "something else": ("id", "i d", "d current", "d axis current", "ud", "u d", "vd", "v d", "dq d", "tau d", *_SPANS),
     "acceleration": ("acceleration", "acc", "accel", "ddq", "qdd", "ddtheta", "jerk"),
 }
 """Words, or several in a row, that name a quantity. A position may be an angle: its unit, or the command, tells."""
@@ -40,7 +53,7 @@ _PHRASES = {tuple(phrase.split()): column for column, phrases in NOUNS.items() f
 _LONGEST = max(map(len, _PHRASES))
 _ASKED = {
     *("setpoint", "set", "sp", "target", "desired", "des", "demand", "ref", "reference", "goal", "cmd", "command"),
-    *("commanded", "action", "soll", "wanted", "request", "requested"),
+    *("commanded", "action", "soll", "sollwert", "wanted", "request", "requested", "consigne", "consigna"),
 }
 _SOMETHING_ELSE = {
     *("error", "err", "deviation", "max", "min", "limit", "lim", "constant", "temperature", "temp", "std", "variance"),
@@ -59,6 +72,7 @@ _PLAIN = {
     "present",
     "feedback",
     "ist",
+    "istwert",
     "signal",
     "estimate",
     "estimated",
@@ -79,6 +93,7 @@ def meaning(name: str, file_unit: str = "") -> Meaning | None:
     """What a column of that name in that unit (as the file gives it, if it does) may be; None if nothing is known."""
     read = heading(name)
     noun, phrase = _noun(read.words)
+    of_word = read.unit if read.trailing and len(read.unit) > 1 else ""  # one letter may be anything: phase A
     if noun is None and read.trailing:  # the unit was a word after all
         read = Heading(words=(*read.words, read.unit.lower()))
         noun, phrase = _noun(read.words)
@@ -92,7 +107,7 @@ def meaning(name: str, file_unit: str = "") -> Meaning | None:
     if set(others) & _SOMETHING_ELSE or noun in _OTHERS:
         return None
     if noun is None:
-        return _by_unit(unit)
+        return _by_unit(unit or of_word)
     if not fits:
         return None
     grade = SYNONYM if not set(others) - _PLAIN else AMONG_OTHERS
@@ -102,7 +117,7 @@ def meaning(name: str, file_unit: str = "") -> Meaning | None:
             return None
         column = "setpoint" if column in ("angle", "position") else column
         grade = SYNONYM if not set(others) - _ASKED - _PLAIN else AMONG_OTHERS
-        grade = grade if column == "setpoint" else AMONG_OTHERS  # what was measured comes before what was asked for
+        grade = grade if column == "setpoint" else ASKED_FOR  # what was measured comes before what was asked for
     elif read.words == (noun,):
         grade = OWN
     return Meaning(column=column, grade=grade, unit=unit)
@@ -147,10 +162,20 @@ _UNITS = {
     "velocity": ("rad/s", "m/s"),
 }
 
-_BY_UNIT = {"N m": "torque", "N": "force", "A": "current", "V": "voltage", "rad": "angle", "rad/s": "velocity"}
+_BY_UNIT = {
+    "s": "time",
+    "N m": "torque",
+    "N": "force",
+    "A": "current",
+    "V": "voltage",
+    "rad": "angle",
+    "rad/s": "velocity",
+}
 
 
 def _fits(noun: str, unit: str) -> bool:
     """Whether a unit may belong to a quantity: it is none, has no size (counts, percent), or is of that kind."""
     kind = kind_of(unit) if unit else None
+    if noun == "torque" and unit.lower() == "nm":  # of a position, it would be nanometres
+        return True
     return kind is None or kind in _UNITS.get(noun, ())

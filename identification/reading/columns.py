@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,11 +22,12 @@ from identification.reading.runs import labels_of, split_runs
 from identification.reading.stated_units import stated_units
 from identification.reading.table import Table
 from identification.reading.time_stamps import seconds_of, with_whole_stamps
-from identification.reading.units import kind_of, si_factor
+from identification.reading.units import kind_of, si_factor, si_unit
 from identification.recording import Array, Recording, Response
 from plant.effects import catalogue
 from plant.errors import BadParameter
 
+_BARE = ("time", "duty", "run")  # in no unit, or in one that the numbers tell
 _STATED = ("time", "torque", "torque_1", "torque_2", "force", "current", "voltage", "duty")
 
 
@@ -97,16 +98,24 @@ def read_recordings(table: Table, reading: Reading) -> Recorded:
         axis=axis,
         command_unit=command.unit,
         notes=notes,
-        warnings=(*table.notes, *_by_meaning(table, known), *stated.notes, *of_time, *of_order),
+        warnings=(
+            *table.notes,
+            *_by_meaning(table, known, found, {*stated.units, *reading.scales}, axis),
+            *stated.notes,
+            *of_time,
+            *of_order,
+        ),
     )
 
 
-def _by_meaning(table: Table, known: Recognition) -> tuple[str, ...]:
-    """A sentence on the columns that were taken by a name which is not quite their own."""
+def _by_meaning(
+    table: Table, known: Recognition, found: Mapping[str, str], sized: Collection[str], axis: str
+) -> tuple[str, ...]:
+    """A sentence on the columns that were taken by a name which is not quite their own, and for what unit."""
     listed = [
-        f"'{name}' for {column}"
-        for column, name in known.found.items()
-        if known.why[column].startswith("by its name") or known.why[column].startswith("a torque")
+        f"'{name}' for {column}" + ("" if column in sized or column in _BARE else f" in {si_unit(column, axis)}")
+        for column, name in found.items()
+        if known.why.get(column, "").startswith(("by its name", "a torque", "an angle"))
     ]
     return (f"{table.name}: taken by the meaning of their names are {', '.join(listed)}",) if listed else ()
 

@@ -55,11 +55,16 @@ _READERS = {
     "Parquet": ("frames", "read_parquet"),
     "TDMS": ("mdf_tdms", "read_tdms"),
 }
+_LONGEST_LINE = 256  # of a log in text
 _PICKLE = "a pickle, which may run any program and is never loaded; save the data as .parquet or .csv"
 _FOREIGN = (
     (b"SQLite format 3\0", "a SQLite database; a ROS 2 bag is read as MCAP, which ros2 bag convert writes"),
     (b"#ROSBAG V", "a ROS 1 bag; write its topic as text with rostopic echo -p -b FILE /joint_states > log.csv"),
     (b"\xd0\xcf\x11\xe0", "an Excel file of before 2007; save it as .xlsx or .csv"),
+    (
+        b"LOGG",
+        "a raw recording of a CAN bus (BLF); decode it with the .dbc of the bus, as asammdf does, to .mf4 or .csv",
+    ),
     (b"ULog", "a log of PX4; convert it with ulog2csv"),
     *((bytes((0x80, protocol)), _PICKLE) for protocol in range(2, 6)),
 )
@@ -115,9 +120,10 @@ def _bytes(path: Path) -> bytes:
 
 
 def _is_text(content: bytes) -> bool:
-    """Whether nothing in the first bytes is beyond text; UTF-16 has its mark."""
+    """Whether nothing in the first bytes is beyond text; UTF-16 has its mark, a serial port garbles its first line."""
     head = content[:4096]
-    control = head.translate(None, bytes(range(32, 256)) + b"\t\n\r\f\v\x1b\x1a")
+    first = head.find(b"\n", 0, _LONGEST_LINE) + 1
+    control = head[first:].translate(None, bytes(range(32, 256)) + b"\t\n\r\f\v\x1b\x1a")
     return content[:2] in (b"\xff\xfe", b"\xfe\xff") or not (control or _foreign(content))
 
 

@@ -19,11 +19,32 @@ _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _LETTERS = re.compile(r"[A-Za-zµ°%]+")
 _COUNTS = {"count", "counts", "cnt", "inc", "increments", "ticks", "pulses", "raw", "lsb", "digits"}
 _AT_THE_END = {  # as a last word, where capitals count for single letters: a motor "a" has no amperes
-    *("s", "sec", "ms", "us", "ns", "rad", "mrad", "deg", "turn", "turns", "rev", "revs", "rpm", "mm", "um", "m"),
-    *("nm", "Nm", "NM", "mNm", "Ncm", "N", "kN", "A", "mA", "V", "mV", "RPM", "DEG", "Deg", "RAD", "Rad"),
+    *("s", "sec", "ms", "us", "ns", "rad", "mrad", "deg", "turn", "turns", "rev", "revs", "rpm", "rps", "dps"),
+    *(
+        "mm",
+        "um",
+        "m",
+        "nm",
+        "Nm",
+        "NM",
+        "mNm",
+        "Ncm",
+        "N",
+        "kN",
+        "A",
+        "mA",
+        "V",
+        "mV",
+        "RPM",
+        "DEG",
+        "Deg",
+        "RAD",
+        "Rad",
+    ),
 }
-_SPELLED = {"sec": "s", "turns": "turn", "rev": "turn", "revs": "turn", "nm": "N*m", "NM": "N*m", "Nm": "N*m"}
+_SPELLED = {"sec": "s", "turns": "turn", "nm": "N*m", "NM": "N*m", "Nm": "N*m"}
 _SPELLED |= {"mNm": "mN*m", "Ncm": "N*cm", "RPM": "rpm", "DEG": "deg", "Deg": "deg", "RAD": "rad", "Rad": "rad"}
+_SAYS_ITS_UNIT = {"millis": "ms", "micros": "us", "nanos": "ns", "ms today": "ms", "rpm": "rpm", "erpm": "erpm"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +80,7 @@ def heading(text: str) -> Heading:
             unit = "N*m"
         if kind_of(unit) is not None:
             return Heading(words=words[: len(words) - count], unit=unit, trailing=True)
-    return Heading(words=words)
+    return Heading(words=words, unit=next((u for said, u in _SAYS_ITS_UNIT.items() if " ".join(words) == said), ""))
 
 
 def _words(text: str) -> tuple[str, ...]:

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from identification.errors import MissingColumns
 from identification.reading.headings import heading
 from identification.reading.reading_options import Reading
-from identification.reading.recognition import Recognition, missing
+from identification.reading.recognition import COMMANDS, RESPONSES, Recognition, missing
 from identification.reading.table import Table
+from identification.reading.units import si_unit
 
 _LONGEST = 24  # characters of a text cell that are shown
 
@@ -22,6 +23,7 @@ _LONGEST = 24  # characters of a text cell that are shown
 class ColumnFacts:
     """One column of a file.
 
+    unit: as the file gives it; assumed: what it is taken for where the file gives none.
     range: its least and greatest value as text, of a column of text its first cell; samples: how many are there.
     taken_for: the column of the log contract, empty if it is left alone; why: why it was taken.
     may_be: the column of the log contract that it may be, where it was not taken.
@@ -34,11 +36,13 @@ class ColumnFacts:
     taken_for: str = ""
     why: str = ""
     may_be: str = ""
+    assumed: str = ""
 
 
 def inventory(table: Table, known: Recognition) -> tuple[ColumnFacts, ...]:
     """All columns of a table, in its order."""
     columns = {name: column for column, name in known.found.items()}
+    axis = "linear" if {"force", "position"} & set(known.found) else "rotary"
     return tuple(
         ColumnFacts(
             name=name,
@@ -48,6 +52,7 @@ def inventory(table: Table, known: Recognition) -> tuple[ColumnFacts, ...]:
             taken_for=columns.get(name, ""),
             why=known.why.get(columns.get(name, ""), ""),
             may_be=known.guesses.get(name, ""),
+            assumed=_assumed(columns.get(name, ""), axis),
         )
         for name, values in table.columns.items()
     )
@@ -63,28 +68,50 @@ def refuse_missing(table: Table, known: Recognition, reading: Reading) -> None:
         return
     facts = inventory(table, known)
     first = f"{table.name}: no column is recognised as {_listed(lacking)}, of those that the file has."
-    options = suggested_options(known, lacking_time=lacking[0].startswith("'time'"))
+    options = suggested_options(table, known, lacking_time=lacking[0].startswith("'time'"))
     raise MissingColumns("\n".join([first, *lines(facts)]), options)
 
 
-def suggested_options(known: Recognition, *, lacking_time: bool) -> str:
-    """Options that name the first guess of each missing column, quoted for a shell; NAME where there is none."""
-    needed = ["time"] if lacking_time else []
-    needed += [] if known.has_command else ["torque"]
-    needed += [] if known.has_response else ["angle"]
+def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -> str:
+    """Options that name the likeliest guess of each missing column, quoted for a shell; NAME where there is none."""
+    needed: list[Sequence[str]] = []
     said = []
-    for column in needed:
-        guess = next((name for name, may_be in known.guesses.items() if may_be == column), "NAME")
+    rising = [name for name, values in table.columns.items() if _rises(values)]
+    if lacking_time and not rising:
+        said.append("--rate HZ")
+    elif lacking_time:
+        needed.append(("time",))
+    needed += [] if known.has_command else [COMMANDS]
+    needed += [] if known.has_response else [RESPONSES]
+    forced = "force" in {*known.found, *known.guesses.values()}
+    for columns in needed:
+        columns = columns[1:] if columns is RESPONSES and forced else columns
+        guesses = ((column, name) for column in columns for name, may_be in known.guesses.items() if may_be == column)
+        alone = rising[0] if columns == ("time",) and len(rising) == 1 else "NAME"
+        column, guess = next(guesses, (columns[0], alone))
         said.append(f"--map {shlex.quote(f'{column}={guess}')}")
     return " ".join(said)
 
 
+def _rises(values: NDArray[np.generic]) -> bool:
+    """Whether a column may be a time: text may be, and numbers that never fall."""
+    if values.dtype.kind not in "fiu":
+        return values.dtype.kind in "OUSM"
+    numbers = values.astype(np.float64)
+    return bool(numbers.size > 1 and np.all(np.diff(numbers) >= 0) and numbers[-1] > numbers[0])
+
+
 def lines(facts: Sequence[ColumnFacts]) -> list[str]:
     """The facts as a table, one column of the file a line."""
-    shown = [(one.name, one.unit, one.range, _use(one)) for one in facts]
+    shown = [(one.name, one.unit or one.assumed, one.range, _use(one)) for one in facts]
     rows = [("column", "unit", "range", "taken for"), *shown]
     widths = [max(len(row[place]) for row in rows) for place in range(4)]
     return ["  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _assumed(column: str, axis: str) -> str:
+    """The unit of a column that is taken and has none, in brackets; a time may be a date, or count anything."""
+    return "" if column in ("", "time", "run", "duty") else f"({si_unit(column, axis)})"
 
 
 def _use(one: ColumnFacts) -> str:

@@ -12,15 +12,15 @@ from dataclasses import dataclass, field, replace
 
 from identification.errors import MalformedLog
 from identification.reading.cia402 import find_objects
-from identification.reading.column_meaning import AMONG_OTHERS, OWN, SYNONYM, Meaning, meaning
+from identification.reading.column_meaning import AMONG_OTHERS, ASKED_FOR, OWN, SYNONYM, Meaning, meaning
 from identification.reading.headings import heading
 from identification.reading.join import join_tables
 from identification.reading.reading_options import ALIASES, COLUMNS, Reading
 from identification.reading.table import Table
 from identification.reading.units import kind_of
 
-_COMMANDS = ("torque", "force", "torque_1", "torque_2", "current", "voltage", "duty", "setpoint")
-_RESPONSES = ("angle", "position", "velocity")
+COMMANDS = ("torque", "force", "torque_1", "torque_2", "current", "voltage", "duty", "setpoint")
+RESPONSES = ("angle", "position", "velocity")
 AS_YOU_SAY = "as you say"
 _OPTIONAL = ("velocity", "run")  # taken by a name that says nothing else, where something else is the response
 
@@ -47,14 +47,14 @@ class Recognition:
     @property
     def has_command(self) -> bool:
         """Whether something drives the load; one pinion's torque does not."""
-        return bool(set(self.found) & (set(_COMMANDS) - {"torque_1", "torque_2"})) or {"torque_1", "torque_2"} <= set(
+        return bool(set(self.found) & (set(COMMANDS) - {"torque_1", "torque_2"})) or {"torque_1", "torque_2"} <= set(
             self.found
         )
 
     @property
     def has_response(self) -> bool:
         """Whether the motion of the load is there."""
-        return bool(set(self.found) & set(_RESPONSES))
+        return bool(set(self.found) & set(RESPONSES))
 
 
 def recognise(table: Table, reading: Reading) -> Recognition:
@@ -115,7 +115,7 @@ def _is_angle(known: Recognition, name: str, left: Mapping[str, str]) -> bool:
     found = meaning(name, unit)
     if found is not None and found.column == "angle":
         return True
-    if found is not None and found.unit:
+    if found is not None and kind_of(found.unit) is not None:
         return False
     others = {m.column for one in left if one != name and (m := meaning(one, left[one])) is not None}
     rotary = {"torque", "torque_1", "torque_2", "current", "voltage"}
@@ -132,6 +132,7 @@ def _on_axis(known: Recognition, found: Meaning, meant: Mapping[str, Meaning], l
 
 def _take_by_meaning(known: Recognition, meant: Mapping[str, Meaning]) -> None:
     """Take the surest column for what is still missing, where it is the only one of its grade."""
+    _take_shafts(known, meant)
     wanted = ["time"] if "time" not in known.found else []
     if not {"angle", "position"} & set(known.found):
         wanted += ["angle", "position"]
@@ -160,8 +161,13 @@ def _take_command(known: Recognition, meant: Mapping[str, Meaning]) -> None:
 
 
 def _take(known: Recognition, column: str, meant: Mapping[str, Meaning]) -> bool:
-    for grade in (OWN, SYNONYM, AMONG_OTHERS):
-        alike = [name for name, found in meant.items() if found.column == column and found.grade == grade]
+    taken = set(known.found.values())
+    for grade in (OWN, SYNONYM, AMONG_OTHERS, ASKED_FOR):
+        alike = [
+            name
+            for name, found in meant.items()
+            if found.column == column and found.grade == grade and name not in taken
+        ]
         if len(alike) == 1:
             known.take(column, alike[0], "by its name" if grade > AMONG_OTHERS else "by its name, the only such one")
         if alike:
@@ -169,12 +175,25 @@ def _take(known: Recognition, column: str, meant: Mapping[str, Meaning]) -> bool
     return False
 
 
+def _take_shafts(known: Recognition, meant: Mapping[str, Meaning]) -> None:
+    """Beside the torques of two motors, angles that differ by a 1 and a 2 are their shafts', if the load's is left."""
+    angles = [name for name, found in meant.items() if found.column == "angle"]
+    pairs = [two for one in angles for other in angles if (two := _one_and_two(one, other))]
+    two_motors = {"torque_1", "torque_2"} <= set(known.found) or _pair(meant) is not None
+    if not two_motors or len(pairs) != 1 or len(angles) < 3 or {"angle_1", "angle_2"} & set(known.found):
+        return
+    for place, name in enumerate(pairs[0], start=1):
+        known.take(f"angle_{place}", name, "an angle, one of two motors'")
+
+
 def _pair(meant: Mapping[str, Meaning]) -> tuple[str, str] | None:
     """The torques of two motors: the only two, whose names differ by a 1 and a 2."""
     names = [name for name, found in meant.items() if found.column == "torque"]
-    if len(names) != 2:
-        return None
-    one, two = sorted(names)
+    return _one_and_two(*sorted(names)) if len(names) == 2 else None
+
+
+def _one_and_two(one: str, two: str) -> tuple[str, str] | None:
+    """Two names, if they differ by nothing but a 1 in the first and a 2 in the second."""
     differ = [(a, b) for a, b in zip(_split(one), _split(two), strict=False) if a != b]
     return (one, two) if len(_split(one)) == len(_split(two)) and differ == [("1", "2")] else None
 

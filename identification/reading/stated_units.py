@@ -60,7 +60,7 @@ def stated_units(
             elif column not in scales:
                 _refuse_increments(table, column, name, axis, guessed=column in guessed)
         except MalformedLog as error:
-            if column not in _DISPENSABLE:
+            if column not in _DISPENSABLE or not {"angle", "position"} & set(found):  # a velocity may be all there is
                 raise MalformedLog(f"{table.name}: {error}") from error
             left_out.append(column)
             notes.append(f"{table.name}: '{name}' is left out, as {str(error).rstrip('.')}")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.checks.plausibility import FASTEST_SAMPLING, SLOWEST_SAMPLING
+from identification.checks.timing import GAP
 from identification.errors import MalformedLog
 from identification.reading.cell_values import numbers_of
 from identification.reading.table import Table
@@ -65,14 +66,14 @@ def clock_of(table: Table, name: str, factor: float | None) -> tuple[Array, floa
             _refuse_others(table, name, written, times)
             times, told = _over_midnight(table, name, times, whole=bool(written.str.contains("d").any()))
             return times, 0.0, told
-    numbers = numbers_of(table, name, "time")
+    numbers, told = _over_its_bits(table, name, numbers_of(table, name, "time"))
     if factor is not None:
-        return numbers * factor, 0.0, ()
+        return numbers * factor, 0.0, told
     unit = _epoch(numbers)
     if unit is None:
-        return numbers, 0.0, ()
+        return numbers, 0.0, told
     note = f"{table.name}: '{name}' counts {unit} since 1970, as in seconds it would lie far in the future"
-    return numbers * _EPOCHS[unit], 0.0, (note,)
+    return numbers * _EPOCHS[unit], 0.0, (*told, note)
 
 
 def _times_of_day(written: pd.Series[str]) -> Array | None:
@@ -105,6 +106,24 @@ def _over_midnight(table: Table, name: str, times: Array, *, whole: bool) -> tup
     continued = times.copy()
     continued[known] += _DAY * nights
     return continued, (f"{table.name}: '{name}' passes midnight and is continued",)
+
+
+def _over_its_bits(table: Table, name: str, numbers: Array) -> tuple[Array, tuple[str, ...]]:
+    """A counter of 16 or 32 bits that has passed its end goes on, if that makes a step as the others are."""
+    known = np.flatnonzero(np.isfinite(numbers))
+    steps = np.diff(numbers[known])
+    falls = steps < 0
+    if not falls.any() or np.any(numbers[known] % 1 != 0) or not np.any(steps > 0):
+        return numbers, ()
+    usual = GAP * float(np.median(steps[steps > 0]))
+    for bits in (16, 32):
+        size = 2.0**bits
+        within = np.all((numbers[known] >= 0) & (numbers[known] < size))
+        if within and np.all((steps[falls] + size > 0) & (steps[falls] + size <= usual)):
+            continued = numbers.copy()
+            continued[known[1:]] += size * np.cumsum(falls)
+            return continued, (f"{table.name}: '{name}' passes the end of its {bits} bits and is continued",)
+    return numbers, ()
 
 
 def _dates(cells: pd.Series[Any]) -> tuple[Array, float] | None:

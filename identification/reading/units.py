@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
@@ -39,16 +40,23 @@ AXIS_UNITS = {
     "kd": ("N m s/rad", "N s/m"),
 }
 
-# One column of each unit that a log may have, with the axis that has it.
+# One column of each unit that a log may have, with the axis that has it; nm is a length before it is a torque.
 _KINDS = (
+    ("position", "linear"),
     *((column, "rotary") for column in ("time", "torque", "angle", "velocity", "current", "voltage")),
-    *((column, "linear") for column in ("force", "position", "velocity")),
+    *((column, "linear") for column in ("force", "velocity")),
 )
 
-_PER_MINUTE = re.compile(r"(?<![A-Za-z0-9])((1|U|r|rev|Umdr\.?)/min|min(\^|\*\*)?-1|min⁻¹)(?![A-Za-z0-9])")
+_MEANT = {"grad": "deg", "rev": "turn", "revs": "turn", "umdr": "turn", "upm": "rpm", "rps": "turn/s", "dps": "deg/s"}
+"""Units that pint does not know, or for something else: the German Grad is no gon."""
+_WEIGHT, _ARM = r"(?P<weight>kg|g|oz|lb)f?s?", r"(?P<arm>m|cm|mm|in|ft)"
+_WEIGHT_ON_ARM = re.compile(rf"{_WEIGHT}{_ARM}|{_ARM.replace('arm', 'other')}{_WEIGHT.replace('weight', 'heavy')}")
+
+_PER_MINUTE = re.compile(r"(?<![A-Za-z0-9])((1|U|r|rev|tr|giri|Umdr\.?)/min|min(\^|\*\*)?-1|min⁻¹)(?![A-Za-z0-9])")
 
 # These are numbers for pint, so it would take them for radians; how much they are is known to the user alone.
 _BARE_NUMBERS = {"count", "percent", "permille", "ppm", "dimensionless", "bit", "byte"}
+_ELECTRICAL = "erpm"  # turns of the field a minute; how many of them are one of the shaft, the motor's poles say
 _SHARES = {"percent", "permille", "ppm", "dimensionless"}  # how much these are of a whole is known
 
 _WORTH = {
@@ -63,10 +71,32 @@ def is_unit(text: str) -> bool:
     """Whether a text is a unit of any kind, known or not to a log: "N m", "1/min", "V"."""
     if re.search(r"\d{3}|[<>=!]", text):
         return False
+    spellings = (_PER_MINUTE.sub("rpm", spelling) for spelling in _spellings(text, "N*m"))
+    return any(_is_known(spelling) and not quantity(spelling).unitless for spelling in spellings)
+
+
+def _spellings(unit: str, wanted: str) -> Iterator[str]:
+    """What a text may stand for where that SI unit is wanted, the likeliest first: `RPM`, `Grad`, `oz-in`, `kg.cm`."""
+    unit = re.sub(r"[A-Za-z]+", lambda word: _MEANT.get(word[0].lower(), word[0]), unit)
+    low = unit.lower()
+    yield unit
+    if wanted == "N*m":
+        found = _WEIGHT_ON_ARM.fullmatch(re.sub(r"[-.*·⋅ ]", "", low))
+        if found:
+            yield f"{found['weight'] or found['heavy']}f*{found['arm'] or found['other']}"
+        if low == "nm":
+            yield "N*m"
+    if low != unit and "nm" not in low and not _is_known(unit):  # A is no year, NM are no nanometres
+        yield low
+
+
+def _is_known(unit: str) -> bool:
+    """Whether pint knows a unit as it is written."""
     try:
-        return not quantity(_PER_MINUTE.sub("rpm", text)).unitless
+        quantity(unit)
     except Exception:  # pint raises a dozen different types on odd text
         return False
+    return True
 
 
 def si_unit(column: str, axis: str) -> str:
@@ -99,6 +129,11 @@ def si_factor(column: str, unit: str, axis: str) -> float:
     wanted = si_unit(column, axis)
     if unit.strip() in (wanted, wanted.replace(" ", "*")):
         return 1.0
+    if unit.strip().lower() == _ELECTRICAL:
+        raise BadParameter(
+            f"the unit '{unit}' of column '{column}' counts turns of the field: divide by the motor's pole pairs, "
+            f"for example of 7 with --unit {column}=rpm/7."
+        )
     try:
         factor, sized = _factor(unit.strip(), wanted.replace(" ", "*"))
     except Exception as error:  # pint raises a dozen different types on odd text
@@ -109,6 +144,8 @@ def si_factor(column: str, unit: str, axis: str) -> float:
         ) from error
     if not sized:
         worth = _WORTH.get(wanted)
+        if worth and unit.strip() in ("%", "percent"):
+            worth = re.sub(r"/\d+", "/100", worth)
         raise BadParameter(
             f"the unit '{unit}' of column '{column}' has no fixed size: give what one step is worth instead, for "
             f"example {f'--unit {column}={worth} or ' if worth else ''}--scale {column}=0.001 (in {wanted})."
@@ -133,6 +170,17 @@ def _hint(column: str, wanted: str) -> str:
 
 def _factor(unit: str, wanted: str) -> tuple[float, bool]:
     """Factor to the wanted SI unit, and whether the unit says how large it is; raises anything."""
+    *others, last = _spellings(unit, wanted)
+    for spelling in others:
+        try:
+            return _factor_of(spelling, wanted)
+        except Exception:  # pint raises a dozen different types on odd text
+            continue
+    return _factor_of(last, wanted)
+
+
+def _factor_of(unit: str, wanted: str) -> tuple[float, bool]:
+    """The same of one spelling."""
     unit = re.sub(r"\brotations?\b", "turn", _PER_MINUTE.sub("rpm", unit))
     found = quantity(unit.replace("%", "percent") if wanted == "1" else unit)
     names = {str(name) for name in found.units._units}

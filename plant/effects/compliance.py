@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
 
 from plant.effects.effect import (
     POSITIVE,
@@ -98,6 +97,8 @@ class Compliance(Effect):
 
 def _behind(torque: Array, frequency: float, damping: float, dt: float) -> Array:
     """(T,) mean over each sample of a held torque behind the resonance [N m]."""
+    from scipy import signal
+
     slope, level = 2.0 * damping * frequency, frequency**2
     integral = (
         np.array([slope, level]),

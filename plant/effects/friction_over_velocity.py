@@ -8,7 +8,6 @@ from functools import partial
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Trace, parameter
 from plant.effects.nonparametric_curve import Curve, CurveOverVelocity
@@ -24,7 +23,8 @@ class FrictionOverVelocity(CurveOverVelocity):
     name = "friction_over_velocity"
     title = "friction over velocity"
     equation = r"\tau_u \in f(\dot x) - F\,\mathrm{sgn}(\dot x)"
-    prior = block_diag(Curve.prior, np.eye(1))
+    prior = np.pad(Curve.prior, (0, 1))
+    prior[-1, -1] = 1.0
 
     dry: float = parameter("{torque}", "dry friction F", lower=0.0, default=0.0)
 

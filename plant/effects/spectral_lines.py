@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from scipy.fft import next_fast_len, rfft
 
 from plant.effects.motion import Array, Motion, Place
 from plant.effects.recurrence import returns_to_its_states
@@ -128,6 +127,8 @@ def _explained(seen: Array, white: Array) -> Array:
 
 def _sines_and_cosines(place: Array, scores: Iterable[Array], frequencies: Array) -> list[Array]:
     """(2, F) sums of each score (T,) times sine and cosine over `place`, by binning it finely."""
+    from scipy.fft import next_fast_len, rfft
+
     step = 2.0 * np.pi / frequencies[-1] / 6.0
     bins = np.floor((place - place.min()) / step + _EVEN).astype(int)
     length = next_fast_len(8 * int(bins.max() + 1), real=True)

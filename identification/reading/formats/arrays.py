@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import io
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from identification.reading.formats.groups import grouped_table, vectors
+from identification.reading.formats.groups import grouped_table, vectors, without_objects
 from identification.reading.formats.hdf5 import read_hdf5
 from identification.reading.table import Table
+
+_DESCRIBES = ("dimensions", "label", "title", "blockName", "plotStyle", "stateName")  # fields beside a signal's values
 
 
 def read_npz(content: bytes, name: str, sha256: str) -> Table:
@@ -32,23 +35,62 @@ def read_npy(content: bytes, name: str, sha256: str) -> Table:
 
 
 def read_mat(content: bytes, name: str, sha256: str) -> Table:
-    """The variables of a MAT file; of a structure, its fields, and of those their fields."""
+    """The variables of a MAT file; of a structure, its fields, and of those their fields.
+
+    Raises `MalformedLog` where all that it holds are objects of MATLAB, such as a timeseries.
+    """
     if content.startswith(b"MATLAB 7.3"):
         return read_hdf5(content, name, sha256)
     from scipy.io import loadmat
 
     variables: dict[str, Any] = loadmat(io.BytesIO(content), squeeze_me=False)  # type: ignore[arg-type]
-    groups: dict[str, dict[str, Any]] = {"": {}}
+    found = _Variables()
     for key, value in variables.items():
         if not key.startswith("__"):
-            _sort(key, value, "", groups)
-    return grouped_table({path: vectors(arrays) for path, arrays in groups.items()}, name, sha256)
+            found.sort(key, value, "")
+    table = grouped_table({path: vectors(arrays) for path, arrays in found.groups.items()}, name, sha256)
+    return without_objects(table, found.objects)
 
 
-def _sort(key: str, value: Any, path: str, groups: dict[str, dict[str, Any]]) -> None:
-    if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
+@dataclass(frozen=True)
+class _Variables:
+    """Arrays by the structure in which they stand, and name and class of the objects beside."""
+
+    groups: dict[str, dict[str, Any]] = field(default_factory=lambda: {"": {}})
+    objects: list[tuple[str, str]] = field(default_factory=list)
+
+    def sort(self, key: str, value: Any, path: str) -> None:
+        """Add a variable, or a field of the structure at `path`."""
+        from scipy.io.matlab import MatlabOpaque
+
         inside = f"{path}/{key}" if path else key
-        for field in value.dtype.names:
-            _sort(field, value[field].item(), inside, groups)
-    else:
-        groups.setdefault(path, {})[key] = value
+        if isinstance(value, MatlabOpaque):
+            self.objects.append((_text(value["s0"]) or inside, _text(value["s2"])))
+        elif isinstance(value, np.ndarray) and value.dtype.names and value.size:
+            elements = value.ravel()
+            for k, element in enumerate(elements):
+                label = _label(element) or f"{key}({k + 1})"  # as Simulink labels its signals
+                own = inside if len(elements) == 1 else f"{path}/{label}" if path else label
+                for name in value.dtype.names:
+                    if name not in _DESCRIBES:
+                        self.sort(name, element[name], own)
+        else:
+            self.groups.setdefault(path, {})[key] = value
+
+
+def _label(element: Any) -> str:
+    """What a signal of Simulink's "structure with time" is called: by its label, else by its block."""
+    names = element.dtype.names
+    if "values" not in names:
+        return ""
+    block = _text(element["blockName"]).rsplit("/", 1)[-1] if "blockName" in names else ""
+    return (_text(element["label"]) if "label" in names else "") or block
+
+
+def _text(value: Any) -> str:
+    """The text in an array of texts, "" where there is none."""
+    while isinstance(value, np.ndarray):
+        if not value.size:
+            return ""
+        value = value.ravel()[0]
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value).strip()

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from identification.errors import MalformedLog
 from identification.reading.column_meaning import is_time, time_unit
+from identification.reading.headings import heading
 from identification.reading.table import Table
 
 Groups = Mapping[str, Mapping[str, NDArray[Any]]]
 """Path of a group -> name of a series -> its values; "" is the path of what lies in no group."""
 
+_OF_RUNS = {
+    *("run", "experiment", "exp", "trial", "episode", "test", "repetition", "rep", "measurement", "demo", "sweep"),
+    *("trajectory", "traj", "take", "versuch", "messung"),
+}  # words by which a group is one of several experiments
 _VALUES = ("value", "values", "data", "y")  # names that say less than that of their group
 
 
@@ -48,7 +55,7 @@ def grouped_table(groups: Groups, name: str, sha256: str) -> Table:
 
     A series has its own name where no other is so called, else its group before it.
     """
-    groups = {path: group for path, group in groups.items() if group}
+    groups = _with_runs({path: group for path, group in groups.items() if group})
     times = {path: next((key for key in group if is_time(key)), "") for path, group in groups.items()}
     stamps = [groups[path][key] for path, key in times.items() if key]
     apart = any(not np.array_equal(stamps[0], other) for other in stamps[1:])
@@ -71,6 +78,38 @@ def grouped_table(groups: Groups, name: str, sha256: str) -> Table:
     return Table(
         name=name, columns=columns, sha256=sha256, clocks=clocks, units={"time": unit} if unit and clocked else {}
     )
+
+
+def _with_runs(groups: Groups) -> Groups:
+    """Groups with the same series, whose paths differ in the name of an experiment only, as one with a column `run`."""
+    paths = [path.split("/") for path in groups]
+    keys = [tuple(group) for group in groups.values()]
+    if len(paths) < 2 or len(set(keys)) > 1 or len({len(path) for path in paths}) > 1 or "run" in keys[0]:
+        return groups
+    differ = [k for k, parts in enumerate(zip(*paths, strict=True)) if len(set(parts)) > 1]
+    if len(differ) != 1 or not all(_OF_RUNS & set(heading(path[differ[0]]).words) for path in paths):
+        return groups
+    lengths = [{len(values) for values in group.values()} for group in groups.values()]
+    if any(len(length) > 1 for length in lengths):
+        return groups
+    labels = np.repeat(np.asarray([path[differ[0]] for path in paths], dtype=object), [min(one) for one in lengths])
+    series = {key: np.concatenate([group[key] for group in groups.values()]) for key in keys[0]}
+    return {"": {**series, "run": labels}}
+
+
+def without_objects(table: Table, objects: Sequence[tuple[str, str]]) -> Table:
+    """The table with a word on the objects of MATLAB (name and class) beside it, whose insides nobody else reads.
+
+    Raises `MalformedLog` where nothing but such objects is there.
+    """
+    if not objects:
+        return table
+    name, kind = objects[0]
+    told = f"'{name}' is an object of MATLAB ({kind}), which only MATLAB reads"
+    remedy = f"save its arrays, for example t = {name}.Time; x = {name}.Data; save('log.mat', 't', 'x')"
+    if not table.columns:
+        raise MalformedLog(f"{table.name}: {told}; {remedy}.")
+    return replace(table, notes=(*table.notes, f"{table.name}: {told}, and is left out; {remedy}"))
 
 
 def _name(path: str, key: str, groups: Groups, times: Mapping[str, str]) -> str:

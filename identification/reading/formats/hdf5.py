@@ -9,27 +9,36 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.reading.formats.groups import grouped_table, vectors
+from identification.reading.formats.groups import grouped_table, vectors, without_objects
 from identification.reading.table import Table
 
 
 def read_hdf5(content: bytes, name: str, sha256: str) -> Table:
-    """The series of all datasets, by name or, where two are called alike, with their group before them."""
+    """The series of all datasets, by name or, where two are called alike, with their group before them.
+
+    Raises `MalformedLog` where all that it holds are objects of MATLAB, such as a timeseries.
+    """
     import h5py
 
     groups: dict[str, dict[str, NDArray[Any]]] = {}
+    objects: list[tuple[str, str]] = []
 
     def visit(path: str, item: Any) -> None:
         parent, _, key = path.rpartition("/")
-        beside = path.startswith("#refs#") or "/_i_" in f"/{path}"  # MATLAB's cells, the indices of PyTables
+        beside = (
+            path.startswith(("#refs#", "#subsystem#")) or "/_i_" in f"/{path}"
+        )  # MATLAB's cells, the indices of PyTables
         if beside or not isinstance(item, h5py.Dataset):
+            return
+        if "MATLAB_object_decode" in item.attrs:
+            objects.append((path.replace("/", "."), _text(item.attrs.get("MATLAB_class", b""), "object")))
             return
         found = _of_pandas(parent, key, item)
         groups.setdefault(parent, {}).update(vectors({key: item[()]}) if found is None else found)
 
     with h5py.File(io.BytesIO(content), "r") as file:
         file.visititems(visit)
-    return grouped_table(groups, name, sha256)
+    return without_objects(grouped_table(groups, name, sha256), objects)
 
 
 def _of_pandas(parent: str, key: str, item: Any) -> dict[str, NDArray[Any]] | None:

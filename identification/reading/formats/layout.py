@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from identification.errors import MalformedLog
 from identification.reading.column_meaning import is_time
-from identification.reading.formats.unit_row import row_of_units
+from identification.reading.formats.unit_row import labelled, row_of_units, units_above
 
 COMMENT = ("#", "%", "//")
 SEARCHED_LINES = 200  # no export has a longer preamble
@@ -49,10 +49,12 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
     if not rest:
         return Layout(separator=separator, names=(), units=(), start=start)
     line, names = max(rest, key=lambda found: _likeness(found[1]))  # of equals the first, which is the nearest
+    preamble = [split(text, separator) for text in lines[max(line - SEARCHED_LINES, 0) : line]]
+    units = units or units_above(preamble, len(names)) or []
     return Layout(
         separator=separator,
-        names=tuple(names),
-        units=tuple([*(units or []), *[""] * len(names)][: len(names)]),
+        names=tuple(labelled(names, preamble)),
+        units=tuple([*units, *[""] * len(names)][: len(names)]),
         start=start,
         unread=tuple(sorted(index + 1 for index, _ in rest if index > line)),
     )

@@ -5,10 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _EXPONENT = r"([eEdD][+-]?\d+)?"  # Fortran writes D
 _COMMA = re.compile(rf"[+-]?\d*,\d+{_EXPONENT}$")
@@ -41,24 +44,64 @@ def has_decimal_comma(cells: Sequence[str]) -> bool:
     return any(map(_COMMA.match, cells)) and not any(_POINT.match(cell) or points.fullmatch(cell) for cell in cells)
 
 
+def plain_columns(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
+    """The columns of a table, as floats where all cells of one are numbers in one way of writing.
+
+    A column needs a number beyond doubt, or another column with separators that has one: these are set in one way.
+    Any other column is returned as it is.
+    """
+    found = [plain_numbers(column) for column in columns]
+    used = {writing for column in columns if (writing := _writing_of(column)) is not None}
+    if len(used) != 1:
+        return found
+    (writing,) = used
+    return [
+        _as_floats(column, writing) if column.dtype.kind in "OUT" and _all_in(column, writing) else column
+        for column in found
+    ]
+
+
 def plain_numbers(values: NDArray[Any]) -> NDArray[Any]:
     """The column as floats where all its cells are numbers in one way of writing, at least one of them beyond doubt.
 
     Any other column is returned as it is.
     """
+    writing = _writing_of(values)
+    return values if writing is None else _as_floats(values, writing)
+
+
+def _writing_of(values: NDArray[Any]) -> _Writing | None:
+    """The way in which all cells of a column are written, at least one beyond doubt; None where there is none."""
     if values.dtype.kind not in "OUT":
-        return values
+        return None
+    for writing in (_ENGLISH, _CONTINENTAL):
+        if _all_in(values, writing) and _given(values).str.fullmatch(writing.beyond_doubt()).any():
+            return writing
+    return None
+
+
+def _given(values: NDArray[Any]) -> pd.Series[str]:
     import pandas as pd
 
     cells = pd.Series(values)
-    given = cells[cells.notna()].astype(str)
-    for writing in (_ENGLISH, _CONTINENTAL):
-        if not given.head(50).str.fullmatch(writing.any_number()).all():  # dates and labels go at once
-            continue
-        if given.str.fullmatch(writing.beyond_doubt()).any() and given.str.fullmatch(writing.any_number()).all():
-            bare = given.str.replace(writing.thousands, "", regex=False).str.replace(writing.decimal, ".", regex=False)
-            bare = bare.str.replace("d", "e", case=False, regex=False)
-            numbers = np.full(len(values), np.nan)
-            numbers[cells.notna().to_numpy()] = pd.to_numeric(bare, errors="coerce").to_numpy(dtype=np.float64)
-            return numbers
-    return values
+    return cells[cells.notna()].astype(str)
+
+
+def _all_in(values: NDArray[Any], writing: _Writing) -> bool:
+    """Whether each cell of a column is a number in a way of writing, and there is one."""
+    given = _given(values)
+    pattern = writing.any_number()
+    if not len(given) or not given.head(50).str.fullmatch(pattern).all():  # dates and labels go at once
+        return False
+    return bool(given.str.fullmatch(pattern).all())
+
+
+def _as_floats(values: NDArray[Any], writing: _Writing) -> NDArray[Any]:
+    import pandas as pd
+
+    given = _given(values)
+    bare = given.str.replace(writing.thousands, "", regex=False).str.replace(writing.decimal, ".", regex=False)
+    bare = bare.str.replace("d", "e", case=False, regex=False)
+    numbers = np.full(len(values), np.nan)
+    numbers[given.index] = pd.to_numeric(bare, errors="coerce").to_numpy(dtype=np.float64)
+    return numbers

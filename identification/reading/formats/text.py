@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
+from identification.reading.formats.can_bus import refuse_bus
 from identification.reading.formats.codesys import is_trace, read_trace
 from identification.reading.formats.layout import COMMENT, SEARCHED_LINES, Layout, find_layout, split
 from identification.reading.formats.list_cells import with_lists
-from identification.reading.formats.numerals import has_decimal_comma, plain_numbers
+from identification.reading.formats.numerals import has_decimal_comma, plain_columns
 from identification.reading.formats.twincat_scope import find_scope_header, group_starts, read_groups
 from identification.reading.table import Table
 
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 _AS_DATA_BEGIN = frozenset("0123456789+-.,;\t")  # first characters that need no closer look
 
 
@@ -28,6 +30,9 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
     Raises `MalformedLog` when there is no data, or a line that does not fit.
     """
     lines = _lines(decoded(content, name))
+    refuse_bus(lines, name)
+    garbled = bool(_CONTROL.search(lines[0])) if lines else False
+    lines[:1] = [""] if garbled else lines[:1]
     if is_trace(lines):
         return read_trace(lines, name, sha256)
     scope = find_scope_header(lines)
@@ -42,12 +47,20 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
     grouped = len(starts) > 1 or scope is not None
     body = _body(lines, layout.start, name)
     notes = [*_unread(layout, name), *body.notes]
+    if garbled:
+        notes.append(f"{name}: the first line is garbled, as where a serial port was opened amid a line, and left out")
     ends = {width, *starts} if grouped else {width}  # where the slower groups have ended, rows are shorter
     last = len(split(body.lines[-1], layout.separator))
     if len(body.lines) > 1 and last < width and last not in ends:
         notes.append(f"{name}: the last line ({body.line(len(body.lines))}) is cut off and left out")
         body.lines.pop()
-    columns = _parse(body, layout.separator, max(len(first), width), name)[:width]
+    columns = _parse(body, layout.separator, max(len(first), width), name)
+    if grouped and any(np.asarray(column == column).any() for column in columns[width:]):
+        raise MalformedLog(
+            f"{name}, line {body.first_line}: the data have {len(columns)} columns but the line of names above has "
+            f"{width}, so nobody knows which is whose; make them match."
+        )
+    columns = columns[:width]
     if grouped:
         groups = read_groups(layout.names, columns, scope, layout.units, name)
         return Table(
@@ -87,7 +100,7 @@ def decoded(content: bytes, name: str) -> str:
             text = content.decode(encoding)
         except UnicodeError:
             continue
-        if "\0" not in text:
+        if "\0" not in text.partition("\n")[2]:  # the first line of a serial port may hold anything
             return text
     raise MalformedLog(f"{name}: this is not a text table, check the file or its suffix.")
 
@@ -189,4 +202,4 @@ def _parse(body: _Body, separator: str, width: int, name: str) -> list[NDArray[A
         raise MalformedLog(f"{name}: the table cannot be read ({type(error).__name__}), export it again.") from error
     if len(frame) != len(body.lines):
         raise MalformedLog(f"{name}: a quotation mark is opened and not closed, remove it.")
-    return [plain_numbers(frame[k].to_numpy()) for k in range(width)]
+    return plain_columns([frame[k].to_numpy() for k in range(width)])

@@ -1,9 +1,12 @@
-"""Rows of units below the names of a table: `s;N m;rad`, `(s),(V)`, `second,Volt,Volt`."""
+"""Rows of units below the names of a table, `s;N m;rad`, `(s),(V)`, and lines above it that say units and labels.
+
+LabVIEW writes `Y_Unit_Label` for all columns but the time, oscilloscopes `Vertical Units` and `Label`.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from identification.reading.units import is_unit
 
@@ -11,6 +14,9 @@ NO_UNIT = {"", "-", "--", "1", "none", "(none)", "n/a", "[]", "[-]", "()", "(-)"
 """What files write where a column has no unit."""
 
 _BRACKETS = re.compile(r"^[\[(<{]\s*(.*?)\s*[\])>}]$")
+_UNITS_ABOVE = {"y_unit_label", "vertical units", "units", "unit", "einheit", "einheiten"}
+_LABELS_ABOVE = {"label", "labels"}
+_NUMBERED = re.compile(r"ch(annel|an)?[ _]?\d+", re.I)  # names that say nothing
 _LONGEST = 24  # characters of a unit; what is longer is a description
 
 
@@ -23,11 +29,42 @@ def row_of_units(cells: Sequence[str]) -> list[str] | None:
 
 
 def _unit(cell: str) -> str | None:
-    """The unit in a cell in a spelling that can be converted, None where it is no unit."""
+    """The unit in a cell, None where it is no unit."""
     text = cell.strip()
     if text.lower() in NO_UNIT:
         return ""
     text = _BRACKETS.sub(r"\1", text)
     if len(text) > _LONGEST or re.match(r"[\d.+-]", text.replace("1/", "")):
         return None
-    return next((spelling for spelling in (text, text.lower()) if is_unit(spelling)), None)
+    return text if is_unit(text) else None
+
+
+def units_above(above: Iterable[Sequence[str]], width: int) -> list[str] | None:
+    """The units that a line of the preamble gives the columns of a table; None without such a line."""
+    for cells in _said(above, _UNITS_ABOVE, width):
+        if (units := row_of_units(cells)) is not None:
+            return units
+    return None
+
+
+def labelled(names: Sequence[str], above: Iterable[Sequence[str]]) -> list[str]:
+    """Names of which a `CH1` is replaced by the label that the preamble gives it."""
+    for labels in _said(above, _LABELS_ABOVE, len(names)):
+        called = [
+            label if label and _NUMBERED.fullmatch(name) else name for name, label in zip(names, labels, strict=True)
+        ]
+        if len(set(called)) == len(called):
+            return called
+    return list(names)
+
+
+def _said(above: Iterable[Sequence[str]], keys: Collection[str], width: int) -> Iterator[list[str]]:
+    """The cells of lines that begin with one of some keys, one a column: of all, or of all but the time."""
+    for cells in above:
+        if not cells or cells[0].strip().strip(":#").strip().lower() not in keys:
+            continue
+        rest = [cell.strip() for cell in cells[1:]]
+        while len(rest) > width - 1 and rest and not rest[-1]:  # LabVIEW has a column of comments
+            rest.pop()
+        if len(rest) in (width, width - 1):
+            yield ["", *rest][-width:]
