@@ -136,8 +136,8 @@ class ClosedLoopRun:
         s, told = flat(self._one_summary()), dict(self.numbers())
         lines = [
             *self.notes,
-            f"Tracking error {told['tracking_rms']} rms, {told['largest_error']} at most, in {self.scenario.duration:g} s of "
-            "test-bench simulation.",
+            f"Tracking error {told['tracking_rms']} rms, {told['largest_error']} at most, in "
+            f"{self.scenario.duration:g} s of test-bench simulation.",
         ]
         margin = s["least_preload_margin"]
         if margin is not None:
@@ -161,8 +161,8 @@ class ClosedLoopRun:
             hardest = told["hardest_hit_on_far_flank_single_drive"]
             lines.append(
                 f"Contact is lost in {told['samples_apart']} samples with both drives and in "
-                f"{told['samples_apart_single_drive']} with one, which hits the far flank with up to {hardest}. The tracking "
-                f"error with one drive is {told['tracking_rms_single_drive']} rms."
+                f"{told['samples_apart_single_drive']} with one, which hits the far flank with up to {hardest}. The "
+                f"tracking error with one drive is {told['tracking_rms_single_drive']} rms."
             )
         if s["degraded_samples"]:
             first = next(status for status in self.result.status if status != "optimal")
