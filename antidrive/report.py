@@ -19,7 +19,16 @@ from antidrive.provenance import Provenance
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation, Reason
 from diagnosis.explanation.summary import headline, sentences
-from diagnosis.explanation.wording import effect_of, measured, percent, sentence_case, size, title_of, torque_or_force
+from diagnosis.explanation.wording import (
+    effect_of,
+    joined_words,
+    measured,
+    percent,
+    sentence_case,
+    size,
+    title_of,
+    torque_or_force,
+)
 from diagnosis.holdout import gain_errors
 from diagnosis.model_probability import NONE
 from diagnosis.result import Cause, Gain
@@ -161,6 +170,7 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
         "acting": torque_or_force(diagnosis.residual_before.unit),
         "missing": figures.residual_figure(diagnosis.residual_before),
         "curves": curves,
+        "sets": _sets(diagnosis),
         "causes": [_cause(diagnosis, c, r) for c, r in zip(diagnosis.causes, explanation.reasons, strict=False)],
         "nameless": [] if diagnosis.causes else [_reason(diagnosis, reason) for reason in explanation.reasons],
         "floor": ""
@@ -183,6 +193,15 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
         ],
         "data": _data(diagnosis.base, diagnosis.warnings, notes),
     }
+
+
+def _sets(diagnosis: Diagnosis) -> Bars | None:
+    """The posterior over sets of effects; None where it is one set alone."""
+    if len(diagnosis.sets) < 2:
+        return None
+    named = [(joined_words([title_of(n, diagnosis) for n in each.effects]), each) for each in diagnosis.sets[:_BARS]]
+    shares = [(title or "no effect", each.probability, percent(each.probability)) for title, each in named]
+    return figures.probability_bars(shares)
 
 
 def _errors(diagnosis: Diagnosis, gain: Gain, extended: bool) -> list[tuple[str, str]]:

@@ -13,16 +13,17 @@ from diagnosis.effects_against_curves import curves_explain_far_more, supported_
 from diagnosis.extrapolation import extrapolation_warning
 from diagnosis.falsification import error_rises, falsified_sentence, squared_innovations, withdrawn_causes
 from diagnosis.formula_suggestion import suggested_formula
+from diagnosis.grading import graded
 from diagnosis.holdout import cut, inverse_errors, measure_gain, parts, remaining
 from diagnosis.holdout_refit import holdout_differences
 from diagnosis.identifiability import blind_spots, standstill
-from diagnosis.model_probability import NONE
+from diagnosis.model_probability import CLEAR, NONE
 from diagnosis.multimodal_likelihood import with_scatter
 from diagnosis.nonparametric_residual import ResidualModel
 from diagnosis.refit import estimates
 from diagnosis.repeated_runs import repeats
 from diagnosis.residual_torque import ResidualTorque, effects_over, residual_torque
-from diagnosis.result import Cause, Verdict
+from diagnosis.result import MENTIONED, Cause, Verdict
 from diagnosis.state_gaussian_process import beside_gaussian_process, displaced_sentences
 from diagnosis.stepwise_round import Addition
 from diagnosis.stepwise_search import Outcome, forward_selection, reselected
@@ -40,7 +41,6 @@ from plant.servo import ServoModel
 
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
 _TELLING = 0.2  # share of the residual torque's variance from which a variable is said to carry it
-_MENTION = 1e-4  # probability from which a rival is listed
 
 
 @without_blas_threads
@@ -157,6 +157,8 @@ def diagnose(
         judged, log, refuted=further is None and error_rises(predicted[0], predicted[len(outcome.additions)])
     )
     causes = tuple(cause for cause in found if cause.effect in {each.effect for each in kept})
+    tell("weighing the effects beside what no effect explains")
+    grades = graded(causes, outcome.fit, null, catalogue=len(effects), depends_on=depends_on)
     warnings.extend(why_not)
     left = repeats(final)
     if left is not None:
@@ -169,8 +171,11 @@ def diagnose(
     if opinions:
         warnings.append(f"Fitted to the validation data alone, the model has {'; '.join(map(str, opinions))}.")
     return Diagnosis(
-        verdict=_verdict(outcome, causes, unnamed or len(causes) < len(found)),
-        causes=causes,
+        verdict=_verdict(grades.causes, unnamed or len(grades.causes) < len(found)),
+        causes=grades.causes,
+        minor=grades.minor,
+        sets=grades.sets,
+        unknown=grades.unknown,
         gain=gain,
         torque_error=inverse_errors(log, held_out, null.model, final.model),
         unexplained=remaining(gain, depends_on),
@@ -207,11 +212,10 @@ def _depends_on(final: Fit, missing: ResidualTorque, beside: ResidualModel) -> t
     return tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
 
 
-def _verdict(outcome: Outcome, causes: Sequence[Cause], unnamed: bool) -> Verdict:
+def _verdict(causes: Sequence[Cause], unnamed: bool) -> Verdict:
     if not causes:
         return "unknown" if unnamed else "nothing_missing"
-    told = {cause.effect for cause in causes}
-    return "named" if all(one.clear for one in outcome.additions if one.effect in told) else "ambiguous"
+    return "named" if all(cause.probability >= CLEAR for cause in causes) else "ambiguous"
 
 
 def _causes(outcome: Outcome, final: Fit, squares: list[Array]) -> tuple[Cause, ...]:
@@ -234,7 +238,7 @@ def _causes(outcome: Outcome, final: Fit, squares: list[Array]) -> tuple[Cause, 
 
 
 def _rivals(addition: Addition) -> tuple[tuple[str, float], ...]:
-    rivals = [(n, p) for n, p in addition.odds.items() if n not in (addition.effect, NONE) and p >= _MENTION]
+    rivals = [(n, p) for n, p in addition.odds.items() if n not in (addition.effect, NONE) and p >= MENTIONED]
     return tuple(rivals)
 
 

@@ -8,7 +8,7 @@ part of it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,6 +142,18 @@ def residual_torque(fit: Fit, cutoff: float | None = None) -> ResidualTorque:
         unit=force,
         cutoff=cutoff,
     )
+
+
+def torque_of(fit: Fit, effect: str) -> tuple[float, float]:
+    """rms of the torque that one effect of a fitted model explains along the measured motion, and its share [N m; -].
+
+    The share is of the power of the residual torque without it, from 0 to 1.
+    """
+    left = residual_torque(fit)
+    lacked = residual_torque(replace(fit, model=fit.model.without_effect(effect)), left.cutoff)
+    rms = float(np.sqrt(np.mean((lacked.torque - left.torque) ** 2)))
+    share = 1.0 - (left.rms / lacked.rms) ** 2 if lacked.rms > 0.0 else 0.0
+    return rms, float(np.clip(share, 0.0, 1.0))
 
 
 def effects_over(variable: str, axis: Axis) -> str:

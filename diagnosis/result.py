@@ -14,7 +14,11 @@ from identification.fit_result import Fit
 from plant.effects.effect import Array, Effect
 from plant.servo import ServoModel
 
-SCHEMA = 1
+SCHEMA = 2
+LISTED = 0.01
+"""Probability from which a set of effects is listed."""
+MENTIONED = 1e-4
+"""... and an alternative to an effect."""
 Verdict: TypeAlias = Literal["named", "nothing_missing", "unknown", "ambiguous"]
 
 
@@ -38,6 +42,8 @@ class Cause:
         parameters: estimates by parameter name.
         gain: share by which the held-out error fell when the effect was added [-], and gain_std its standard error.
         evidence: rise of the log-likelihood when the effect was added.
+        rms: of the torque that it explains along the measured motion [N m].
+        share: of the power of the residual torque without it that it explains, 0 to 1 [-].
     """
 
     effect: str
@@ -47,11 +53,41 @@ class Cause:
     gain: float
     evidence: float
     gain_std: float = 0.0
+    rms: float = 0.0
+    share: float = 0.0
 
     @property
     def missing(self) -> float:
         """Probability that it or one of the alternatives is there, and not nothing [-]."""
         return min(self.probability + sum(share for _, share in self.alternatives), 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Minor:
+    """An effect that is probable by its evidence, but smaller than what no effect explains; else as a cause."""
+
+    effect: str
+    probability: float
+    share: float
+    rms: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffectSet:
+    """Effects that explain the log together, what the discrepancy beside them depends on, and their probability."""
+
+    effects: tuple[str, ...]
+    unknown: tuple[str, ...]
+    probability: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unknown:
+    """The unmodelled torque: probability that it is not nothing, its variables, and its size over all torque [-]."""
+
+    probability: float = 0.0
+    depends_on: tuple[str, ...] = ()
+    share: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +183,9 @@ class Findings:
     Attributes:
         verdict: "named", "nothing_missing", "ambiguous" or "unknown".
         causes: what the verdict stands on, the most important first.
+        minor: effects that are probable, but smaller than what no effect explains.
+        sets: the joint posterior over sets of effects, the likeliest first.
+        unknown: what no effect explains, by the likelihood of the log.
         gain: on held-out runs.
         torque_error: of the inverse model, before and after, on both parts of the data.
         unexplained: what remains after the causes.
@@ -161,6 +200,9 @@ class Findings:
 
     verdict: Verdict
     causes: tuple[Cause, ...]
+    minor: tuple[Minor, ...]
+    sets: tuple[EffectSet, ...]
+    unknown: Unknown
     gain: Gain
     torque_error: TorqueError
     unexplained: Unexplained
@@ -191,10 +233,24 @@ class Findings:
                     "parameters": {
                         name: {"value": e.value, "std": e.std, "unit": e.unit} for name, e in cause.parameters.items()
                     },
+                    "share": cause.share,
+                    "rms": cause.rms,
                     "gain": cause.gain,
                 }
                 for cause in self.causes
             ],
+            "minor": [
+                {"effect": m.effect, "probability": m.probability, "share": m.share, "rms": m.rms} for m in self.minor
+            ],
+            "sets": [
+                {"effects": list(s.effects), "unknown": list(s.unknown), "probability": s.probability}
+                for s in self.sets
+            ],
+            "unknown": {
+                "probability": self.unknown.probability,
+                "depends_on": list(self.unknown.depends_on),
+                "share": self.unknown.share,
+            },
             "gain": {
                 "held_out_rms_before": self.gain.held_out_rms_before,
                 "held_out_rms_after": self.gain.held_out_rms_after,
@@ -214,6 +270,6 @@ class Findings:
                 "held_out_before": self.torque_error.held_out_before,
                 "held_out_after": self.torque_error.held_out_after,
             },
-            "data": {"warnings": list(self.warnings)},
+            "data": {"warnings": list(self.warnings), "read_as": "command"},
             "separating_experiment": None,
         }

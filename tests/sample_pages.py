@@ -8,7 +8,17 @@ from front_door import PLAIN, columns
 
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.residual_torque import residual_torque
-from diagnosis.result import Candidate, Cause, Estimate, Gain, Replay, TorqueError, Unexplained
+from diagnosis.result import (
+    Candidate,
+    Cause,
+    EffectSet,
+    Estimate,
+    Gain,
+    Replay,
+    TorqueError,
+    Unexplained,
+    Unknown,
+)
 from identification import Fit, Log, fit
 
 HOSTILE = "</script><script>alert(1)</script> & <b>log</b>"
@@ -45,6 +55,12 @@ def sample_diagnosis(fitted: Fit) -> Diagnosis:
     return Diagnosis(
         verdict="named",
         causes=(cause,),
+        minor=(),
+        sets=(
+            EffectSet(effects=("coulomb_friction",), unknown=("velocity",), probability=0.97),
+            EffectSet(effects=("stribeck_friction",), unknown=("velocity",), probability=0.02),
+        ),
+        unknown=Unknown(probability=0.8, depends_on=("velocity",), share=0.01),
         gain=Gain(
             held_out_rms_before=0.05,
             held_out_rms_after=0.01,

@@ -124,22 +124,35 @@ def _retune(found: Explored) -> None:
     It never rises: behind an observer that is faster than the log asks for, innovations have a colour, which anything
     that carries the measurement's noise would explain.
     """
-    slowest = found.null.bandwidth / _STEP**_STEPS
 
-    def lowered(best: Explanation) -> list[Explanation | None]:
-        ways: list[Explanation | None] = []
-        while best.fit.bandwidth:
-            bandwidth = best.fit.bandwidth / _STEP
-            moved = found.weighed(_fitted(best.plain, [best.plain.model], bandwidth if bandwidth > slowest else 0.0))
-            ways.append(moved)
-            if moved is None or moved.log_marginal <= best.log_marginal:
-                break
-            best = moved
-        return ways
+    def lowered(best: Explanation) -> list[Explanation]:
+        return list(with_slower_observers(best, found.null.bandwidth, found.weighed))
 
     if not found.held:
         ranked = sorted(found.known.values(), key=lambda each: -each.log_marginal)
         found.add(chain.from_iterable(in_threads(lowered, ranked[:_RETUNED])))
+
+
+def with_slower_observers(
+    best: Explanation, fastest: float, weighed: Callable[[Fit], Explanation | None]
+) -> Iterator[Explanation]:
+    """An explanation behind slower and slower observers, as long as it gets likelier; the one before the last is best.
+
+    Args:
+        best: where it begins.
+        fastest: bandwidth of the observer that the base model needs [rad/s].
+        weighed: a fit as an explanation.
+    """
+    while best.fit.bandwidth:
+        bandwidth = best.fit.bandwidth / _STEP
+        slower = bandwidth if bandwidth > fastest / _STEP**_STEPS else 0.0
+        moved = weighed(_fitted(best.plain, [best.plain.model], slower))
+        if moved is None:
+            return
+        yield moved
+        if moved.log_marginal <= best.log_marginal:
+            return
+        best = moved
 
 
 def _replace(found: Explored) -> None:

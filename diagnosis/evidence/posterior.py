@@ -79,11 +79,11 @@ def beside_discrepancy(explanation: Explanation) -> dict[frozenset[str], float]:
     """The sets that one may be when parts of the discrepancy are taken out of it, with their shares."""
     found: dict[frozenset[str], float] = {frozenset(): 1.0}
     for name in sorted(explanation.names):
-        whole = _kept(explanation, explanation.sizes.effects[name])
+        whole = kept_share(explanation, explanation.sizes.effects[name])
         ways = [(frozenset({name}), whole), (frozenset[str](), 1.0 - whole)]
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
-            wide = whole * _kept(explanation, more)
+            wide = whole * kept_share(explanation, more)
             ways = [(frozenset({name}), wide), (frozenset({special}), whole - wide), ways[-1]]
         found = _with(found, ways)
     return found
@@ -100,6 +100,7 @@ def _with(
     return both
 
 
-def _kept(explanation: Explanation, size: float) -> float:
+def kept_share(explanation: Explanation, size: float) -> float:
+    """Share of its probability that an effect of such a size [rad] keeps beside the discrepancy [-]."""
     ratio = min(size / max(explanation.sizes.discrepancy, 1e-300), _SURELY)
     return float(ratio**2 / (1.0 + ratio**2))

@@ -34,13 +34,16 @@ def headline(diagnosis: Findings) -> str:
         lives = f"; it depends on {where}" if where else ""
         return f"The model has an error that no effect of the catalogue explains{lives}."
     if len(causes) == 1 and causes[0].missing < CLEAR:
-        names = " or ".join(map(title_of, (causes[0].effect, *_close(causes[0]))))
+        named = sorted((causes[0].effect, *_close(causes[0])), key=lambda name: -_known(causes[0])[name])
+        names = " or ".join(map(title_of, named))
+        if diagnosis.unknown.probability > causes[0].probability:
+            return f"The model probably lacks {names}; what no effect explains is about as large."
         return (
             f"The model probably lacks {names}. The probability that any effect is missing is "
             f"{percent(causes[0].missing)}."
         )
     named = [title_of(cause.effect) for cause in causes if cause.probability >= CLEAR]
-    open_ones = [" or ".join(map(title_of, (c.effect, *_rivals(c)))) for c in causes if c.probability < CLEAR]
+    open_ones = [" or ".join(map(title_of, _likeliest_first(c))) for c in causes if c.probability < CLEAR]
     known = f"The model lacks {joined_words(named)}" if named else ""
     unclear = f"lacks {joined_words(open_ones)}; this log does not tell which" if open_ones else ""
     if known and unclear:
@@ -50,7 +53,8 @@ def headline(diagnosis: Findings) -> str:
 
 def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> list[str]:
     """What stands below the headline: causes with odds and sizes, their margins if explained, the gain, the rest."""
-    lines = [*map(_cause, diagnosis.causes), *(explanation.short if explanation is not None else ())]
+    lines = [*map(_cause, diagnosis.causes), *_minor(diagnosis)]
+    lines += explanation.short if explanation is not None else ()
     gain = diagnosis.gain
     if gain is not None:
         runs = "run" if len(gain.runs) == 1 else "runs"
@@ -90,6 +94,27 @@ def _cause(cause: Cause) -> str:
         f"{sentence_case(title_of(cause.effect))}: probability {percent(cause.probability)}"
         f"{f', {sizes}' if sizes else ''}{f'; alternatives: {rivals}' if rivals else ''}."
     )
+
+
+def _minor(diagnosis: Findings) -> list[str]:
+    """What is probable but small, in one sentence."""
+    unit = diagnosis.residual_before.unit
+    told = [
+        f"{title_of(each.effect, diagnosis)}{f' ({measured(each.rms, None, unit)} rms)' if each.rms else ''}"
+        for each in diagnosis.minor
+    ]
+    if not told:
+        return []
+    return [f"Minor: {joined_words(told)}, no larger than what no effect explains; it may be a part of that."]
+
+
+def _likeliest_first(cause: Cause) -> list[str]:
+    """It and the alternatives that cannot be put aside."""
+    return sorted((cause.effect, *_rivals(cause)), key=lambda name: -_known(cause)[name])
+
+
+def _known(cause: Cause) -> dict[str, float]:
+    return {cause.effect: cause.probability} | dict(cause.alternatives)
 
 
 def _rivals(cause: Cause) -> list[str]:

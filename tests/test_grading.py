@@ -1,0 +1,77 @@
+"""Causes and minor effects: what is no larger than the unmodelled torque may be a part of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+from test_evidence import FEW as ASKED
+from test_evidence import log_of, with_smooth_torque
+
+from diagnosis import Diagnosis, diagnose
+from diagnosis.evidence.families import Families
+from diagnosis.motion import motion_of
+from identification.fit import fit
+from identification.problem import Problem
+
+FEW = [*ASKED, "cogging", "cable_stiffness", "encoder_eccentricity", "periodic_disturbance", "end_stop"]
+
+
+@cache
+def friction_alone() -> Diagnosis:
+    return diagnose(log_of(8, coulomb_friction={"torque": 0.5}), candidates=FEW)
+
+
+@cache
+def friction_and_more() -> Diagnosis:
+    return diagnose(with_smooth_torque(log_of(8, coulomb_friction={"torque": 0.5}), 0.02), candidates=FEW)
+
+
+def test_of_what_no_effect_explains_no_part_is_sure() -> None:
+    found = friction_and_more()
+    sure = {cause.effect for cause in found.causes if cause.probability > 0.9}
+    assert sure <= {"coulomb_friction"}
+    assert found.verdict in ("ambiguous", "unknown", "named")
+    friction = {"coulomb_friction", "asymmetric_friction"}
+    together = sum(each.probability for each in found.sets if friction & set(each.effects))
+    assert together > 0.7
+    assert found.unknown.probability > 0.5
+    assert 0.02 / 5.0 < found.unknown.share < 0.02 * 5.0
+
+
+def test_where_nothing_else_acts_the_effect_keeps_its_probability() -> None:
+    found = friction_alone()
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect, found.minor) == ("named", "coulomb_friction", ())
+    assert cause.probability > 0.99
+    assert found.unknown.share < 1e-3
+    assert cause.rms == pytest.approx(0.5, rel=0.2)
+    assert cause.share > 0.7
+
+
+def test_the_sets_are_a_distribution_that_agrees_with_the_causes() -> None:
+    for found in (friction_alone(), friction_and_more()):
+        told = found.to_dict()
+        assert told["schema"] == 2
+        probabilities = [each["probability"] for each in told["sets"]]
+        assert probabilities == sorted(probabilities, reverse=True)
+        assert 0.9 < sum(probabilities) <= 1.0 + 1e-9
+        for cause in found.causes:
+            own = sum(each.probability for each in found.sets if cause.effect in each.effects)
+            assert own == pytest.approx(cause.probability, abs=0.02)
+
+
+def test_an_error_of_the_measurement_does_not_see_its_own_noise() -> None:
+    """In a closed loop the torque over a sample is made from the measurement at its beginning."""
+    fitted = fit(record(Machine(), excitation(4, duration=3.0), seed=4).log())
+    problem = Problem.of(fitted.log, fitted.model)
+    values, initial = problem.unpack(problem.pack(fitted.model.values, fitted.initial))
+    told = problem.predictor.predict(values, initial, bandwidth=20.0, width=0.0)
+    scores = np.zeros((sum(map(len, fitted.log.runs)), 1))
+    motion = motion_of(fitted, problem, list(told), 20.0, (scores, scores))
+    last = np.append(motion.acceleration[:-1], 1e3)
+    before, after = (Families.along(each).reading for each in (motion, replace(motion, acceleration=last)))
+    np.testing.assert_array_equal(before, after)
