@@ -102,6 +102,16 @@ def test_every_effect_has_its_part_and_its_picture(site: Path) -> None:
         assert f"gallery/{name}.svg" in found.loads
 
 
+@pytest.mark.parametrize(
+    "word",
+    ["MATLAB", "Simulink", "ROS", "EtherCAT", "TwinCAT", "ODrive", "MuJoCo", "feedforward", "licence", "backlash"],
+)
+def test_the_search_finds_what_people_look_for(site: Path, word: str) -> None:
+    sections = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))["docs"]
+    written = [part for part in sections if "changelog" not in part["location"]]
+    assert any(re.search(rf"\b{word}\b", part["text"] + part["title"], re.IGNORECASE) for part in written)
+
+
 @pytest.mark.parametrize("package", ["plant", "allocation", "identification", "diagnosis", "mpc"])
 def test_the_reference_has_every_public_name(site: Path, package: str) -> None:
     module = importlib.import_module(package)

@@ -42,7 +42,7 @@ def test_of_what_no_effect_explains_no_part_is_sure() -> None:
     assert 0.02 / 5.0 < found.unknown.share < 0.02 * 5.0
 
 
-def test_where_nothing_else_acts_the_effect_keeps_its_probability() -> None:
+def test_a_lone_effect_keeps_its_probability() -> None:
     found = friction_alone()
     (cause,) = found.causes
     assert (found.verdict, cause.effect, found.minor) == ("named", "coulomb_friction", ())
