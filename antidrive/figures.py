@@ -98,7 +98,7 @@ def evidence_figure(grown: CumulativeEvidence) -> Figure:
 
 
 def cause_figure(seen: ResidualOverVariable) -> Figure:
-    """An effect over measured points: the residual torque without it and with it, and the extended model's prediction."""
+    """Measured residual torque without and with an effect, and what the extended model predicts of it."""
     said = torque_or_force(seen.torque_unit)
     return Figure(
         x=f"{seen.variable} [{seen.unit}]",

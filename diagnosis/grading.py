@@ -20,6 +20,8 @@ from diagnosis.residual_torque import torque_of
 from diagnosis.result import LISTED, MENTIONED, Cause, EffectSet, Minor, Unknown
 from identification.fit_result import Fit
 
+LONGEST = 200_000
+"""Samples of a log that are weighed at most: each takes about 5 kB."""
 _LIKELY = 0.5  # probability from which an effect is a cause and not a minor effect
 _MATERIAL = 0.5  # probability from which the unmodelled torque is said to depend on something
 
@@ -87,11 +89,11 @@ def graded(causes: Sequence[Cause], fit: Fit, base: Fit, *, catalogue: int, depe
 
 
 def _beside_the_discrepancy(fit: Fit, base: Fit, catalogue: int) -> Explanation | None:
-    """None where the motion of either model grows without bound.
+    """None where the motion of either model grows without bound, and for a log that is too long.
 
     An observer that follows the unmodelled torque hides it, so slower ones are asked; not where they lose the motion.
     """
-    families = families_along(base)
+    families = families_along(base) if fit.samples <= LONGEST else None
     if families is None:
         return None
     weighed = partial(
