@@ -149,8 +149,8 @@ def test_the_links_of_the_readme_lead_somewhere() -> None:
 
 
 # Of others: the EMPS with asymmetric and symmetric friction in its authors' measure, the worst of six friction models,
-# regressions of the EMPS and of the UR10e, the paper's alpha; and the number of a standard.
-PUBLISHED = "4.08 3.11 5.98 0.0309 0.0323 3.44 3.32 2.75 0.0047 402"
+# regressions of the EMPS and of the UR10e, the paper's alpha; the number of a standard, and a year.
+PUBLISHED = "4.08 3.11 5.98 0.0309 0.0323 3.44 3.32 2.75 0.0047 402 2001"
 
 
 def test_the_figures_of_the_explanations_were_measured() -> None:
