@@ -53,6 +53,7 @@ def same(log):
         ("Torque (filtered)", "torque filtered", ""),
         ("I_A", "i", "A"),
         ("encoder_ticks", "encoder", "count"),
+        ("encoder_steps", "encoder", "count"),
         ("micros", "micros", "us"),
         ("rpm", "rpm", "rpm"),
         ("Vitesse (tr/min)", "vitesse", "tr/min"),
@@ -85,6 +86,8 @@ def test_a_heading_is_words_and_a_unit(name, words, unit):
         ("target_position", "setpoint", SYNONYM),
         ("episode_index", "run", SYNONYM),
         ("q_axis_current", "current", SYNONYM),
+        ("Current q", "current", SYNONYM),
+        ("Voltage q", "voltage", SYNONYM),
         ("Iq_setpoint", "current", ASKED_FOR),
         ("u_nm", "torque", AMONG_OTHERS),
         ("T_reg [s]", "time", AMONG_OTHERS),
@@ -186,8 +189,15 @@ def test_the_command_to_type_names_what_the_file_has(csv):
     with pytest.raises(MissingColumns) as refused:
         Log.read(path)
     assert refused.value.options == "--map current=i_1 --map 'velocity=omega a'"
-    np.savetxt(path, np.column_stack((TORQUE, ANGLE)))
+    np.savetxt(path, np.column_stack((np.arange(600), TORQUE, ANGLE)), fmt="%.12g")  # numbers of the rows are no time
     with pytest.raises(MissingColumns, match="--rate HZ --map torque=NAME"):
+        Log.read(path)
+    labels = "".join(f"slow,{a},{b}\n" for a, b in zip(TORQUE, ANGLE, strict=True))
+    path.write_text(f"part,torque,angle\n{labels}")
+    with pytest.raises(MissingColumns, match="--rate HZ"):  # a label is no time
+        Log.read(path)
+    path.write_text("when,torque,angle\n" + labels.replace("slow", "10:12:03"))
+    with pytest.raises(MissingColumns, match="--map time=when"):
         Log.read(path)
 
 

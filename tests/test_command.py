@@ -195,6 +195,14 @@ def test_gear_trains_and_ratios_are_read():
             Ratios.parse(text)
 
 
+def test_gears_of_a_log_of_one_torque_are_said_to_do_nothing():
+    log = Log.from_arrays(time=TIME, torque=TORQUE, angle=ANGLE, gears=Ratios.parse("50"))
+    np.testing.assert_allclose(log.runs[0].command, TORQUE)
+    assert any("not applied to 'torque'" in note and "--scale torque=RATIO" in note for note in log.notes)
+    pair = Log.from_arrays(time=TIME, torque_1=TORQUE, torque_2=TORQUE, angle=ANGLE, gears=Ratios.parse("50"))
+    assert pair.notes == ()
+
+
 def test_the_torques_of_two_motors_are_added_and_reported():
     path = LOGS / "03-hidden-gears" / "log.csv"
     if not path.exists():

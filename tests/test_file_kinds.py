@@ -12,6 +12,8 @@ import zipfile
 import h5py
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from sample_logs import motion, text
 from scipy.io import savemat
@@ -125,6 +127,42 @@ def test_a_sheet_of_excel_has_lines_and_units(tmp_path):
     assert table.units["torque"] == "N m"
     assert table.where(0) == "log.xlsx, row 1 (line 5)"
     assert read(tmp_path, KINDS["excel, second sheet"]).notes == ("log: of 2 sheets, 'log' is read",)
+
+
+def test_sheets_that_are_alike_are_runs(tmp_path):
+    parts = (ROWS[:70], ROWS[70:])
+    two = {title: [["arm"], list(SOUND), *part] for title, part in zip(("slow", "fast"), parts, strict=True)}
+    (tmp_path / "log.xlsx").write_bytes(excel({"about": [["station", 7]], **two}))
+    log = Log.read(tmp_path / "log.xlsx")
+    assert [(run.run, len(run)) for run in log.runs] == [("slow", 70), ("fast", 50)]
+    assert any("the sheets 'slow', 'fast' have the same columns" in text for text in log.warnings)
+    other = {"slow": [list(SOUND), *ROWS], "fast": [["time", "torque"], *(row[:2] for row in ROWS)]}
+    assert "run" not in read(tmp_path, excel(other), "other.xlsx").columns
+
+
+def test_units_in_the_attributes_of_hdf5_and_parquet_are_used(tmp_path):
+    """As h5py, netCDF4 and pandas' neighbours write them; else degrees would be radians without a word."""
+    measured = {
+        "time": (1e3 * SOUND["time"], "milliseconds since 2026-01-01"),
+        "torque": (1e3 * SOUND["torque"], "mN m"),
+    }
+    measured["angle"] = (np.degrees(SOUND["angle"]), "degrees")
+    with h5py.File(tmp_path / "log.nc", "w") as file:
+        for name, (values, unit) in measured.items():
+            for run, part in (("run_1", slice(60)), ("run_2", slice(60, None))):
+                file[f"{run}/{name}"] = values[part]
+                file[f"{run}/{name}"].attrs["units"] = unit
+    log = Log.read(tmp_path / "log.nc")
+    np.testing.assert_allclose(log.runs[1].output, SOUND["angle"][60:], atol=1e-9)
+    np.testing.assert_allclose(log.runs[1].command, SOUND["torque"][60:], atol=1e-9)
+    fields = [
+        pa.field(name, pa.float64(), metadata={"unit": unit.split()[0] if name == "time" else unit})
+        for name, (_, unit) in measured.items()
+    ]
+    table = pa.table([pa.array(values) for values, _ in measured.values()], schema=pa.schema(fields))
+    pq.write_table(table, tmp_path / "log.parquet")
+    (run,) = Log.read(tmp_path / "log.parquet").runs
+    np.testing.assert_allclose(run.output, SOUND["angle"], atol=1e-9)
 
 
 def test_dates_in_excel_are_stamps(tmp_path):

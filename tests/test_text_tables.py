@@ -167,6 +167,16 @@ def test_separators_between_thousands(tmp_path, style):
     same(read, numbers=np.round(numbers, 4))
 
 
+def test_names_may_go_on_in_the_next_line(tmp_path):
+    read = table(tmp_path, '"time\n(s)","torque\n[N m]","angle","velocity\n\n(rad/s)"\n' + rows())
+    same(read, names=("time (s)", "torque [N m]", "angle", "velocity  (rad/s)"))
+    assert read.where(0) == "log.csv, row 1 (line 6)"
+
+
+def test_a_preamble_of_comments_may_be_long(tmp_path):
+    same(table(tmp_path, "# a setting\n" * 500 + NAMES + rows()))
+
+
 def test_separators_are_set_alike_in_all_columns(tmp_path):
     """Whole numbers such as 1,026 are in doubt by themselves, not beside 1,026.5."""
     content = "time,torque,angle\n" + "".join(f'"{k + 1000.5:,.1f}","{k + 1000:,}","{k}"\n' for k in range(9))

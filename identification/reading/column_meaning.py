@@ -25,10 +25,10 @@ NOUNS: Mapping[str, tuple[str, ...]] = {
     "torque": ("torque", "effort", "tau", "trq", "tq", "moment", "drehmoment", "couple", "par", "coppia"),
     "force": ("force", "thrust", "kraft", "fuerza", "forza"),
     "current": (
-        *("current", "iq", "i q", "ia", "i a", "i", "amps", "q current", "q axis current"),
+        *("current", "iq", "i q", "ia", "i a", "i", "amps", "q current", "q axis current", "current q"),
         *("strom", "courant", "corriente", "corrente"),
     ),
-    "voltage": ("voltage", "volts", "volt", "uq", "u q", "spannung", "voltaje"),
+    "voltage": ("voltage", "volts", "volt", "uq", "u q", "voltage q", "q voltage", "spannung", "voltaje"),
     "duty": ("duty", "duty cycle", "pwm"),
     "angle": (
         *("angle", "theta", "q", "phi", "alpha", "rotation", "angular position", "position angulaire"),
@@ -44,7 +44,21 @@ NOUNS: Mapping[str, tuple[str, ...]] = {
         *("theta dot", "thetadot", "erpm", "angular velocity", "drehzahl", "vitesse", "velocidad", "velocita"),
     ),
     "run": ("run", "experiment", "trial", "episode"),
-    "something else": ("id", "i d", "d current", "d axis current", "ud", "u d", "vd", "v d", "dq d", "tau d", *_SPANS),
+    "something else": (
+        "id",
+        "i d",
+        "d current",
+        "d axis current",
+        "current d",
+        "voltage d",
+        "ud",
+        "u d",
+        "vd",
+        "v d",
+        "dq d",
+        "tau d",
+        *_SPANS,
+    ),
     "acceleration": ("acceleration", "acc", "accel", "ddq", "qdd", "ddtheta", "jerk"),
 }
 """Words, or several in a row, that name a quantity. A position may be an angle: its unit, or the command, tells."""

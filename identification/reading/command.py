@@ -8,7 +8,7 @@ servo makes its torque of the set-point: kp (setpoint - angle) - kd velocity.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,7 +50,7 @@ def command_of(
 
     Raises `MalformedLog` where the columns do not go together, `BadParameter` for a constant without its column.
     """
-    torque, unit = ("torque", "N m") if axis == "rotary" else ("force", "N")
+    torque = "torque" if axis == "rotary" else "force"
     columns = {"direct": (torque,), "pinions": ("torque_1", "torque_2")}
     given = [kind for kind in _KINDS if all(column in channels for column in columns.get(kind, (kind,)))]
     _go_with(file, given, channels, reading)
@@ -62,6 +62,21 @@ def command_of(
         or (kind == "setpoint" and reading.kp is not None)
     }
     kind = next((kind for kind in given if kind in asked), given[0])
+    command = _of_kind(kind, file, found, channels, axis, reading)
+    if reading.gears is None or "pinions" in given or kind == "setpoint":
+        return command
+    note = (
+        f"the gear train is not applied to '{command.name}' of {file}, only to the torques of two motors; if it is the "
+        f"motor's, give --scale {torque if kind == 'direct' else kind}=RATIO"
+    )
+    return replace(command, notes=(*command.notes, note))
+
+
+def _of_kind(
+    kind: str, file: str, found: Mapping[str, str], channels: Mapping[str, Array], axis: str, reading: Reading
+) -> Command:
+    """The command from the columns of one kind."""
+    torque, unit = ("torque", "N m") if axis == "rotary" else ("force", "N")
     if kind == "setpoint":
         return _servo(file, found, channels, axis, reading)
     if kind == "direct":

@@ -12,6 +12,7 @@ from identification.errors import MalformedLog
 from identification.reading.formats.compression import unpacked
 from identification.reading.formats.damaged_files import Read, guarded
 from identification.reading.formats.lerobot import with_motor_names
+from identification.reading.formats.long_tables import with_channels
 from identification.reading.joints import with_joints
 from identification.reading.table import Table
 
@@ -99,7 +100,7 @@ def read_table(path: str | Path) -> Table:
         from identification.reading.formats.text import parse_text
 
         table = parse_json(content, name, digest) or parse_text(content, name, digest)
-    return with_joints(with_motor_names(table, path))
+    return with_joints(with_motor_names(with_channels(table), path))
 
 
 def _bytes(path: Path) -> bytes:

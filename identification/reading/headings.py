@@ -17,7 +17,7 @@ _GREEK = {"θ": "theta", "ϑ": "theta", "φ": "phi", "ϕ": "phi", "τ": "tau", "
 _BRACKETS = re.compile(r"^(.*\S)\s*[\[({<]\s*([^\[\](){}<>]+?)\s*[\])}>]\s*$")
 _WORDS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 _LETTERS = re.compile(r"[A-Za-zµ°%]+")
-_COUNTS = {"count", "counts", "cnt", "inc", "increments", "ticks", "pulses", "raw", "lsb", "digits"}
+_COUNTS = {"count", "counts", "cnt", "inc", "increments", "ticks", "steps", "pulses", "raw", "lsb", "digits"}
 _AT_THE_END = {  # as a last word, where capitals count for single letters: a motor "a" has no amperes
     *("s", "sec", "ms", "us", "ns", "rad", "mrad", "deg", "turn", "turns", "rev", "revs", "rpm", "rps", "dps"),
     *(

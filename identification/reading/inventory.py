@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from identification.reading.recognition import COMMANDS, RESPONSES, Recognition,
 from identification.reading.table import Table
 from identification.reading.units import si_unit
 
+_DATE = re.compile(r"\d[:/-]\d")  # of a day, or of the day
 _LONGEST = 24  # characters of a text cell that are shown
 
 
@@ -52,7 +54,7 @@ def inventory(table: Table, known: Recognition) -> tuple[ColumnFacts, ...]:
             taken_for=columns.get(name, ""),
             why=known.why.get(columns.get(name, ""), ""),
             may_be=known.guesses.get(name, ""),
-            assumed=_assumed(columns.get(name, ""), axis),
+            assumed="" if columns.get(name, "") in known.objects else _assumed(columns.get(name, ""), axis),
         )
         for name, values in table.columns.items()
     )
@@ -76,7 +78,8 @@ def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -
     """Options that name the likeliest guess of each missing column, quoted for a shell; NAME where there is none."""
     needed: list[Sequence[str]] = []
     said = []
-    rising = [name for name, values in table.columns.items() if _rises(values)]
+    taken = set(known.found.values())
+    rising = [name for name, values in table.columns.items() if name not in taken and _rises(values)]
     if lacking_time and not rising:
         said.append("--rate HZ")
     elif lacking_time:
@@ -94,11 +97,12 @@ def suggested_options(table: Table, known: Recognition, *, lacking_time: bool) -
 
 
 def _rises(values: NDArray[np.generic]) -> bool:
-    """Whether a column may be a time: text may be, and numbers that never fall."""
+    """Whether a column may be a time: dates, and numbers that never fall and do not merely count the rows."""
     if values.dtype.kind not in "fiu":
-        return values.dtype.kind in "OUSM"
+        return values.dtype.kind == "M" or bool(values.size and _DATE.search(str(values[0])))
     numbers = values.astype(np.float64)
-    return bool(numbers.size > 1 and np.all(np.diff(numbers) >= 0) and numbers[-1] > numbers[0])
+    steps = np.diff(numbers)
+    return bool(np.all(steps >= 0) and np.any(steps > 0) and np.any(steps != 1))
 
 
 def lines(facts: Sequence[ColumnFacts]) -> list[str]:

@@ -1,12 +1,15 @@
-"""Excel workbooks: the first sheet with a table of numbers, read as the text that it shows."""
+"""Excel workbooks: the first sheet with a table of numbers, read as the text that it shows; sheets alike are runs."""
 
 from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from typing import Any
+
+import numpy as np
 
 from identification.errors import MalformedLog
 from identification.reading.formats.text import parse_text
@@ -14,7 +17,7 @@ from identification.reading.table import Table
 
 
 def read_excel(content: bytes, name: str, sha256: str) -> Table:
-    """The table of a workbook's first sheet that has one; names, units and lines are found as in a text file.
+    """The table of a workbook's first sheet that has one, or of all where they are alike, as in a text file.
 
     Raises `MalformedLog` where no sheet has one.
     """
@@ -22,22 +25,42 @@ def read_excel(content: bytes, name: str, sha256: str) -> Table:
 
     book = load_workbook(io.BytesIO(content), read_only=True, data_only=True)
     refused: list[MalformedLog] = []
+    found: dict[str, Table] = {}
     for sheet in book.worksheets:
         text = io.StringIO()
         csv.writer(text, delimiter="\t", lineterminator="\n").writerows(
             [_cell(value) for value in row] for row in sheet.iter_rows(values_only=True)
         )
         try:
-            table = parse_text(text.getvalue().encode(), name, sha256)
+            found[sheet.title] = parse_text(text.getvalue().encode(), name, sha256)
         except MalformedLog as error:
             refused.append(error)
-            continue
-        if len(book.worksheets) == 1:
-            return table
-        return replace(
-            table, notes=(*table.notes, f"{name}: of {len(book.worksheets)} sheets, '{sheet.title}' is read")
-        )
-    raise refused[0] if refused else MalformedLog(f"{name}: the workbook holds no sheet, export it again.")
+    if not found:
+        raise refused[0] if refused else MalformedLog(f"{name}: the workbook holds no sheet, export it again.")
+    title, first = next(iter(found.items()))
+    if len(book.worksheets) == 1:
+        return first
+    if len(found) > 1 and _alike(list(found.values())):
+        return _as_runs(found)
+    return replace(first, notes=(*first.notes, f"{name}: of {len(book.worksheets)} sheets, '{title}' is read"))
+
+
+def _alike(tables: Sequence[Table]) -> bool:
+    """Whether sheets have the same columns in the same units, and none that tells of runs or clocks."""
+    one = tables[0]
+    same = all(list(table.columns) == list(one.columns) and table.units == one.units for table in tables)
+    return same and "run" not in one.columns and not any(table.clocks or table.joint_of for table in tables)
+
+
+def _as_runs(sheets: Mapping[str, Table]) -> Table:
+    """Sheets below one another, each an experiment that is called as the sheet."""
+    one, *_ = sheets.values()
+    columns = {key: np.concatenate([table.columns[key] for table in sheets.values()]) for key in one.columns}
+    lengths = [len(next(iter(table.columns.values()))) for table in sheets.values()]
+    listed = ", ".join(f"'{title}'" for title in sheets)
+    notes = (*one.notes, f"{one.name}: the sheets {listed} have the same columns, and are runs")
+    run = np.repeat(np.asarray(list(sheets), dtype=object), lengths)
+    return Table(name=one.name, columns={**columns, "run": run}, sha256=one.sha256, units=one.units, notes=notes)
 
 
 def _cell(value: Any) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,7 +33,11 @@ def read_feather(content: bytes, name: str, sha256: str) -> Table:
 def _from_arrow(table: Any, name: str, sha256: str) -> Table:
     table.validate(full=True)
     frame = table.to_pandas()
-    return frame_table(frame, name, sha256)
+    said = {field.name: field.metadata or {} for field in table.schema}
+    units = {
+        column: (of.get(b"unit") or of.get(b"units") or b"").decode("utf-8", "replace") for column, of in said.items()
+    }
+    return replace(frame_table(frame, name, sha256), units={column: unit for column, unit in units.items() if unit})
 
 
 def frame_table(frame: pd.DataFrame, name: str, sha256: str) -> Table:

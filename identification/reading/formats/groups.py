@@ -50,11 +50,15 @@ def _text(cell: Any) -> str:
     return cell.decode("utf-8", "replace") if isinstance(cell, bytes) else str(cell)
 
 
-def grouped_table(groups: Groups, name: str, sha256: str) -> Table:
+def grouped_table(groups: Groups, name: str, sha256: str, stated: Mapping[tuple[str, str], str] | None = None) -> Table:
     """A table of all series; where two groups have times of their own that differ, these are their channels' clocks.
 
     A series has its own name where no other is so called, else its group before it.
+
+    stated: unit of a series, by the path of its group and its name.
     """
+    given = stated or {}
+    of_all = {key: unit for (_, key), unit in given.items()}
     groups = _with_runs({path: group for path, group in groups.items() if group})
     times = {path: next((key for key in group if is_time(key)), "") for path, group in groups.items()}
     stamps = [groups[path][key] for path, key in times.items() if key]
@@ -67,17 +71,19 @@ def grouped_table(groups: Groups, name: str, sha256: str) -> Table:
     many = Counter(called.values())
     columns: dict[str, NDArray[Any]] = {}
     clocks: dict[str, NDArray[Any]] = {}
+    units: dict[str, str] = {}
     for (path, key), short in called.items():
         full = short if many[short] == 1 else f"{path}/{key}"
         if many[short] > 1 and key == times[path] and not apart:  # all groups have the same time
             full = key
         columns.setdefault(full, groups[path][key])
+        if unit := given.get((path, key)) or (of_all.get(key, "") if not path else ""):  # of runs in groups: theirs
+            units[full] = unit
         if path in clocked and len(groups[path][key]) == len(groups[path][times[path]]):
             clocks[full] = groups[path][times[path]]
-    unit = next((time_unit(times[path]) for path in clocked), "")
-    return Table(
-        name=name, columns=columns, sha256=sha256, clocks=clocks, units={"time": unit} if unit and clocked else {}
-    )
+    unit = next((given.get((path, times[path])) or time_unit(times[path]) for path in clocked), "")
+    units |= {"time": unit} if unit else {}
+    return Table(name=name, columns=columns, sha256=sha256, clocks=clocks, units=units)
 
 
 def _with_runs(groups: Groups) -> Groups:

@@ -22,6 +22,7 @@ def read_hdf5(content: bytes, name: str, sha256: str) -> Table:
 
     groups: dict[str, dict[str, NDArray[Any]]] = {}
     objects: list[tuple[str, str]] = []
+    units: dict[tuple[str, str], str] = {}
 
     def visit(path: str, item: Any) -> None:
         parent, _, key = path.rpartition("/")
@@ -34,11 +35,20 @@ def read_hdf5(content: bytes, name: str, sha256: str) -> Table:
             objects.append((path.replace("/", "."), _text(item.attrs.get("MATLAB_class", b""), "object")))
             return
         found = _of_pandas(parent, key, item)
-        groups.setdefault(parent, {}).update(vectors({key: item[()]}) if found is None else found)
+        series = vectors({key: item[()]}) if found is None else found
+        groups.setdefault(parent, {}).update(series)
+        units.update(dict.fromkeys(((parent, name) for name in series), _unit(item)) if _unit(item) else {})
 
     with h5py.File(io.BytesIO(content), "r") as file:
         file.visititems(visit)
-    return without_objects(grouped_table(groups, name, sha256), objects)
+    return without_objects(grouped_table(groups, name, sha256, units), objects)
+
+
+def _unit(item: Any) -> str:
+    """The unit of a data set by its attributes; of a time in NetCDF, "seconds since 2024-01-01", the unit alone."""
+    said = next((item.attrs[key] for key in ("units", "unit", "Units", "Unit") if key in item.attrs), "")
+    said = said.item() if isinstance(said, np.ndarray) and said.size == 1 else said
+    return _text(said, "").split(" since ")[0] if isinstance(said, str | bytes) else ""
 
 
 def _of_pandas(parent: str, key: str, item: Any) -> dict[str, NDArray[Any]] | None:

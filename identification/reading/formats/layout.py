@@ -6,6 +6,7 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 from identification.errors import MalformedLog
 from identification.reading.column_meaning import is_time
@@ -87,11 +88,12 @@ def _is_data(cells: list[str]) -> bool:
 def _first_row(lines: Sequence[str], name: str) -> tuple[str, int]:
     """Separator and index of the first data line: two columns or more, and another such line below it."""
     begin = _after_header(lines)
-    searched = [
+    told = (
         (index, line)
-        for index, line in enumerate(lines[begin : begin + SEARCHED_LINES], begin)
+        for index, line in enumerate(lines[begin:], begin)
         if line.strip() and not line.lstrip().startswith(COMMENT)
-    ]
+    )
+    searched = list(islice(told, SEARCHED_LINES))
     for separator in _SEPARATORS:
         table = [split(line, separator) for _, line in searched]
         for k, cells in enumerate(table):

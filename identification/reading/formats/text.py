@@ -20,6 +20,7 @@ from identification.reading.formats.numerals import has_decimal_comma, plain_col
 from identification.reading.formats.twincat_scope import find_scope_header, group_starts, read_groups
 from identification.reading.table import Table
 
+_LINES_OF_A_NAME = 8  # names may stand on two lines each: "Time", "(s)"
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 _AS_DATA_BEGIN = frozenset("0123456789+-.,;\t")  # first characters that need no closer look
 
@@ -110,6 +111,16 @@ def _lines(text: str) -> list[str]:
     lines = text.replace("\r\r\n", "\n").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     while lines and lines[-1].strip() in ("", "EOF"):
         lines.pop()
+    return _whole_names(lines)
+
+
+def _whole_names(lines: list[str]) -> list[str]:
+    """The lines, where a quoted name above the table goes on in the next one; that one is left blank."""
+    for k in range(min(len(lines) - 1, SEARCHED_LINES)):
+        end = k + 1
+        while lines[k].count('"') % 2 and end < min(len(lines), k + _LINES_OF_A_NAME):
+            lines[k], lines[end] = f"{lines[k]} {lines[end]}", ""
+            end += 1
     return lines
 
 
