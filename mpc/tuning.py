@@ -151,8 +151,8 @@ def _chosen(
         loud, peaked = np.log(found.chatter / chatter), np.log(found.peak_sensitivity / _PEAK)
         return float(np.log(found.error) + 1e4 * max(loud, 0) + 1e2 * max(peaked, 0))
 
-    ratios = np.log(_FILTERS if told is None else (_FILTERS[0] / 2, _FILTERS[1]))
-    best = minimize_scalar(slowness, bounds=ratios, method="bounded", options={"xatol": 10 * _FINE})
+    lowest, highest = np.log(_FILTERS if told is None else (_FILTERS[0] / 2, _FILTERS[1]))
+    best = minimize_scalar(slowness, bounds=(float(lowest), float(highest)), method="bounded", options={"xatol": 10 * _FINE})
     w = float(np.exp(fastest(best.x) if told is None else told))
     return w, w * float(np.exp(best.x))
 
