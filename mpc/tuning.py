@@ -152,7 +152,8 @@ def _chosen(
         return float(np.log(found.error) + 1e4 * max(loud, 0) + 1e2 * max(peaked, 0))
 
     lowest, highest = np.log(_FILTERS if told is None else (_FILTERS[0] / 2, _FILTERS[1]))
-    best = minimize_scalar(slowness, bounds=(float(lowest), float(highest)), method="bounded", options={"xatol": 10 * _FINE})
+    within = float(lowest), float(highest)
+    best = minimize_scalar(slowness, bounds=within, method="bounded", options={"xatol": 10 * _FINE})
     w = float(np.exp(fastest(best.x) if told is None else told))
     return w, w * float(np.exp(best.x))
 
