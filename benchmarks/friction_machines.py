@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from mpc import closed_loop
 from plant import GearTrain, Rig, ServoModel
-from plant.effects import CoulombFriction, Effect, StribeckFriction
+from plant.effects import (
+    AsymmetricFriction,
+    CoulombFriction,
+    Effect,
+    InputDelay,
+    LoadDependentFriction,
+    StribeckFriction,
+)
 
 Array = NDArray[np.float64]
 GEARS = GearTrain(pinion_teeth=(20, 20), follower_teeth=161)
@@ -19,7 +26,10 @@ MIN_TORQUE, MAX_TORQUE = 0.02, 0.3
 GREATEST = 161 / 20 * (MAX_TORQUE - MIN_TORQUE)  # at the load [N m]
 INERTIAS, SAMPLE_TIMES, BITS = (0.02, 0.2, 2.0), (0.001, 0.002, 0.005), (13, 17, 20)
 SHARES = (0.05, 0.2, 0.5)  # breakaway in units of the greatest torque
-KINDS = ("coulomb", "stribeck")
+KINDS = ("coulomb", "stribeck", "asymmetric", "motor", "load", "delay")
+MOTOR_FRICTION = 5e-4  # of each motor at its shaft [N m]
+DELAY = 0.004  # of the encoder where there is one [s]
+FLOOR = MIN_TORQUE * 161 / 20  # least torque of a flank [N m]
 STEP, DWELL = 0.01, 0.8  # of the small steps [rad], [s]
 
 
@@ -30,7 +40,9 @@ class Axis:
     Attributes:
         inertia: of the load [kg m^2].
         sample_time: [s].
-        kind: "coulomb", or "stribeck": sliding takes 0.55 of what breaking away takes.
+        kind: "coulomb"; "stribeck": sliding takes 0.55 of what breaking away takes; "asymmetric": backward half of what
+            forward takes; "motor": the motors rub, not the load; "load": the teeth rub by what they pass, the share
+            being of that; "delay": Coulomb, and readings that are old.
         share: breakaway torque in units of the greatest torque.
         bits: of the encoder.
     """
@@ -42,35 +54,54 @@ class Axis:
     bits: int = 17
 
     @property
-    def _levels(self) -> tuple[float, float]:
-        """Sliding friction and what breakaway has above it [N m]."""
-        top = self.share * GREATEST
-        return (top, 0.0) if self.kind == "coulomb" else (0.55 * top, 0.45 * top)
+    def _top(self) -> float:
+        """Friction at breakaway [N m]."""
+        return self.share * GREATEST
 
     def rig(self) -> Rig:
-        """The machine."""
-        sliding, excess = self._levels
+        """The machine; a friction that is not the same in both senses is one that is, and a constant torque."""
+        top, rubs = self._top, {"motor_coulomb": MOTOR_FRICTION}
+        match self.kind:
+            case "stribeck":
+                rubs |= {"coulomb_friction": 0.55 * top, "breakaway_excess": 0.45 * top}
+            case "asymmetric":
+                rubs |= {"coulomb_friction": 0.75 * top, "torque_offset": -0.25 * top}
+            case "motor":
+                rubs |= {"motor_coulomb": self._of_motors}
+            case "load":
+                rubs |= {"mesh_friction": self.share}
+            case _:
+                rubs |= {"coulomb_friction": top}
         return Rig(
             gears=GEARS,
             inertia=self.inertia,
             gravity=0.1,
             viscous_friction=0.02,
-            coulomb_friction=sliding,
-            breakaway_excess=excess,
             flank_stiffness=5e3,
             flank_damping=1.0,
             encoder_counts=2**self.bits,
             encoder_noise=2e-6,
+            encoder_delay=DELAY if self.kind == "delay" else 0.0,
             fine_step=25e-6,
+            **rubs,
         )
 
+    @property
+    def _of_motors(self) -> float:
+        """Friction of each motor [N m]."""
+        return self._top / (2 * 161 / 20) if self.kind == "motor" else MOTOR_FRICTION
+
     def model(self, factor: float | None) -> ServoModel:
-        """What the controller is told: friction times a factor, or none."""
-        sliding, excess = self._levels
-        effect: Effect = CoulombFriction(torque=(factor or 0.0) * sliding)
-        if self.kind == "stribeck":
-            effect = StribeckFriction(coulomb=(factor or 0) * sliding, excess=(factor or 0) * excess, velocity=0.05)
-        effects = () if factor is None else (effect,)
+        """What the controller is told: friction times a factor, or none; the delay it knows in any case."""
+        top, share = (factor or 0.0) * self._top, (factor or 0.0) * self.share
+        told: dict[str, tuple[Effect, ...]] = {
+            "stribeck": (StribeckFriction(coulomb=0.55 * top, excess=0.45 * top, velocity=0.05),),
+            "asymmetric": (AsymmetricFriction(forward=top, backward=0.5 * top),),
+            "load": (LoadDependentFriction(coefficient=share), CoulombFriction(torque=2 * share * FLOOR)),
+        }
+        effects = () if factor is None else told.get(self.kind, (CoulombFriction(torque=top),))
+        if self.kind == "delay":
+            effects = (*effects, InputDelay(time=DELAY))
         return ServoModel(inertia=self.rig().total_inertia, gravity=0.1, viscous_friction=0.02, effects=effects)
 
     @property
@@ -82,13 +113,13 @@ class Axis:
             "max_torque": MAX_TORQUE,
             "encoder_resolution": 2 * np.pi / 2**self.bits,
             "encoder_noise": 2e-6,
-            "motor_friction": 5e-4,
+            "motor_friction": self._of_motors,
             "rotor_inertia": 4e-6,
         }
 
     def __str__(self) -> str:
         return (
-            f"J {self.inertia:4g}  Ts {1e3 * self.sample_time:1.0f}  {self.kind:8}  {self.share:4.2f}  {self.bits} bit"
+            f"J {self.inertia:4g}  Ts {1e3 * self.sample_time:1.0f}  {self.kind:10}  {self.share:4.2f}  {self.bits} bit"
         )
 
 

@@ -53,7 +53,8 @@ class Peer:
         self._reach = self.bounds.reachable()
         forward, _ = self._friction(0.0, 1.0)
         limit = max(0.85 * (GREATEST - forward), 0.1 * GREATEST) / self.model.inertia
-        self._limits, self._governor = (limit, limit), Governor(sample_time=self.sample_time)
+        jerk = FLOOR / (4 * self.model.inertia * self.sample_time)
+        self._limits, self._governor = (limit, limit), Governor(sample_time=self.sample_time, jerk=jerk)
         self._last_speed = self._rubs = 0.0
 
     def _friction(self, angle: float, velocity: float) -> tuple[float, float]:

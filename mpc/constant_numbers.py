@@ -57,5 +57,6 @@ def constant_numbers(made: Any, machine: Array) -> dict[str, Array]:
             greatest=greatest,
             memory=1.0 / (made._observer * made.sample_time),
             quiet=quiet(made._floor, made._greatest),
+            jerk=made.governor.jerk,
         ),
     }

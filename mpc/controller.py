@@ -21,9 +21,9 @@ from mpc.corridor import SoftLimits, corridor, enter
 from mpc.drive import DriveInverse
 from mpc.encoder_faults import watch, watched_of
 from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
-from mpc.feed_forward import feed
+from mpc.feed_forward import demand, ease
 from mpc.friction import Frictionless, learn, rigid_contacts, rub
-from mpc.governor import Governor, early, followable, governed, jump
+from mpc.governor import Governor, early, followable, governed, hurry, jump
 from mpc.layout import laid_out
 from mpc.prediction import Predictor
 from mpc.prepared import prepared
@@ -165,7 +165,7 @@ class Controller(Remembering):
         behind = rigid_contacts(behind)
         smooth = Frictionless.of(behind)
         predictor = Predictor(model=smooth, sample_time=self.sample_time, switch=max(switch, 0.0))
-        self._friction = rub(behind), learn(behind, self.motor_resolution is not None), feed(behind)
+        self._friction = rub(behind), learn(behind, self.motor_resolution is not None), demand(behind)
         self.estimator = Estimator(
             predictor=predictor,
             resolution=self.encoder_resolution,
@@ -180,7 +180,10 @@ class Controller(Remembering):
         self._soft = limits.numbers(2 * np.pi * self.bandwidth, self.sample_time, noise)
         attainable = 2.0 * self._greatest / self.model.inertia * self.sample_time**2
         self.governor = Governor(
-            sample_time=self.sample_time, soft=self._soft if limits.any else None, attainable=attainable
+            sample_time=self.sample_time,
+            soft=self._soft if limits.any else None,
+            attainable=attainable,
+            jerk=(self._floor or np.inf) / (4 * self.model.inertia * self.sample_time),
         )
         self._rows = ALL_ROWS if limits.any or self.torque_rate < np.inf else TORQUE_ALONE
         self._rate_weight = rate_weight(self.model, self.bandwidth, self.sample_time)
@@ -198,7 +201,8 @@ class Controller(Remembering):
         n = len(behind.states)
         self._watch = watch(predictor, self.estimator.motors is not None)
         filters = (predictor.along.function, self._watch, *self.estimator.functions, *self._friction)
-        aims = (preview(), jump(), early(), followable(), prepared(governed(limits.any)).function, enter(), corridor())
+        govern = prepared(governed(limits.any)).function
+        aims = (ease(), preview(), jump(), hurry(), early(), followable(), govern, enter(), corridor())
         sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows))
         splits = (prepared(reach()).function, prepared(split()).function)
         self._machine_code = CompiledStep((*filters, *aims, *sweeps, *splits), self._sizes, self._arrays)

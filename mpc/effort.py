@@ -65,7 +65,7 @@ _FENCE, _FORCES, _END = Effort(8), Effort(54, 9), Effort(54, 15)  # of other int
 _PRESSING = Effort(24, 3)  # of each other interval in a round of the active set
 
 
-_FRAMES = 5376  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
+_FRAMES = 5632  # bytes: addresses and arrays of all functions at once, registers saved, the mathematical library
 
 
 def of(function: Any) -> Effort:
@@ -81,17 +81,8 @@ def calls(functions: Mapping[str, Any], sizes: Mapping[str, int], *, worst: bool
     N, passes = sizes["horizon"], sizes["passes"]
     sweeps, certificates = _sweeps(functions, sizes, worst), 2 if worst else 1
     once = {"watch": 1, "estimate": 1 + N * worst, "begin": int(worst)}  # at most for a horizon of missed samples
-    once |= {
-        "preview": 1,
-        "jump": N - 1,
-        "early": int(worst),
-        "followable": 1,
-        "govern": N + 1,
-        "learn": 1,
-        "rub": N,
-        "feed": N + 1,
-        "split": N,
-    }
+    once |= {"preview": 1, "jump": N - 1, "early": int(worst), "followable": 1, "hurry": 1, "govern": N + 1}
+    once |= {"learn": 1, "rub": N, "demand": N + 1, "ease": 3 * N, "split": N}
     courses = sweeps + 2 * worst  # the interior point method follows its first and its last torques
     each = {"stage": sizes["late"] + N, "reach": N, "backward": N * sweeps, "forward": N * courses}
     if rows(functions) > 1:

@@ -7,6 +7,7 @@ With a right model the load then follows at any bandwidth; what is left to the l
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import casadi as ca
@@ -15,33 +16,38 @@ from mpc.friction import RUBBING
 from plant.effects import Moment
 from plant.servo import ServoModel
 
-FED = 4
-"""What is remembered from sample to sample: whether anything is, the torque that was fed, its last change, and the last
-change of the reference's speed in a sample [rad]."""
 
-
-def feed(model: ServoModel) -> Any:
+def demand(model: ServoModel) -> Any:
     """What the reference takes during a sample, as a `casadi.Function`.
 
-    (governed angle now and at the two samples to come (3,), what was fed the sample before (FED,), parameters, numbers
-    of friction) -> what is fed (FED,): torque on the load, rigid, without memory and dry friction. Smooth motion is fed
-    as it is. Where the acceleration jumps the change of the torque grows from sample to sample by what the teeth bear
-    all the time, up to what they bear once; so the noise of a reference is not fed. Where nothing is remembered it is
-    the torque without acceleration.
+    (governed angle, its speed during the sample and the next one (2,), change of speed before, parameters) -> torque on
+    the load, rigid, without memory and dry friction; change of the speed. Speeds and not angles, whose differences have
+    no digits left in single precision.
     """
-    way, before, rubbing = ca.SX.sym("way", 3), ca.SX.sym("before", FED), ca.SX.sym("rubbing", RUBBING)
+    angle, speeds, before = ca.SX.sym("angle"), ca.SX.sym("speeds", 2), ca.SX.sym("before")
     p = ca.SX.sym("p", len(model.names) + 1)
     bound, dt = model.bound(p[:-1]), p[-1]
-    known, torque, change, bent = ca.vertsplit(before)
-    first, second = way[1] - way[0], way[2] - way[1]
-    at = Moment(angle=(way[0] + way[1]) / 2, velocity=first / dt, inertia=bound.inertia)
+    bend = speeds[1] - speeds[0]
+    at = Moment(angle=angle + dt * speeds[0] / 2, velocity=speeds[0], inertia=bound.inertia)
     still = [effect for effect in bound.effects if not effect.states]
     inertia = bound.inertia + sum(effect.added_inertia(at) for effect in still)
     passive = bound.gravity * ca.cos(at.angle) + bound.viscous_friction * at.velocity
-    passive -= sum(effect.load_torque(at, 0.0) for effect in still)
-    bend, most, quiet = second - first, rubbing[4], rubbing[8]
-    more = inertia * (bend + bent) / (2 * dt**2) + passive - torque
+    torque = inertia * (bend + before) / (2 * dt) + passive - sum(effect.load_torque(at, 0.0) for effect in still)
+    return ca.Function("demand", [angle, speeds, before, p], [torque, bend], {"cse": True})
+
+
+@cache
+def ease() -> Any:
+    """What of it is fed, as a `casadi.Function`.
+
+    (torque that is taken, torque in the sample before and its last change (2,), numbers of friction) -> torque and its
+    change (2,). Smooth motion is fed as it is. Where the acceleration jumps the change of the torque grows from sample
+    to sample by what the teeth bear all the time, up to what they bear once; so the noise of a reference is not fed.
+    Done forward and backward in time, the mean is neither early nor late; done with that once more it is what is fed,
+    also where a jump was not seen ahead.
+    """
+    before, taken, rubbing = ca.SX.sym("before", 2), ca.SX.sym("taken"), ca.SX.sym("rubbing", RUBBING)
+    (torque, change), most, quiet = ca.vertsplit(before), rubbing[4], rubbing[8]
     up, down = ca.fmin(ca.fmax(change, 0) + quiet, most), ca.fmax(ca.fmin(change, 0) - quiet, -most)
-    more = ca.fmax(ca.fmin(more, up), down)
-    fed = ca.if_else(known, ca.vertcat(1, torque + more, more, bend), ca.vertcat(1, passive, 0, 0))
-    return ca.Function("feed", [way, before, p, rubbing], [fed], {"cse": True})
+    more = ca.fmax(ca.fmin(taken - torque, up), down)
+    return ca.Function("ease", [taken, before, rubbing], [ca.vertcat(torque + more, more)], {"cse": True})

@@ -28,7 +28,7 @@ LEARNT = 11
 direction in which friction is compensated, for how long the load has slid that way, its angle as a first-order lag of
 1/w follows it, its velocity, and whether it is still short of the reference in that direction."""
 
-RUBBING = 9
+RUBBING = 10
 """Numbers of friction, see `friction_numbers`."""
 
 _KEPT = 200.0
@@ -74,15 +74,15 @@ def friction_numbers(
     greatest: float,
     memory: float,
     quiet: float,
+    jerk: float,
 ) -> Array:
-    """(9,) numbers of friction.
+    """(10,) numbers of friction.
 
     Speed below which a reference stands, relative error of friction, memory [1/s], deaf band [rad], largest change in a
     sample [N m], distance at which a load has arrived [rad], largest torque [N m], samples that the estimate of the
-    disturbance has in common with the one before, by how much the change in a sample of what is fed forward may change
-    in a sample [N m]. A reference stands that passes less
-    than the sensor's noise within the time of the loop. While it does, an innovation within half a count is none, less
-    three standard deviations of the noise that would show what is inside.
+    disturbance has in common with the one before; `quiet` and `jerk`. A reference stands that passes less than the
+    sensor's noise within the time of the loop. While it does, an innovation within half a count is none, less three
+    standard deviations of the noise that would show what is inside.
 
     Args:
         std: standard error of the friction in the model, as a share of it.
@@ -93,13 +93,14 @@ def friction_numbers(
             keeps no teeth together and bounds nothing.
         greatest: torque of the drives [N m].
         memory: of the estimator [samples].
-        quiet: change of the torque from sample to sample that the teeth bear all the time [N m].
+        quiet: change of the torque from sample to sample that the teeth bear all the time [N m]; so much the change of
+            what is fed forward may grow in a sample.
+        jerk: a quarter of how fast the acceleration of a move may change [rad/s^3].
     """
     deaf = max(resolution / 2 - 3 * jitter, 0.0)
     fades = wave / (2 * np.pi * _KEPT)
-    return np.array(
-        [wave * noise, std, fades, deaf, floor or np.inf, _CLEAR * noise, greatest, max(memory, 1.0), quiet]
-    )
+    own = [wave * noise, std, fades, deaf, floor or np.inf, _CLEAR * noise, greatest, max(memory, 1.0)]
+    return np.array([*own, quiet, jerk])
 
 
 def _levels(model: ServoModel, angle: Any, velocity: Any, torque: Any) -> tuple[Any, Any]:

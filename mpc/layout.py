@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.control import OUTCOME
-from mpc.feed_forward import FED
 from mpc.friction import LEARNT
+from mpc.slots import Fed
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "watched": watched,  # see `mpc.encoder_faults`
         "astray": 1,  # mean square of what the load is off its reference, in units of what is admitted
         "rubs": late + 3,  # torques against friction, beside those of past
-        "fed": FED,  # see `mpc.feed_forward`
+        "fed": len(Fed),  # see `mpc.feed_forward`
     }
     handed = {
         "readings": 3,
@@ -48,13 +48,15 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
     }
     work = {
         "ahead": N + late + 2,
+        "speeds": N + late + 2,  # of what is ahead
         "guess": N,
         "states": (samples + 1) * n,
         "A": samples * n * n,
         "B": samples * n * 2,
         "range": 2 * N,
         "unit": 1,
-        "feed": N + 1,  # torque that the reference takes: in the last sample, and in each of the horizon
+        "taken": N,  # torque that the reference takes in each sample of the horizon
+        "feed": N + 1,  # what of it is fed: in the last sample, and in each of the horizon
         "rub": N,  # torque against friction of each stage
         "data": 2 * N,
         "barrier": 2 * rows * N,  # what the interior point method adds to the cost

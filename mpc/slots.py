@@ -57,6 +57,18 @@ class Path(_Slot):
     GOVERNED = auto()
     ANGLE = auto()
     RATE = auto()
+    MOVE = auto()  # acceleration of the move that is under way, see `mpc.governor.hurry`
+
+
+class Fed(_Slot):
+    """What the feed-forward remembers from sample to sample."""
+
+    KNOWN = auto()
+    BEND = auto()  # last change of the reference's speed in a sample [rad/s]
+    EASED = auto()  # torque that was eased forward in time [N m]
+    EASED_CHANGE = auto()
+    TORQUE = auto()  # that was fed [N m]
+    CHANGE = auto()
 
 
 class Outcome(_Slot):
@@ -71,5 +83,5 @@ def c_names() -> str:
     """Enumerations of C."""
     return "\n".join(
         f"enum {{ {', '.join(f'{slots.__name__.upper()}_{slot.name} = {slot.value}' for slot in slots)} }};"
-        for slots in (Tuning, Soft, Belief, Path, Outcome)
+        for slots in (Tuning, Soft, Belief, Path, Fed, Outcome)
     )

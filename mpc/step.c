@@ -40,9 +40,10 @@ static int lead(const struct controller *c, const real *path, const real *limits
 {
   int k;
   real jumps = 0, due = 0, count;
+  const real *dt = TABLE(model) + PARAMETERS - 1;
   for (k = 0; k < HORIZON - 1 && !jumps; ++k) jump(c->wanted + k, TABLE(tuning) + TUNING_ATTAINABLE, &jumps);
   count = k;
-  if (jumps) early(path, c->wanted + k - 1, &count, limits, TABLE(model) + PARAMETERS - 1, &due, change);
+  if (jumps) early(path, c->wanted + k - 1, &count, limits, dt, TABLE(rubbing) + 9, &due, change);
   if (due) return k;
   *change = 0;
   return 0;
@@ -53,28 +54,33 @@ static int lead(const struct controller *c, const real *path, const real *limits
 static void aim(struct controller *c, int previewed)
 {
   int k, i, last = HORIZON, first = 0;
-  real limits[2], near, speed, bend, now[2], next[2], three[3], change = 0, *ahead = c->ahead;
+  real limits[3], near, speed, bend, now[2], next[2], three[3], change = 0, *ahead = c->ahead, *speeds = c->speeds;
   followable(c->belief + BELIEF_ANGLE, c->load, TABLE(machine), TABLE(tuning), limits, &near);
   if (!(c->path[PATH_GOVERNED] && fabs(c->belief[BELIEF_ANGLE] - c->path[PATH_ANGLE]) <= near)) {
     c->path[PATH_GOVERNED] = 1;
     c->path[PATH_ANGLE] = c->belief[BELIEF_ANGLE];
     c->path[PATH_RATE] = c->belief[BELIEF_VELOCITY];
+    c->path[PATH_MOVE] = 0;
   }
   memcpy(now, c->path + PATH_ANGLE, sizeof now);
   if (previewed) first = lead(c, now, limits, &change);
+  three[0] = wanted_at(c, first) - first * change;
+  hurry(now, three, c->path + PATH_MOVE, TABLE(tuning) + TUNING_ATTAINABLE, TABLE(rubbing) + 9, limits + 2);
+  c->path[PATH_MOVE] = limits[2];
   for (k = 0; k <= last; ++k) {
     const real *wanted = c->wanted + k;
     if (first || k + 2 > last) {
       for (i = 0; i < 3; ++i) three[i] = wanted_at(c, first + k + i) - first * change;
       wanted = three;
     }
-    ahead[k] = now[0];
+    ahead[k] = now[0], speeds[k] = now[1];
     govern(now, wanted, limits, TABLE(soft), TABLE(govern_numbers), next);
     memcpy(now, next, sizeof now);
     if (k == 0) memcpy(c->path + PATH_ANGLE, next, sizeof next);
   }
   speed = ahead[last] - ahead[last - 1];
   bend = speed - (ahead[last - 1] - ahead[last - 2]);
+  for (k = 0; k <= LATE + 1; ++k) speeds[last + k] = speeds[last - 1] + (speeds[last - 1] - speeds[last - 2]) * (k + 1);
   for (k = 1; k <= LATE + 1; ++k) ahead[last + k] = ahead[last] + speed * k + bend * k * (k + 1) / 2;
 }
 
@@ -115,22 +121,48 @@ static void rubbed(struct controller *c)
   }
 }
 
-/* The torque that the governed reference takes; before the first sample it is what moves the load. */
+/* One sample of a torque that is eased, in place. */
+static real eased(const struct controller *c, real *torque, real taken)
+{
+  real next[2];
+  (void)c; /* where the tables are not in it */
+  ease(&taken, torque, TABLE(rubbing), next);
+  memcpy(torque, next, sizeof next);
+  return *torque;
+}
+
+/* The torque that the governed reference takes, and what of it is fed; before the first it is what acts. */
 static void feed_forward(struct controller *c)
 {
-  int k, known = c->fed[0] == 1;
-  real fed[FED], next[FED] = {0};
-  const real *ahead = c->ahead + LATE;
-  for (k = 1; k < FED; ++k) known = known && isfinite(c->fed[k]);
-  memcpy(fed, c->fed, sizeof fed);
-  if (!known) feed(ahead, next, TABLE(model), TABLE(rubbing), fed);
-  c->feed[0] = known ? fed[1] : c->past[LATE + 1] + c->belief[BELIEF_DISTURBANCE];
-  for (k = 0; k < HORIZON; ++k) {
-    feed(ahead + k, fed, TABLE(model), TABLE(rubbing), next);
-    memcpy(fed, next, sizeof fed);
-    c->feed[k + 1] = fed[1];
-    if (k == 0) memcpy(c->fed, fed, sizeof fed);
+  int k, last = HORIZON - 1, known = c->fed[FED_KNOWN] == 1;
+  real bend, bent, torque[2], *taken = c->taken, *fed = c->fed, *feeds = c->feed + 1;
+  const real *ahead = c->ahead + LATE, *speeds = c->speeds + LATE;
+  for (k = FED_BEND; k <= FED_CHANGE; ++k) known = known && isfinite(fed[k]);
+  if (!known) {
+    fed[FED_BEND] = speeds[1] - speeds[0], bend = -fed[FED_BEND];
+    demand(ahead, speeds, &bend, TABLE(model), fed + FED_EASED, &bent);
+    fed[FED_TORQUE] = fed[FED_EASED], fed[FED_EASED_CHANGE] = fed[FED_CHANGE] = 0;
   }
+  c->feed[0] = known ? fed[FED_TORQUE] : c->past[LATE + 1] + c->belief[BELIEF_DISTURBANCE];
+  bend = fed[FED_BEND];
+  for (k = 0; k <= last; ++k) {
+    demand(ahead + k, speeds + k, &bend, TABLE(model), taken + k, &bent);
+    bend = bent;
+    if (k == 0) fed[FED_BEND] = bend;
+  }
+  memcpy(torque, fed + FED_EASED, sizeof torque);
+  for (k = 0; k <= last; ++k) {
+    feeds[k] = eased(c, torque, taken[k]);
+    if (k == 0) memcpy(fed + FED_EASED, torque, sizeof torque);
+  }
+  torque[0] = taken[last], torque[1] = taken[last - 1] - taken[last];
+  for (k = last; k >= 0; --k) feeds[k] = (feeds[k] + eased(c, torque, taken[k])) / 2;
+  memcpy(torque, fed + FED_TORQUE, sizeof torque);
+  for (k = 0; k <= last; ++k) {
+    feeds[k] = eased(c, torque, feeds[k]);
+    if (k == 0) memcpy(fed + FED_TORQUE, torque, sizeof torque);
+  }
+  fed[FED_KNOWN] = 1;
 }
 
 /* The intervals of the numbers beside the torque, less what the guess makes of them. */
@@ -327,9 +359,9 @@ static void lapse(struct controller *c)
   }
   shift = c->numbers[0] > 1 ? (elapsed / dt - 1) * (c->numbers[3] - c->numbers[2]) : 0;
   for (k = 1; k < 4; ++k) c->numbers[k] += shift;
-  late = elapsed - dt, bend = isfinite(c->fed[3]) ? c->fed[3] : 0;
-  c->path[PATH_ANGLE] += late * (c->path[PATH_RATE] + late * (bend / (2 * dt * dt)));
-  c->path[PATH_RATE] += late * (bend / (dt * dt));
+  late = elapsed - dt, bend = isfinite(c->fed[FED_BEND]) ? c->fed[FED_BEND] : 0;
+  c->path[PATH_ANGLE] += late * (c->path[PATH_RATE] + late * (bend / (2 * dt)));
+  c->path[PATH_RATE] += late * (bend / dt);
   missed = elapsed > dt ? (int)(elapsed / dt - 0.5) : 0;
   for (k = 0; k < missed; ++k) miss(c);
   c->acting[PARAMETERS - 1] = elapsed - missed * dt;

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.estimator import Estimator
-from mpc.feed_forward import FED
+from mpc.feed_forward import ease
 from mpc.governor import Governor, followable
 from mpc.kernel import Kernel, along_the_way, unrolled
 from mpc.prepared import prepared
 from mpc.preview import preview, prolonged
 from mpc.real_time_iteration import RealTimeIteration
 from mpc.riccati import TORQUE_ALONE
-from mpc.slots import Belief, Outcome, Path, Tuning
+from mpc.slots import Belief, Fed, Outcome, Path, Tuning
 from mpc.split import split
 from mpc.trouble import Trouble
 
@@ -42,11 +42,12 @@ class InterpretedStep:
         friction: tuple[Any, Any, Any],
         watch: Any,
     ) -> None:
-        """On the arrays of a controller; friction: `mpc.friction.rub`, `learn`, and `mpc.feed_forward.feed`."""
+        """On the arrays of a controller; friction: `mpc.friction.rub`, `learn`, and `mpc.feed_forward.demand`."""
         N, late = sizes["horizon"], sizes["late"]
         n = len(estimator.predictor.model.states)
         self._late, self._dt = late, float(arrays["model"][-1])
         self._estimator, self._governor = estimator, governor
+        governor.speeds = np.zeros(N + 1)
         self._iteration = RealTimeIteration(sizes, arrays, estimator)
         self.programme = self._iteration.programme
         self._a, self._places = arrays, np.arange(N)
@@ -54,12 +55,13 @@ class InterpretedStep:
         machine = arrays["machine"]
         self._preview = Kernel(preview(), {0: arrays["numbers"], 2: arrays["tuning"][Tuning.ATTAINABLE :][:1]})
         self._followable = Kernel(followable(), {1: arrays["load"], 2: machine, 3: arrays["tuning"]})
-        rub, learn, feed = friction
+        rub, learn, demand = friction
         learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
         self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
         self._rub = Kernel(along_the_way(rub, N, 1), {3: learnt, 4: same, 5: rubbing}, {0: arrays["rub"]})
-        self._feed = Kernel(feed, {2: same, 3: rubbing})
-        self._fed = Kernel(along_the_way(feed, N, 1), {1: arrays["fed"], 2: same, 3: rubbing})
+        self._demand_first = Kernel(demand, {3: same})
+        self._demand = Kernel(unrolled(demand.map(N), N, demand), {3: np.tile(same, N)}, {0: arrays["taken"]})
+        self._ease = Kernel(along_the_way(ease(), N, 1), {2: rubbing})
         shared = {0: estimator.belief, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
         self._watch = Kernel(watch, shared)
         to_split = prepared(split()).function
@@ -122,9 +124,9 @@ class InterpretedStep:
             return
         if numbers[0] > 1:
             numbers[1:] += (elapsed / dt - 1) * (numbers[3] - numbers[2])
-        late, bend = elapsed - dt, a["fed"][3] if np.isfinite(a["fed"][3]) else 0.0
-        path[Path.ANGLE] += late * (path[Path.RATE] + late * (bend / (2 * dt * dt)))
-        path[Path.RATE] += late * (bend / (dt * dt))
+        late, bend = elapsed - dt, a["fed"][Fed.BEND] if np.isfinite(a["fed"][Fed.BEND]) else 0.0
+        path[Path.ANGLE] += late * (path[Path.RATE] + late * (bend / (2 * dt)))
+        path[Path.RATE] += late * (bend / dt)
         missed = int(elapsed / dt - 0.5) if elapsed > dt else 0
         for _ in range(missed):
             self._miss()
@@ -167,6 +169,10 @@ class InterpretedStep:
             self._governor.restart(float(angle), float(velocity))
         governed = self._governor.govern(self._a["wanted"], (limits[0], limits[1]), previewed)
         self._a["ahead"][:] = prolonged(governed, self._late + 1)
+        speeds, last = self._a["speeds"], governed.size - 1
+        speeds[:last] = self._governor.speeds[:last]
+        bend = speeds[last - 1] - speeds[last - 2]
+        speeds[last:] = speeds[last - 1] + bend * np.arange(1, self._late + 3)
 
     def _astray(self) -> int:
         """Whether the load has been beside the governed reference for long."""
@@ -202,17 +208,33 @@ class InterpretedStep:
         self._rub()
 
     def _feed_forward(self) -> None:
-        """The torque that the governed reference takes; before the first sample it is what moves the load."""
-        a, ahead, inputs = self._a, self._a["ahead"][self._late :], self._feed.inputs
-        known = a["fed"][0] == 1.0 and np.isfinite(a["fed"]).all()
+        """The torque that the governed reference takes, and what of it is fed; before the first it is what acts."""
+        a, ahead, speeds = self._a, self._a["ahead"][self._late :], self._a["speeds"][self._late :]
+        fed, taken, feed, N = a["fed"], a["taken"], a["feed"], a["taken"].size
+        known = fed[Fed.KNOWN] == 1.0 and np.isfinite(fed).all()
         if not known:
-            inputs[0][:], inputs[1][:] = ahead[:3], 0.0
-            a["fed"][:] = self._feed()[0]
-        a["feed"][0] = a["fed"][1] if known else a["past"][self._late + 1] + self._estimator.belief[Belief.DISTURBANCE]
-        for k in range(3):
-            self._fed.inputs[0][k::3] = ahead[k : k + a["rub"].size]
-        fed = self._fed()[0].reshape(-1, FED)
-        a["feed"][1:], a["fed"][:] = fed[:, 1], fed[0]
+            fed[Fed.BEND] = speeds[1] - speeds[0]
+            first = self._demand_first.inputs
+            first[0][0], first[1][:], first[2][0] = ahead[0], speeds[:2], -fed[Fed.BEND]
+            fed[Fed.EASED] = fed[Fed.TORQUE] = self._demand_first()[0][0]
+            fed[Fed.EASED_CHANGE] = fed[Fed.CHANGE] = 0.0
+        feed[0] = fed[Fed.TORQUE] if known else a["past"][self._late + 1] + self._estimator.belief[Belief.DISTURBANCE]
+        angles, pairs, before, _ = self._demand.inputs
+        angles[:], pairs[0::2], pairs[1::2] = ahead[:N], speeds[:N], speeds[1 : N + 1]
+        before[0], before[1:] = fed[Fed.BEND], speeds[1:N] - speeds[: N - 1]
+        _, bends = self._demand()
+        fed[Fed.BEND] = bends[0]
+        forward = self._eased(taken, fed[Fed.EASED : Fed.TORQUE])
+        fed[Fed.EASED : Fed.TORQUE] = forward[0]
+        there = forward[:, 0].copy()
+        back = self._eased(taken[::-1], np.array([taken[-1], taken[-2] - taken[-1]]))[::-1, 0]
+        eased = self._eased((there + back) / 2, fed[Fed.TORQUE :])
+        feed[1:], fed[Fed.TORQUE :], fed[Fed.KNOWN] = eased[:, 0], eased[0], 1.0
+
+    def _eased(self, torques: Array, before: Array) -> Array:
+        """(N, 2) torques and their changes from sample to sample; overwritten by the next call."""
+        self._ease.inputs[0][:], self._ease.inputs[1][:] = torques, before
+        return self._ease()[0].reshape(-1, 2)
 
     def _plan_ahead(self) -> int:
         """The torques of the horizon for what was planned."""

@@ -151,9 +151,8 @@ def _chosen(
         loud, peaked = np.log(found.chatter / chatter), np.log(found.peak_sensitivity / _PEAK)
         return float(np.log(found.error) + 1e4 * max(loud, 0) + 1e2 * max(peaked, 0))
 
-    lowest, highest = np.log(_FILTERS if told is None else (_FILTERS[0] / 2, _FILTERS[1]))
-    within = float(lowest), float(highest)
-    best = minimize_scalar(slowness, bounds=within, method="bounded", options={"xatol": 10 * _FINE})
+    ratios = np.log(_FILTERS if told is None else (_FILTERS[0] / 2, _FILTERS[1])).tolist()
+    best = minimize_scalar(slowness, bounds=(ratios[0], ratios[1]), method="bounded", options={"xatol": 10 * _FINE})
     w = float(np.exp(fastest(best.x) if told is None else told))
     return w, w * float(np.exp(best.x))
 

@@ -55,7 +55,7 @@ def test_a_constant_load_leaves_no_error(load: float) -> None:
     result = closed_loop(four_hertz(RIGID, PAPER), RIG, 0.3, 3.0, seed=1, disturbance=pushes)
     error = result.angle - 0.3
     assert np.max(np.abs(error[200:300])) > 2 * COUNT
-    assert abs(np.mean(error[-200:])) < 0.2 * COUNT
+    assert abs(np.mean(error[-200:])) < 0.25 * COUNT  # by the noise: 0.06 to 0.25 of one over six seeds
     assert np.mean(result.disturbance[-200:]) == pytest.approx(load, abs=0.05)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from raised_load import BY_FLANK, BY_MOTOR, GEARS, LEAST, LIMITS, MESH, MODEL, MOST, RIG, ROTOR, swing
+from raised_load import BY_FLANK, BY_MOTOR, GEARS, LEAST, LIMITS, MESH, MODEL, MOST, MOTOR, RIG, ROTOR, swing
 
 from allocation import capability_map
 from mpc import ClosedLoopResult, Controller, closed_loop
@@ -36,7 +36,18 @@ def test_a_minimum_motor_torque_loses_contact_with_heavy_rotors(share: float) ->
 def test_least_flank_torque_keeps_contact_all_the_same(share: float) -> None:
     result = run(BY_FLANK(), share * PARTING)
     assert result.least_flank_torque > 0.85 * LEAST * MESH
-    assert result.tracking_rms == pytest.approx(run(BY_MOTOR(), share * PARTING).tracking_rms, rel=0.05)
+    assert result.tracking_rms == pytest.approx(
+        run(BY_MOTOR(), share * PARTING).tracking_rms, rel=0.1
+    )  # where one parts
+
+
+@pytest.mark.parametrize("share", [0.7, 0.95, 1.05, 1.4])
+def test_heavy_rotors_keep_contact_with_the_loop_chosen_for_them(share: float) -> None:
+    chosen = Controller(MODEL, GEARS, min_torque=LEAST, max_torque=MOST, rotor_inertia=MOTOR)
+    result = run(chosen, share * PARTING)
+    assert result.least_flank_torque > 0.2 * LEAST * MESH  # teeth that ring take more of it than at four hertz
+    assert result.tracking_rms < run(BY_FLANK(), share * PARTING).tracking_rms
+    assert result.degraded == 0
 
 
 @pytest.mark.parametrize("acceleration", [3.0, 8.0])

@@ -43,9 +43,12 @@ def test_known_friction_improves_tracking_on_a_light_axis(rig: Rig, factor: floa
     friction = FRICTION[rig]
     values = [getattr(friction, spec.name) for spec in friction.parameters()]
     told = friction.bound([factor * value for value in values[:2]] + values[2:])
-    known, unknown = (closed_loop(c, rig, swing, 3.0, seed=0) for c in (controller(told), controller()))
-    assert error(known) < 0.5 * error(unknown)
-    assert known.least_flank_torque > 0
+    known, unknown = (
+        [closed_loop(controller(*effects), rig, swing, 3.0, seed=seed) for seed in range(3)]
+        for effects in ((told,), ())
+    )
+    assert sum(map(error, known)) < 0.55 * sum(map(error, unknown))
+    assert min(loop.least_flank_torque for loop in known) > 0
 
 
 def test_known_friction_prevents_stick_slip_at_low_speed() -> None:
@@ -82,11 +85,12 @@ def test_what_is_not_sure_is_not_compensated() -> None:
 
 
 def test_at_rest_friction_does_nothing() -> None:
-    # too high by half, the load rests where it came to rest: no jump to and fro
-    loop = closed_loop(
-        controller(CoulombFriction(torque=0.38)), LIGHT, lambda t: 0.05 * np.minimum(t, 0.5), 2.0, seed=0
-    )
-    assert np.ptp(loop.angle[-500:]) < 4e-5
+    # too high by half, the load stays within the count that the encoder shows: no jump to and fro
+    for seed in range(3):
+        loop = closed_loop(
+            controller(CoulombFriction(torque=0.38)), LIGHT, lambda t: 0.05 * np.minimum(t, 0.5), 2.0, seed=seed
+        )
+        assert np.max(np.abs(loop.angle[-500:] - loop.reference[-500:])) < 2 * np.pi / 2**17
 
 
 def test_friction_changes_no_faster_than_the_teeth_bear() -> None:

@@ -85,7 +85,7 @@ def test_what_cannot_be_followed_is_begun_before_it_is_there(horizon: int) -> No
 
 def test_a_set_point_that_comes_unannounced_is_governed() -> None:
     known, unknown = (run(STRONG(), ahead=ahead)[0] for ahead in (True, False))
-    assert np.all(np.abs(unknown[150:200]) < 1e-3)  # nothing begins before the step
+    assert np.all(np.abs(unknown[170:200]) < 1e-3)  # the move from rest is over, and nothing begins before the step
     assert np.sum(known**2) < 0.7 * np.sum(unknown**2)
 
 
@@ -96,5 +96,6 @@ def test_a_load_that_does_not_follow_is_told(compiled: bool) -> None:
         controller._step = controller._interpreted
     said = run(controller, ahead=True, stuck=True)[1]
     late = round(1.0 / controller.bandwidth / DT)
-    assert set(said[2 * late :]) == {"degraded: the load does not follow the reference"}
+    begun = round(0.05 / DT)  # until then the governed reference, which sets out gently, has hardly left the load
+    assert set(said[begun + 2 * late :]) == {"degraded: the load does not follow the reference"}
     assert set(run(STRONG(), ahead=True)[1][200:]) == {"optimal"}

@@ -118,9 +118,9 @@ def test_whatever_is_remembered_the_answer_is_the_same(seed: int, hardness: floa
     for spoilt in (0.0, np.nan, np.inf, -1e200, -7.0):
         both.load(stages, rng.integers(-1, 2, 30), fences, rng.integers(-2, 3, (30, 4)))
         places = rng.random((2, 30, 4)) < 0.2
-        both.programme.pressed[places[0] & (spoilt != 0.0)] = spoilt
-        both.programme.forces[places[1]] = spoilt
-        warm = both.machine_code() if FORMS[-1] else both.programme.solve()
+        both.program.pressed[places[0] & (spoilt != 0.0)] = spoilt
+        both.program.forces[places[1]] = spoilt
+        warm = both.machine_code() if FORMS[-1] else both.program.solve()
         assert warm <= 1e-6
         best = cost(stages, fences, cold)
         assert cost(stages, fences, both.arrays["e"]) == pytest.approx(best, rel=1e-7, abs=1e-12)

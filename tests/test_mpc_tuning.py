@@ -67,3 +67,22 @@ def test_the_teeth_of_the_paper_stay_together() -> None:
     loop = closed_loop(Controller(model, PAPER), rig, lambda t: 0.2 * (1 - np.cos(2 * np.pi * 0.25 * t)), 2.0, seed=0)
     assert loop.least_flank_torque > 0
     assert loop.degraded == 0
+
+
+def test_a_bandwidth_above_the_default_keeps_the_teeth_together() -> None:
+    rig = Rig.paper_like()
+    model = ServoModel(inertia=rig.total_inertia, gravity=0.5, viscous_friction=0.8)
+    for bandwidth in (4.0, 5.0):
+        controller = Controller(model, PAPER, bandwidth=bandwidth)
+        loop = closed_loop(controller, rig, lambda t: 0.2 * (1 - np.cos(2 * np.pi * 0.25 * t)), 2.0, seed=0)
+        assert loop.least_flank_torque > 0
+
+
+def test_a_known_reference_is_followed_whatever_the_bandwidth() -> None:
+    rig = Rig.paper_like(motor_coulomb=0.0)
+    model = ServoModel(inertia=rig.total_inertia, gravity=0.5, viscous_friction=0.8)
+    for bandwidth in (1.0, 2.0, 4.0):
+        controller = Controller(model, PAPER, bandwidth=bandwidth)
+        loop = closed_loop(controller, rig, lambda t: 0.2 * (1 - np.cos(2 * np.pi * 0.25 * t)), 6.0, seed=0)
+        error = (loop.angle - loop.reference)[400:]
+        assert np.sqrt(np.mean(error**2)) < 2e-5  # half a count of the encoder
