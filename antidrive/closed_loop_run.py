@@ -136,15 +136,15 @@ class ClosedLoopRun:
         s, told = flat(self._one_summary()), dict(self.numbers())
         lines = [
             *self.notes,
-            f"Tracking error {told['tracking_rms']} rms, {told['largest_error']} at most, on the rig (synthetic) over "
-            f"{self.scenario.duration:g} s.",
+            f"Tracking error {told['tracking_rms']} rms, {told['largest_error']} at most, in "
+            f"{self.scenario.duration:g} s of test-bench simulation.",
         ]
         margin = s["least_preload_margin"]
         if margin is not None:
             held = "contact was never lost" if margin > 0.0 else "contact was lost"
             while_both = "" if self.scenario.drive_loss is None else " while both drives worked"
             least = told["least_preload_margin"]
-            lines.append(f"Least flank torque on the rig{while_both}: {least} at the follower; {held}.")
+            lines.append(f"Minimum contact torque{while_both}: {least} at the output gear; {held}.")
         if "tracking_rms_after_loss" in s:
             growth = ""
             if "error_growth" in s:
@@ -160,9 +160,9 @@ class ClosedLoopRun:
         if self.single is not None:
             hardest = told["hardest_hit_on_far_flank_single_drive"]
             lines.append(
-                f"Teeth apart in {told['samples_apart']} samples with both drives, in "
-                f"{told['samples_apart_single_drive']} with one, which then hits the far flank with up to {hardest}; "
-                f"tracking error with one drive: {told['tracking_rms_single_drive']} rms."
+                f"Contact is lost in {told['samples_apart']} samples with both drives and in "
+                f"{told['samples_apart_single_drive']} with one, which hits the far flank with up to {hardest}. The "
+                f"tracking error with one drive is {told['tracking_rms_single_drive']} rms."
             )
         if s["degraded_samples"]:
             first = next(status for status in self.result.status if status != "optimal")

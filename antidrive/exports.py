@@ -48,6 +48,6 @@ def fmus(
         said, entry = fmu_entry(fmu)
         told.append(said)
         entries.append(entry)
-    told.append(f"FMI 2.0 for co-simulation, with a sample of {controller.sample_time:g} s.")
+    told.append(f"FMI 2.0 for co-simulation, sampled at {controller.sample_time:g} s.")
     files = [f"{entry['name']}.fmu" for entry in entries]
     return told, {"schema": 1, "files": files, "sample_time": controller.sample_time, "fmus": entries}

@@ -98,7 +98,7 @@ def evidence_figure(grown: CumulativeEvidence) -> Figure:
 
 
 def cause_figure(seen: ResidualOverVariable) -> Figure:
-    """An effect over measured points: the residual torque without it and with it, and what the effect says."""
+    """Measured residual torque without and with an effect, and what the extended model predicts of it."""
     said = torque_or_force(seen.torque_unit)
     return Figure(
         x=f"{seen.variable} [{seen.unit}]",
@@ -108,7 +108,13 @@ def cause_figure(seen: ResidualOverVariable) -> Figure:
                 title=f"residual {said} [{seen.torque_unit}]",
                 levels=(0.0,),
                 curves=[
-                    Curve(name="the effect as fitted", colour=SECOND, x=seen.centre, y=seen.predicted, width=2.4),
+                    Curve(
+                        name="predicted by the extended model",
+                        colour=SECOND,
+                        x=seen.centre,
+                        y=seen.predicted,
+                        width=2.4,
+                    ),
                     Curve(
                         name="measured, without it",
                         colour=BEFORE,

@@ -80,7 +80,7 @@ def _urdf(read: ModelFile, name: str, single: bool) -> Made:
     from plant.urdf import urdf
 
     made = urdf(read.model, name=name)
-    told = ["A base and a link with one joint, with its damping, friction and limit."]
+    told = ["One joint between a base and a link, with damping, friction and limit."]
     return {f"{name}.urdf": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
 
 
@@ -95,7 +95,7 @@ def _plant(read: ModelFile, draft: Path, said: Mapping[str, Any], name: str, pro
     done = Parts(len(fmu.compilers()), progress, doing="compiling the FMU").done
     fmu.write(draft / f"{fmu.name}.fmu", after=done)
     told, entry = fmu_entry(fmu)
-    rhythm = f"FMI 2.0 for co-simulation, with a sample of {seconds:g} s."
+    rhythm = f"FMI 2.0 for co-simulation, sampled at {seconds:g} s."
     return {}, [told, rhythm, *assumed], {"fmus": [entry], "sample_time": seconds, "assumed": assumed}
 
 
@@ -104,7 +104,7 @@ def _modelica(read: ModelFile, name: str, single: bool) -> Made:
 
     title = name.capitalize()
     made = modelica_class(read.model, name=title)
-    told = ["A class that needs no library; dry friction rises over its parameter friction_width."]
+    told = ["A class that needs no library. Dry friction rises over the velocity friction_width."]
     return {f"{title}.mo": made.text}, [*told, *made.left_out], {"left_out": list(made.left_out)}
 
 

@@ -58,7 +58,8 @@ class Change:
         size = abs(self.errors or 0.0)
         errors = "" if self.errors is None else f"{size:.{0 if size >= 10.0 else 1}f} standard errors"
         about = ", ".join(part for part in (change, errors) if part)
-        now = f"{self.after:.4g}{_error(self.after_std)} {self.unit}".rstrip(" -")
+        unit = "cycles/rev" if self.unit == "rad/rad" else self.unit
+        now = f"{self.after:.4g}{_error(self.after_std)} {unit}".rstrip(" -")
         return f"{self.name}: {self.before:.4g}{_error(self.before_std)} -> {now}{f' ({about})' if about else ''}"
 
 
@@ -91,7 +92,7 @@ class Comparison(Presented):
     def sentences(self) -> list[str]:
         """What moved, what is new, and what the known model is worth today."""
         moved = [change for change in self.changes if change.moved]
-        lines = [f"Moved: {change}" for change in moved] or ["No parameter has moved beyond its error."]
+        lines = [f"Changed: {change}" for change in moved] or ["No parameter has changed beyond its error."]
         causes = {cause.effect: cause for cause in self.diagnosis.causes}
         lines += [f"New: {title_of(name)}, probability {_share(causes[name].probability)}" for name in self.new]
         if not self.new:
@@ -101,7 +102,7 @@ class Comparison(Presented):
                 else "There is a new model error that no effect explains."
             )
         lines += [f"Gone: {title_of(name)}, replaced by a new effect" for name in self.gone]
-        lines += [f"As before: {change}" for change in self.changes if not change.moved]
+        lines += [f"Unchanged: {change}" for change in self.changes if not change.moved]
         lines.append(
             f"In simulation of this log the error of the known model is {self.error_before:.3g} {self.unit} rms, "
             f"of the new one {self.error_after:.3g} {self.unit} rms."

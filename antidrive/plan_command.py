@@ -40,7 +40,7 @@ def plan(
     blocks = [(part["part"].iloc[0], float(part["time"].iloc[0]), len(part) / rate) for _, part in table.groupby(turns)]
     played = "setpoint" if "setpoint" in table else "torque"
     lines = [f"{name}: {length:.3g} s from {begin:.4g} s on" for name, begin, length in blocks if name != "rest"]
-    lines.append(f"In all {len(table) / rate:.4g} s, in the column {played}.")
+    lines.append(f"Total: {len(table) / rate:.4g} s, in the column {played}.")
     lines.append(
         f"Record torque (or current), angle and time at {rate:g} Hz or faster; stop the drive if it moves dangerously."
     )

@@ -240,7 +240,7 @@ def _reason(diagnosis: Diagnosis, reason: Reason, odds: Mapping[str, float] | No
         )
     if reason.residual_over_variable is not None:
         quantity = torque_or_force(reason.residual_over_variable.torque_unit)
-        told = f"The effect over measured points: means of the residual {quantity} with 95 % errors."
+        told = f"Residual {quantity} without and with this effect: measured means with 95 % errors."
         drawn.append((figures.cause_figure(reason.residual_over_variable), told))
     return {"title": reason.title, "sentences": reason.sentences, "pictures": drawn}
 

@@ -81,12 +81,13 @@ def c_numbers(kind: str, numbers: Sequence[Number], *, single: bool) -> str:
 def summary_line(table: DriveTable) -> list[str]:
     """Harmonics, notes and the error of straight lines, a sentence each."""
     first, last = table.ends
-    per = f"rad/{table.units[first].split('/')[0]}"
+    unit = table.units[first].split("/")[0]
+    per = "cycles/rev" if unit == "rad" else f"rad/{unit}"
     found = [
-        f"Harmonic of {order:.6g} {per}: amplitude {size:.4g} {table.units[last]}, phase {phase:.4g} rad at zero."
+        f"Harmonic with {order:.6g} {per}: amplitude {size:.4g} {table.units[last]}, phase {phase:.4g} rad at zero."
         for order, size, phase in table.harmonics
     ]
-    error = f"Straight lines between the points are off by at most {table.largest_error:.2g} {table.units[last]}."
+    error = f"The largest error of linear interpolation is {table.largest_error:.2g} {table.units[last]}."
     return [*found, *table.notes, error]
 
 

@@ -39,14 +39,14 @@ def best_similar_shape(fit: Fit, found: Fit, name: str) -> Fit:
 
     Two ways are followed from all over the range: only at its end is seen which of them leads up the higher peak.
     """
-    afar = _climbed(fit, found, name, _look_alikes(found, name, stage=0), most=_WAYS)
+    afar = _climbed(fit, found, name, _similar_shapes(found, name, stage=0), most=_WAYS)
     ways = sorted((found, *afar), key=_height)[-_WAYS:]
     return max(in_threads(lambda way: _nearer(fit, way, name), ways), key=_height)
 
 
 def _nearer(fit: Fit, best: Fit, name: str) -> Fit:
     for stage in _NEARER:
-        better = _climbed(fit, best, name, _look_alikes(best, name, stage), most=1)
+        better = _climbed(fit, best, name, _similar_shapes(best, name, stage), most=1)
         if better and _height(better[0]) > _height(best):
             (best,) = better
         elif stage == _NEARER[-1]:
@@ -63,7 +63,7 @@ def _height(fit: Fit) -> float:
     return fit.log_likelihood if held is None else 0.5 * (fit.log_likelihood + held)
 
 
-def _look_alikes(fit: Fit, name: str, stage: int) -> tuple[Effect, ...]:
+def _similar_shapes(fit: Fit, name: str, stage: int) -> tuple[Effect, ...]:
     effect = fit.model.effect(name)
     return () if effect is None else effect.similar_shapes(stage)
 

@@ -125,10 +125,8 @@ class FrictionTest(Presented):
             lines.append("Friction below zero is none: see whether torque and angle go together, and their signs.")
         if "excess" not in found:
             slowest = float(np.min(np.abs(self.velocity)))
-            lines.append(
-                f"No Stribeck friction is seen from {slowest:.3g} {self.units['speed']} on, the slowest speed."
-            )
-        lines.append(f"The torque of a window is met to {self.residual:.2g} {self.log.command_unit} rms.")
+            lines.append(f"No Stribeck friction is visible; the slowest speed is {slowest:.3g} {self.units['speed']}.")
+        lines.append(f"The torque of a window is fitted within {self.residual:.2g} {self.log.command_unit} rms.")
         return lines
 
     def to_frame(self) -> pd.DataFrame:

@@ -54,7 +54,7 @@ def filter_gain(plant: LinearPlant, *, variance: float, kick: float, wander: flo
 
 
 def settled(F: Array, row: Array, Q: Array) -> Array:
-    """(m, m) covariance before a reading of variance one that a filter settles to, by doubling the time.
+    """(m, m) covariance before a reading of variance one that a filter settles to, by doubling the time over and over.
 
     The structure-preserving doubling algorithm (Chu, Fan, Lin, Wang 2004), faster than a general solver.
     """
@@ -139,7 +139,7 @@ class Assessment:
 
 
 def assess(plant: LinearPlant, gain: Array, law: tuple[Array, float], noise: float) -> Assessment:
-    """The loop of filter and law, whose poles are its own; the noise of the reading is white, so many [rad]."""
+    """The loop of filter and law (its poles are those of both); the noise of the reading is white, its std in [rad]."""
     f, z = FREQUENCIES, np.exp(2j * np.pi * FREQUENCIES)
     turned, controller = responses(plant, gain, law[0], z)
     w, L = 2 * np.pi * f / plant.sample_time, -turned * controller

@@ -103,11 +103,11 @@ def drive_table(
     if whole_turn and any(
         abs(_periods(order, low, high) - round(_periods(order, low, high))) > 1e-3 for order, *_ in waves
     ):
-        notes.append("It is no whole number of periods: its end does not join its beginning.")
+        notes.append("It is not a whole number of periods, so its end does not meet its beginning.")
     at = np.linspace(low, high, points, endpoint=not whole_turn)
     error, jumps = _line_error(parts, at)
     if jumps:
-        notes.append("It jumps at zero: on each side, go on straight to zero from the two nearest points.")
+        notes.append("It jumps at zero. On each side extrapolate linearly to zero.")
     shares = {name: part(at) for name, part in parts.items()} if len(parts) > 1 else {}
     motion, unit = moving(model), torque_unit(model)
     place, result = next(iter(motion)), _RESULTS.get(kind, strength(model))
@@ -233,6 +233,8 @@ def _position_error(model: ServoModel) -> tuple[str, Parts, list[str]]:
 def _dead_zone(model: ServoModel) -> tuple[str, Parts, list[str]]:
     zone = model.effect("dead_zone")
     parts: Parts = {}
+    if isinstance(zone, DeadZone) and not zone.half_width:
+        raise BadParameter("The dead zone of the model is zero, so the command is the torque itself.")
     if isinstance(zone, DeadZone):
         parts["dead_zone"] = lambda torque: torque + zone.half_width * np.sign(torque)
     return strength(model), _some(model, parts, "dead zone"), []
@@ -258,9 +260,9 @@ _RESULTS = {"position-error": "error", "dead-zone": "command"}
 """What the last column is called, where it is no torque (or force)."""
 
 _MEANINGS = {
-    "friction": "the {torque} to add at a steady velocity, because friction takes it",
-    "cogging": "the {torque} to add at an {place}, because cogging takes it",
-    "gravity": "the {torque} to add at an {place}, because gravity and springs take it",
-    "position-error": "what the sensor shows too much: subtract it",
-    "dead-zone": "the command for the {torque} that shall arrive",
+    "friction": "what the drive adds against friction at a steady velocity",
+    "cogging": "what the drive adds against cogging at an {place}",
+    "gravity": "what the drive adds against gravity and springs at an {place}",
+    "position-error": "error of the measurement; subtract it",
+    "dead-zone": "command for the {torque} that shall arrive",
 }

@@ -51,7 +51,7 @@ class Feedforward:
     def sentences(self) -> list[str]:
         """What it is, for readers."""
         precision = "single" if self.single else "double"
-        return [f"Feed-forward [{self.unit}] in {precision} precision: {', '.join(self.shares)}.", *self.left_out]
+        return [f"Feedforward [{self.unit}] in {precision} precision: {', '.join(self.shares)}.", *self.left_out]
 
     def summary(self) -> dict[str, Any]:
         """The same for scripts."""
@@ -148,11 +148,11 @@ class _Code:
         """What stands at the head of each file."""
         moving = ", ".join(f"{name} [{unit}]" for name, unit in self.units.items())
         unit, lines = torque_unit(self.model), []
-        lines.append(f"Feed-forward of a servo: the {self.what} [{unit}] that a motion of the load takes.")
+        lines.append(f"Feedforward of a servo: the {self.what} [{unit}] that a motion of the load takes.")
         lines.append(f"In: {moving}.")
-        lines.append("Give those of the set-point and not of the sensor: friction follows the sign of the velocity.")
+        lines.append("Give the set-point's values, not measured ones: friction follows the sign of the velocity.")
         if self.equations.remembered:
-            lines.append("Presliding follows the way of the load: call it once in every sample.")
+            lines.append("Presliding follows the travel of the load: call it once in every sample.")
         return lines + self.notes
 
     def header(self) -> str:
@@ -170,14 +170,14 @@ class _Code:
                 f"#define {guard}",
                 "",
                 f"typedef {'float' if self.single else 'double'} {real};",
-                f"#define {name.upper()}_LEAD {_seconds(time_lead(self.model))} /* s, set-points lie ahead by it */",
+                f"#define {name.upper()}_LEAD {_seconds(time_lead(self.model))} /* s to give set-points ahead */",
                 "",
-                f"struct {name}_feedforward {{ /* shares of the {self.what}; their sum is what is returned */",
+                f"struct {name}_feedforward {{ /* shares of the {self.what}; the function returns their sum */",
                 *shares,
                 *memory,
                 "};",
                 "",
-                f"/* Before the first call: nothing is bent, the load is at this {place}. */",
+                f"/* Before the first call: presliding starts unloaded at this {place}. */",
                 f"void {name}_feedforward_init(struct {name}_feedforward *self, {real} {place});",
                 "",
                 f"/* The {self.what} [{unit}] for this set-point. */",

@@ -1,7 +1,7 @@
 """The first experiment on a machine of which nothing is known but its limits: what to play before any log exists.
 
 In a drive with a position loop: a chirp for inertia, lag and compliance; moves with stops for stiction and backlash;
-slow reversals for presliding; speeds in steps for friction. In a drive that takes a torque, the same in torque.
+slow reversals for presliding; staircase of speeds for friction. In a drive that takes a torque, the same in torque.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def _positions(limits: DriveLimits, dt: float) -> list[tuple[str, Array]]:
             for share in _SLOW
             for side in (1.0, -1.0, 1.0, -1.0, 0.0)
         ],
-        "speeds in steps": [*steps, (middle, speed)],
+        "staircase of speeds": [*steps, (middle, speed)],
     }
     parts = [("rest", stand), ("chirp", middle + _chirp(half, speed, acceleration, dt)), ("rest", stand)]
     for name, way in ways.items():

@@ -117,10 +117,12 @@ class _Build:
                 start_new_session=_GROUPS,  # a compiler has its work done by others, which end with it
             )
             return cls(process, folder)
-        except OSError:
+        except BaseException as error:  # an interruption too, which may come between any two lines
             if folder is not None:
                 shutil.rmtree(folder, ignore_errors=True)
-            return None
+            if isinstance(error, OSError):
+                return None
+            raise
 
     @property
     def finished(self) -> bool:

@@ -44,8 +44,8 @@ class MujocoModel:
         """What is where, for readers."""
         found = [f"In the MJCF: {', '.join(self.native)}."]
         if self.called:
-            why = "MJCF has no attribute for it, or not in this order"
-            found.append(f"In the Python beside it, as {why}: {', '.join(self.called)}.")
+            why = "MJCF has no attribute for it, or in another order"
+            found.append(f"In the Python file, because {why}: {', '.join(self.called)}.")
         return [*found, *self.left_out]
 
 

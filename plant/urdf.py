@@ -50,7 +50,7 @@ def urdf(model: ServoModel, *, name: str = "antidrive") -> Urdf:
     if nearest:
         left_out.append(f"As its nearest Coulomb friction: {', '.join(nearest)}.")
     if lost or late:
-        left_out.append(f"URDF has no words for: {', '.join([*late, *lost])}.")
+        left_out.append(f"URDF cannot express: {', '.join([*late, *lost])}.")
     moments = " ".join(f'{axis}="{inertia - arm:.9g}"' for axis in ("ixx", "iyy", "izz"))
     return Urdf(
         text=f"""<?xml version="1.0"?>

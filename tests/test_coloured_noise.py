@@ -96,7 +96,7 @@ def test_white_noise_stays_white():
 def test_coloured_noise_has_no_cause(seed):
     found = diagnose(coloured(Machine(), seed))
     assert found.verdict == "nothing_missing"
-    assert any("not white, it lasts for about 0.05" in warning for warning in found.warnings)
+    assert any("coloured, with a memory of about 0.05" in warning for warning in found.warnings)
 
 
 def test_an_effect_is_identified_under_coloured_noise():

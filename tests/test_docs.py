@@ -102,6 +102,16 @@ def test_every_effect_has_its_part_and_its_picture(site: Path) -> None:
         assert f"gallery/{name}.svg" in found.loads
 
 
+@pytest.mark.parametrize(
+    "word",
+    ["MATLAB", "Simulink", "ROS", "EtherCAT", "TwinCAT", "ODrive", "MuJoCo", "feedforward", "licence", "backlash"],
+)
+def test_the_search_finds_what_people_look_for(site: Path, word: str) -> None:
+    sections = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))["docs"]
+    written = [part for part in sections if "changelog" not in part["location"]]
+    assert any(re.search(rf"\b{word}\b", part["text"] + part["title"], re.IGNORECASE) for part in written)
+
+
 @pytest.mark.parametrize("package", ["plant", "allocation", "identification", "diagnosis", "mpc"])
 def test_the_reference_has_every_public_name(site: Path, package: str) -> None:
     module = importlib.import_module(package)
@@ -124,7 +134,7 @@ def test_every_notebook_is_there_with_its_pictures(site: Path) -> None:
 
 def test_each_limit_of_the_readme_is_told_in_full(site: Path) -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    bold = re.findall(r"^- \*\*([^*]+?)\*\*", readme[readme.index("## Limits") :], re.MULTILINE)
+    bold = re.findall(r"^\| \*\*([^*]+?)\*\*", readme[readme.index("## Limits") :], re.MULTILINE)
     page = (site / "explanation" / "limits.html").read_text(encoding="utf-8")
     assert len(bold) > 6
     for words in bold:
@@ -139,8 +149,8 @@ def test_the_links_of_the_readme_lead_somewhere() -> None:
 
 
 # Of others: the EMPS with asymmetric and symmetric friction in its authors' measure, the worst of six friction models,
-# regressions of the EMPS and of the UR10e, the paper's alpha; and the number of a standard.
-PUBLISHED = "4.08 3.11 5.98 0.0309 0.0323 3.44 3.32 2.75 0.0047 402"
+# regressions of the EMPS and of the UR10e, the paper's alpha; the number of a standard, and a year.
+PUBLISHED = "4.08 3.11 5.98 0.0309 0.0323 3.44 3.32 2.75 0.0047 402 2001"
 
 
 def test_the_figures_of_the_explanations_were_measured() -> None:

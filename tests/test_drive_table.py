@@ -123,6 +123,11 @@ def test_gravity_has_all_that_the_angle_takes():
     assert table.columns["torque"] == pytest.approx(0.3 * np.cos(angle) + 0.4 * angle)
 
 
+def test_a_dead_zone_of_zero_needs_no_table():
+    with pytest.raises(BadParameter, match="The dead zone of the model is zero"):
+        drive_table(ServoModel.paper().without_effect("dead_zone").with_effect(DeadZone(half_width=0.0)), "dead-zone")
+
+
 @pytest.mark.parametrize("kind", ["friction", "cogging", "gravity", "position-error", "dead-zone"])
 def test_the_error_of_straight_lines_is_what_it_says(kind):
     table = drive_table(FULL, kind, points=40)

@@ -108,5 +108,5 @@ def test_the_diagnosis_names_the_friction_and_the_screw(emps):
     contacts = found.model.effect("presliding_hysteresis")
     assert contacts.stiffness == pytest.approx(5.5e5, rel=0.3)
     # The screw was turned in between.
-    (other,) = (warning for warning in found.warnings if "held-out data alone" in warning)
+    (other,) = (warning for warning in found.warnings if "validation data alone" in warning)
     assert "cogging: phase" in other

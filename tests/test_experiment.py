@@ -285,7 +285,7 @@ def test_what_the_log_left_open_is_free() -> None:
 
 
 def test_one_model_against_itself_is_said_to_be_inseparable(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Design, "multistart_refit", lambda design, found, rng: found)
+    monkeypatch.setattr(Design, "refined", lambda design, found, rng: found)
     first = rivals("load")[1]
     experiment = separating_experiment(first, first, LIMITS, duration=0.1)
     assert not experiment.separable

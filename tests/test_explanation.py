@@ -305,7 +305,7 @@ def test_the_report_explains_the_margin_that_is_printed(monkeypatch, tmp_path) -
     part = page.split("<h2>Missing effects")[1].split("<h2>Validation error")[0]
     bars, *pictures = part.split("application/json")
     assert "no effect more" in bars.split('class="bars"')[1]
-    assert ["along the log" in pictures[0], "the effect as fitted" in pictures[1]] == [True, True]
+    assert ["along the log" in pictures[0], "predicted by the extended model" in pictures[1]] == [True, True]
     assert len(pictures) == 2
 
 

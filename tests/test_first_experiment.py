@@ -40,7 +40,7 @@ def test_the_plan_keeps_every_limit_and_uses_most_of_it(limits, rate):
         "chirp",
         "moves and stops",
         "slow reversals",
-        "speeds in steps",
+        "staircase of speeds",
     ]
     assert plan["time"].iloc[-1] < 400.0
 

@@ -18,7 +18,7 @@ from front_door import PLAIN, antidrive, columns, write_csv, write_model
 import antidrive as ad
 
 ROOT = Path(__file__).parents[1]
-HEAVY = {"casadi", "pandas", "plotly", "scipy", "numpy", *("plant", "allocation", "identification", "diagnosis", "mpc")}
+HEAVY = {"casadi", "pandas", "scipy", "numpy", *("plant", "allocation", "identification", "diagnosis", "mpc")}
 
 
 def python(code: str, folder: Path, **options: str) -> subprocess.CompletedProcess[str]:

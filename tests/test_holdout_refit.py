@@ -61,7 +61,7 @@ def test_a_diagnosis_says_it_and_does_not_heed_it():
     asked = ["coulomb_friction"]
     same = diagnose(log, None, log_of(rubbing(0.3), 2), candidates=asked)
     other = diagnose(log, None, log_of(rubbing(0.6), 2), candidates=asked)
-    assert not any("held-out data alone" in warning for warning in same.warnings)
+    assert not any("validation data alone" in warning for warning in same.warnings)
     assert any("coulomb friction: torque 0.6" in warning for warning in other.warnings)
     np.testing.assert_array_equal(same.model.values, other.model.values)
 

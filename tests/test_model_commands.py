@@ -15,7 +15,7 @@ def test_export_feedforward_writes_the_code(tmp_path):
     assert spoken.code == 0, spoken.err
     assert listing(out) == {n: t.encode() for n, t in feedforward_code(TRUTH, single=True).files.items()}
     assert spoken.out.splitlines()[0] == (
-        "Feed-forward [N m] in single precision: inertia, gravity, viscous_friction, dead_zone, coulomb_friction."
+        "Feedforward [N m] in single precision: inertia, gravity, viscous_friction, dead_zone, coulomb_friction."
     )
     told = json.loads(antidrive("export", model, "--feedforward", "--out", out, "--json").out)
     assert told["precision"] == "double"

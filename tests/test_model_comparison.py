@@ -28,7 +28,7 @@ def test_wear_and_a_new_effect_are_told_apart():
     assert frame.loc["viscous_friction", "errors"] > 20.0
     assert found.error_after < 0.1 * found.error_before
     lines = found.sentences()
-    assert lines[0].startswith("Moved: viscous_friction: 0.5 +- 0.0001 -> 0.")
+    assert lines[0].startswith("Changed: viscous_friction: 0.5 +- 0.0001 -> 0.")
     assert "+20 %" in lines[0]
     assert lines[1] == "New: cogging, probability above 0.99"
 
@@ -39,7 +39,7 @@ def test_the_command_says_that_nothing_changed(tmp_path):
     log = write_csv(tmp_path / "log.csv", columns(TRUTH, seed=3, duration=DURATION))
     spoken = antidrive("compare", model, log, "--candidates", "cogging", "--out", out)
     assert spoken.code == 0, spoken.err
-    assert spoken.out.splitlines()[:2] == ["No parameter has moved beyond its error.", "No effect is new."]
+    assert spoken.out.splitlines()[:2] == ["No parameter has changed beyond its error.", "No effect is new."]
     assert sorted(listing(out)) == ["comparison.csv", "comparison.json", "model.json", "report.html"]
     content = json.loads((out / "comparison.json").read_text())
     assert [entry["name"] for entry in content["changes"]] == list(TRUTH.names)

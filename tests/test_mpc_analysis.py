@@ -124,8 +124,10 @@ def test_a_faster_loop_has_more_bandwidth_and_less_margin() -> None:
 
 def test_the_picture_shows_gain_and_sensitivities() -> None:
     figure = bode_figure(loops()[0])
-    assert {trace.name for trace in figure.data} >= {"loop gain L", "sensitivity S", "complementary T"}
-    assert "phase margin" in figure.layout.title.text
+    upper, lower = figure.axes
+    assert {line.get_label() for line in upper.lines} >= {"loop gain L", "sensitivity S", "complementary T"}
+    assert "phase margin" in upper.get_title()
+    assert "deg" in lower.get_ylabel()
 
 
 def test_refuses_what_it_leaves_out() -> None:

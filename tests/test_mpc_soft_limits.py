@@ -126,7 +126,7 @@ def test_whatever_is_remembered_the_answer_is_the_same(seed: int, hardness: floa
         assert cost(stages, fences, both.arrays["e"]) == pytest.approx(best, rel=1e-7, abs=1e-12)
 
 
-def test_the_active_set_follows_a_limit_that_moves_by_a_sample() -> None:
+def test_the_active_set_follows_a_limit_that_moves() -> None:
     """What one step has found is the next one's beginning, so that the interior point method is seldom asked."""
     asked = []
     controller = Controller(ServoModel.paper(), GearTrain.paper(), horizon=30, angle_limits=(-0.2, 0.2))

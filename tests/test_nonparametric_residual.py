@@ -23,7 +23,9 @@ from plant.effects.nonparametric_curve import HEIGHTS
 from plant.effects.parameter_varying import FrictionOverTurn
 
 BASE, FIRST, SECOND = (SimpleNamespace(name=name, bandwidth=5.0) for name in ("base", "first", "second"))
-SAID = "Curve over velocity alone explains as much as these names together; a log with a different motion would decide."
+SAID = (
+    "Curve over velocity alone explains as much as these effects together; a log with a different motion would decide."
+)
 
 
 @pytest.mark.parametrize(("brings", "kept"), [(19.0, 1), (21.0, 2)])

@@ -25,7 +25,7 @@ def test_an_unknown_cause_is_not_reported_as_sensor_lag() -> None:
     first = next(c for c in found.candidates if c.effect == "sensor_lag")
     assert first.probability > 0.9
     assert (found.verdict, found.causes) == ("unknown", ())
-    assert any("Sensor lag would fit, but the parts of the log disagree" in warning for warning in found.warnings)
+    assert any("Sensor lag is rejected: parts of the log contradict" in warning for warning in found.warnings)
 
 
 @pytest.mark.long

@@ -105,7 +105,7 @@ def test_the_command_writes_numbers_and_a_page(tmp_path: Path) -> None:
     assert np.subtract(case["least_preload"], case["least_min_torque"]) == pytest.approx(summary["formula"])
     page = (tmp_path / "out" / "report.html").read_text()
     assert f"{case['least_preload'][EQUAL]:.2f} ({case['least_min_torque'][EQUAL]:+.2f})" in page
-    assert "An experiment on the rig" in page
+    assert "An experiment in the test-bench simulation" in page
     assert ">paper</th>" not in page
 
 

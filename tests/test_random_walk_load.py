@@ -54,7 +54,7 @@ def test_an_observer_that_knows_of_wandering_predicts_it_better():
 
 
 def is_said_to_wander(found: Diagnosis) -> bool:
-    return any("no better than a load torque that wanders" in warning for warning in found.warnings)
+    return any("a random-walk disturbance torque explains as much" in warning for warning in found.warnings)
 
 
 def test_a_wandering_load_has_no_cause():

@@ -48,7 +48,7 @@ def test_what_is_missing_repeats() -> None:
     assert found.pairs == (("machine 0 run 0", "machine 2 run 2"),)
     assert found.deterministic
     assert 0.05 < found.share < 0.5
-    assert "something that is not noise is still missing" in str(found)
+    assert "the rest is model error and not noise" in str(found)
 
 
 def test_without_repeats_nothing_is_said() -> None:

@@ -288,7 +288,7 @@ def test_words_say_how_sure(diagnosis):
         "Coulomb friction: probability 97 %, torque 0.400 ± 0.010 N m; alternatives: Stribeck friction 2 %, none 1 %."
     )
     assert second == (
-        "On 1 validation run the simulation error falls from 0.05 rad to 0.01 rad rms (80 %); "
+        "On the validation run the simulation error falls from 0.05 rad to 0.01 rad rms (80 %); "
         f"the noise floor is {floor}."
     )
     assert torque == (

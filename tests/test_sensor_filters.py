@@ -42,7 +42,7 @@ def test_a_stop_that_nobody_knows_is_no_lag_of_the_sensor(seed: int) -> None:
     assert found.base.bandwidth > 0.5 * FASTEST
     assert max(candidate.probability for candidate in found.candidates) > 0.99
     assert (found.verdict, found.causes) == ("unknown", ())
-    assert any("Sensor lag would fit, but only mends the observer" in warning for warning in found.warnings)
+    assert any("Sensor lag is rejected: it only changes the observer" in warning for warning in found.warnings)
 
 
 def test_a_lag_of_the_sensor_is_named_behind_such_an_observer() -> None:

@@ -114,7 +114,7 @@ def test_urdf_has_damping_friction_limit_and_weight():
     assert full[0, 0] == pytest.approx(0.5)
     assert made.left_out == (
         "As its nearest Coulomb friction: Stribeck friction.",
-        "URDF has no words for: dead zone.",
+        "URDF cannot express: dead zone.",
     )
 
 

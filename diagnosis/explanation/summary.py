@@ -57,12 +57,12 @@ def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> li
     lines += explanation.short if explanation is not None else ()
     gain = diagnosis.gain
     if gain is not None:
-        runs = "run" if len(gain.runs) == 1 else "runs"
+        runs = "the validation run" if len(gain.runs) == 1 else f"{len(gain.runs)} validation runs"
         error = gain_errors(diagnosis)
         before = measured(gain.held_out_rms_before, error.before, gain.unit)
         after = measured(gain.held_out_rms_after, error.after, gain.unit)
         floor = f"the {gain.floor_name} is {measured(gain.noise_floor, error.noise_floor, gain.unit)}"
-        what = f"On {len(gain.runs)} validation {runs} the simulation error"
+        what = f"On {runs} the simulation error"
         if diagnosis.extended is diagnosis.base:
             lines.append(f"{what} is {before} rms; {floor}.")
         else:

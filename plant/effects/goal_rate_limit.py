@@ -1,4 +1,4 @@
-"""Goal rate limit: a position servo moves its internal goal with a limited speed."""
+"""Set-point rate limit: a position servo moves its internal set-point (goal) with a limited speed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class GoalRateLimit(Ramp):
     """
 
     name = "goal_rate_limit"
-    title = "goal rate limit"
+    title = "set-point rate limit"
     stage = Stage.ACTUATOR
     equation = r"|\dot g| \le r,\quad \tau = k_p\,(g - x)"
     trace = "residual torque after fast changes of the set-point, equally long at every servo gain"

@@ -1,4 +1,4 @@
-"""A load torque that wanders at random: nothing to be named, but noise that a model must not be extended for.
+"""A random-walk load torque: nothing to be named, but noise that a model must not be extended for.
 
 It is not in the catalogue. Beside it an observer has a third state, and a simulation nothing at all.
 """
@@ -15,7 +15,7 @@ class RandomWalkLoad(Effect):
     """Its state is the acceleration that it gives the load [rad/s^2]."""
 
     name = "random_walk_load"
-    title = "wandering load"
+    title = "random-walk load torque"
     stage = Stage.LOAD
     equation = r"\tau_w = J w, \quad \dot w = \text{noise}"
     trace = "a residual torque that depends on neither angle nor velocity nor command, and never repeats"
