@@ -102,7 +102,7 @@ def test_the_summary_tells_by_how_much_the_error_grew() -> None:
     assert summary["largest_error_after_loss"] == np.max(np.abs(after))
     assert summary["backlash_control"] == "lost"
     np.testing.assert_array_equal(trial.table()["angle_without_loss"], whole.angle)
-    drawn = {curve.name for curve in trial.figure().data}
+    drawn = {curve.name for row in trial.figure().rows for curve in row.curves}
     assert "angle, nothing lost" in drawn
     assert any(f"{summary['error_growth']:.4g} times" in line and "is lost" in line for line in trial.sentences())
 
