@@ -44,7 +44,7 @@ class Peer:
     def __init__(self, controller: Controller) -> None:
         self.controller, self.times, self.beyond = controller, [], 0.0
         self.step = controller._interpreted
-        self.program = self.step.programme
+        self.program = self.step.program
         controller._step = self.step
         self.program.solve = self.solve  # type: ignore[method-assign]
         self.N, self.n = self.program.e.size, self.program.s.shape[1] - 1

@@ -78,7 +78,7 @@ def by_daqp_with_slacks(H: Array, g: Array, stages: Stages, fences: Fences) -> A
 
 
 def fenced(N: int, count: int) -> str:
-    """Programmes with limits, in a line."""
+    """Programs with limits, in a line."""
     solver, rng = Solver(2, N, fenced=True), np.random.default_rng(N)
     times, worst, wrong, uncertified, theirs_wrong, active = np.empty(count), 0.0, 0, 0, 0, 0
     for k in range(count):

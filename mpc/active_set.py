@@ -34,9 +34,9 @@ FIRM = 1e4
 
 
 @np.errstate(all="ignore")  # forgotten numbers may be anything; what comes of them is certified
-def find_active_set(programme: Sweeps) -> bool:
-    """Let the bounds and ends of a programme settle; whether they do. The last sweep then is the solution."""
-    p = programme
+def find_active_set(program: Sweeps) -> bool:
+    """Let the bounds and ends of a program settle; whether they do. The last sweep then is the solution."""
+    p = program
     fenced, changes, once_more = p.rows > TORQUE_ALONE, True, False
     pressing = warm = fenced and _known(p)
     p.barrier[:] = 0.0
@@ -63,18 +63,18 @@ def find_active_set(programme: Sweeps) -> bool:
     return not changes
 
 
-def _ends(programme: Sweeps) -> Array:
+def _ends(program: Sweeps) -> Array:
     """(N, rows) the end at which each number is held, the lower one of those that are not."""
-    return np.where(programme.pressed > 0, programme.fence[:, :, 1], programme.fence[:, :, 0])
+    return np.where(program.pressed > 0, program.fence[:, :, 1], program.fence[:, :, 0])
 
 
-def _steepness(programme: Sweeps) -> Array:
-    return np.asarray(FIRM * (programme.curvature[:, None] / (programme.moved * programme.moved)))
+def _steepness(program: Sweeps) -> Array:
+    return np.asarray(FIRM * (program.curvature[:, None] / (program.moved * program.moved)))
 
 
-def _known(programme: Sweeps) -> bool:
+def _known(program: Sweeps) -> bool:
     """Keep of what is remembered what can be; whether anything is."""
-    p = programme
+    p = program
     at, price = np.abs(p.pressed), p.prices
     given_up = (at == 2) & (price < np.inf)
     p.forces[:] = np.where(given_up, np.where(p.pressed > 0, price, -price), p.forces)
@@ -84,18 +84,18 @@ def _known(programme: Sweeps) -> bool:
     return bool(keep.any())
 
 
-def _press(programme: Sweeps) -> None:
+def _press(program: Sweeps) -> None:
     """What is held, or given up, adds to the cost."""
-    p = programme
+    p = program
     held = np.abs(p.pressed) == 1
     firm = np.where(held, _steepness(p), 0.0)
     p.barrier[:, 0::2] = firm
     p.barrier[:, 1::2] = np.where(held, p.forces - firm * np.where(held, _ends(p), 0.0), p.forces)
 
 
-def _settle(programme: Sweeps) -> bool:
+def _settle(program: Sweeps) -> bool:
     """The forces behind a sweep, and which numbers are let go, given up to their price, or held again; whether any."""
-    p = programme
+    p = program
     at, sense = p.pressed.copy(), np.where(p.pressed > 0, 1.0, -1.0)
     beyond = sense * (p.numbers().reshape(at.shape) - _ends(p))
     force = sense * p.forces + _steepness(p) * beyond
@@ -109,9 +109,9 @@ def _settle(programme: Sweeps) -> bool:
     return bool((gone | dear | back | away).any())
 
 
-def _beyond(programme: Sweeps) -> Array:
+def _beyond(program: Sweeps) -> Array:
     """(N, rows) how far each number that is free is beyond an end, in units of the torque that moves it."""
-    p = programme
+    p = program
     q = p.numbers().reshape(p.pressed.shape)
     far = np.maximum(q - p.fence[:, :, 1], p.fence[:, :, 0] - q) / p.moved
     far[:, 0] = -np.inf
@@ -119,9 +119,9 @@ def _beyond(programme: Sweeps) -> Array:
     return far
 
 
-def _take_up(programme: Sweeps, far: Array) -> bool:
+def _take_up(program: Sweeps, far: Array) -> bool:
     """Hold those that are farther beyond than their neighbours in time; whether there are any."""
-    p, edge = programme, np.full((1, far.shape[1]), -np.inf)
+    p, edge = program, np.full((1, far.shape[1]), -np.inf)
     peak = (far >= np.vstack((edge, far[:-1]))) & (far > np.vstack((far[1:], edge)))
     taken = (far > _CLOSE * p.unit[0]) & peak
     upper = p.numbers().reshape(far.shape) > p.fence[:, :, 1]

@@ -59,7 +59,7 @@ class LoopAnalysis:
 def analyse_loop(controller: Controller, *, angle: float = 0.0, velocity: float = 0.0) -> LoopAnalysis:
     """Linearise model, estimator and predictive controller at an operating point, no bound being active.
 
-    The estimator has settled (its Riccati equation); the law of the controller is the first torque of the programme of
+    The estimator has settled (its Riccati equation); the law of the controller is the first torque of the program of
     `Controller`, as a linear function of the estimate and of the torques under way. The reference is constant.
 
     Args:

@@ -59,7 +59,7 @@ class Control:
 
     @property
     def residual(self) -> float:
-        """How far from optimal, see `mpc.programme.Programme.residual`."""
+        """How far from optimal, see `mpc.quadratic_program.QuadraticProgram.residual`."""
         return float(self._numbers[2])
 
     @property

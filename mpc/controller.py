@@ -41,7 +41,7 @@ from plant.simulation import whole_samples
 Array = NDArray[np.float64]
 
 _ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
-"""Bound on the sweeps of each method of the quadratic programme; two are usual, 20 where other intervals are active."""
+"""Bound on the sweeps of each method of the quadratic program; two are usual, 20 where other intervals are active."""
 
 
 _CHOSEN: Any = None
@@ -62,7 +62,7 @@ class Controller(Remembering):
     other: tau over the horizon within what the bounds on xi let it reach, lambda in closed form at each stage. Every
     predicted pair of pinion torques satisfies the bounds.
 
-    One quadratic programme a sample: the model is linearised along the last solution, shifted (real-time iteration;
+    One quadratic program a sample: the model is linearised along the last solution, shifted (real-time iteration;
     Diehl, Bock, Schloeder 2005); on request as many as it takes (sequential quadratic programming). s and P are those
     of the rigid servo (`mpc.weights`); the torque at the end of the horizon is left free, because what the reference
     needs later is not known.
@@ -105,7 +105,7 @@ class Controller(Remembering):
         angle_limits: lowest and highest angle of the load [rad], kept to within the noise of the sensor; a load that is
             beyond returns smoothly.
         speed_limit: greatest speed of the load [rad/s], likewise.
-        sqp_iterations: programmes a sample at most; with more than one the model is linearised anew along each solution
+        sqp_iterations: programs a sample at most; with more than one the model is linearised anew along each solution
             until the torques change no more.
 
     Raises:

@@ -73,7 +73,7 @@ def moved(inertia: float, sample_time: float) -> Array:
 def prices(rate_weight: float, greatest: float, inertia: float, sample_time: float) -> Array:
     """(4,) of leaving an interval by 1 N m, 1 rad or 1 rad/s; those of the torque and its change cannot be left.
 
-    A penalty by the distance itself is exact if its price is above every multiplier of the programme with hard limits
+    A penalty by the distance itself is exact if its price is above every multiplier of the program with hard limits
     (Kerrigan and Maciejowski, "Soft constraints and exact penalty functions in model predictive control", 2000). What
     holds a load at a limit is a change of torque. The dearest is one from end to end of the reach, 2 tau, in the first
     sample, which moves the angle by 2 tau m: it costs w (2 tau) per newton metre, w (2 tau)/m per radian. The price is

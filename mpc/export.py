@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mpc import effort
 from mpc.controller import Controller
-from mpc.target_words import ranges, words_of
+from mpc.target_report import ranges, words_of
 from mpc.trouble import Trouble, sentence
 from plant.errors import BadParameter
 

@@ -1,4 +1,4 @@
-"""The torque that the governed reference takes: what the programme need not pay for.
+"""The torque that the governed reference takes: what the program need not pay for.
 
 The price of a change of torque makes the loop as fast as its margins allow, and no faster. A reference that the model
 can follow is no business of that loop: the torque that it takes is known, so only what changes beside it has a price.

@@ -7,7 +7,7 @@ from string import Template
 
 from mpc.controller import Controller
 from mpc.export import export
-from mpc.target_words import what
+from mpc.target_report import what
 from plant.fmu import Fmu, Variable
 
 

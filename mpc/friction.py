@@ -1,7 +1,7 @@
 """Dry friction beside the plan: what it is on the way that is planned, and what its scale is found to be.
 
-The programme plans the net torque, that which moves the load, with a model that has no dry friction; friction is added
-to it afterwards, at the velocity of the governed reference. A programme that has friction in it prefers to stay stuck:
+The program plans the net torque, that which moves the load, with a model that has no dry friction; friction is added
+to it afterwards, at the velocity of the governed reference. A program that has friction in it prefers to stay stuck:
 it pays for the jump of the torque that a reversal needs, and its horizon is too short to see what that is worth.
 
 Too little only sticks for a while, too much jumps. So what is added is what is sure: the scale less its standard error.

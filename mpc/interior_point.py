@@ -1,4 +1,4 @@
-"""The interior point method behind the active set: it cannot cycle, and knows all intervals of a programme."""
+"""The interior point method behind the active set: it cannot cycle, and knows all intervals of a program."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _STIFF = 1e11
 
 
 @np.errstate(all="ignore")  # an infinite price marks an interval that cannot be left
-def solve_from_inside(programme: Sweeps) -> None:
-    """Solve a programme to within the last digits, and say from it which torques are at a bound.
+def solve_from_inside(program: Sweeps) -> None:
+    """Solve a program to within the last digits, and say from it which torques are at a bound.
 
     The primal-dual method with a barrier (Wright, "Primal-dual interior-point methods", 1997). The end b of an
     interval, with a sign + or -, holds a number q of a stage back by a force. Where the interval may be left at a
@@ -34,7 +34,7 @@ def solve_from_inside(programme: Sweeps) -> None:
     around the last point and not around zero: near the solution the barrier is so steep that the difference of two
     large numbers would be noise.
     """
-    p, unit = programme, float(programme.unit[0])
+    p, unit = program, float(program.unit[0])
     low, high = p.bounds[:, 1], p.bounds[:, 2]
     kept = p.data.copy(), p.end.copy()
     p.bounds[:, 0] = 0.0
@@ -95,9 +95,9 @@ def solve_from_inside(programme: Sweeps) -> None:
     p.bounds[:, 0] = np.where(inside + push < -half, -1.0, np.where(inside + push > half, 1.0, 0.0))
 
 
-def _begin_here(programme: Sweeps, length: float) -> None:
+def _begin_here(program: Sweeps, length: float) -> None:
     """Count from now on from where that part of the last sweep ends."""
-    p = programme
+    p = program
     p.data[:, 0] += length * p.s[:-1, 0]
     p.data[:, 1] += length * (p.e - p.s[:-1, -1])
     p.end += length * p.s[-1, :2]
@@ -113,6 +113,6 @@ def _centred(gap: Array, price: Array, least: Array, start: float) -> tuple[Arra
     return start / force, force, np.where(price < np.inf, start / spare, 0.0), spare
 
 
-def _sums(programme: Sweeps, row: NDArray[np.int64], values: Array) -> Array:
+def _sums(program: Sweeps, row: NDArray[np.int64], values: Array) -> Array:
     """(N, rows) sums over both ends of each interval, zero where there is none."""
-    return np.bincount(row, values, programme.forces.size).astype(np.float64).reshape(programme.forces.shape)
+    return np.bincount(row, values, program.forces.size).astype(np.float64).reshape(program.forces.shape)

@@ -77,7 +77,7 @@ def with_disturbance(plant: LinearPlant) -> Array:
 
 
 def law(plant: LinearPlant, horizon: int, rate_weight: float, terminal_weight: Array) -> tuple[Array, float]:
-    """The first torque of the programme by what is known; the reference is zero and no bound is active.
+    """The first torque of the program by what is known; the reference is zero and no bound is active.
 
     Returns:
         (n + 1 + late + 1,) by estimate (z, d) and torques u[k-1], ..., u[k-late-1]; and the largest magnitude of the

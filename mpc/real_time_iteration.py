@@ -14,7 +14,7 @@ from mpc.corridor import corridor, enter
 from mpc.estimator import Estimator
 from mpc.kernel import Kernel, unrolled
 from mpc.prepared import prepared
-from mpc.programme import Programme
+from mpc.quadratic_program import QuadraticProgram
 from mpc.riccati import TORQUE_ALONE
 from mpc.slots import Belief, Tuning
 from mpc.split import reach
@@ -30,7 +30,7 @@ class RealTimeIteration:
     """One program a sample, or on request as many as it takes until the torques change no more.
 
     Attributes:
-        programme: the quadratic program.
+        program: the quadratic program.
     """
 
     def __init__(self, sizes: Mapping[str, int], arrays: Mapping[str, Array], estimator: Estimator) -> None:
@@ -39,7 +39,7 @@ class RealTimeIteration:
         n = len(estimator.predictor.model.states)
         self._late, self._passes, self._dt = late, sizes["passes"], float(arrays["model"][-1])
         self._a, self._belief = arrays, estimator.belief
-        self.programme = Programme(arrays, sizes["rounds"])
+        self.program = QuadraticProgram(arrays, sizes["rounds"])
         self._states, self._range = arrays["states"].reshape(-1, n), arrays["range"].reshape(N, 2)
         stage = estimator.predictor.along.function
         along = unrolled(stage.mapaccum(late + N), late + N, stage)
@@ -53,27 +53,27 @@ class RealTimeIteration:
 
     def optimise(self) -> float:
         """Linearise, solve, and go on with the torques found; the residual."""
-        a, programme = self._a, self.programme
+        a, program = self._a, self.program
         residual = float("inf")
         for place in range(self._passes):
             if place:
                 a["guess"][:] = a["plan"][1:]
             self._linearise()
-            residual = programme.solve()
+            residual = program.solve()
             a["plan"][0] = residual <= CERTIFIED
             if not a["plan"][0]:  # the guess, as far as the bounds let it stand
-                programme.bounds[:, 0] = -1.0
-                programme.bounds[:, 1] = np.clip(0.0, programme.bounds[:, 1], programme.bounds[:, 2])
-                programme.bounds[:, 2] = programme.bounds[:, 1]
-                programme.sweep()
-            a["plan"][1:] = np.clip(a["guess"] + programme.e, self._range[:, 0], self._range[:, 1])
-            if not np.max(np.abs(programme.e)) > CONVERGED * a["unit"][0]:
+                program.bounds[:, 0] = -1.0
+                program.bounds[:, 1] = np.clip(0.0, program.bounds[:, 1], program.bounds[:, 2])
+                program.bounds[:, 2] = program.bounds[:, 1]
+                program.sweep()
+            a["plan"][1:] = np.clip(a["guess"] + program.e, self._range[:, 0], self._range[:, 1])
+            if not np.max(np.abs(program.e)) > CONVERGED * a["unit"][0]:
                 break
         return residual
 
     def _linearise(self) -> None:
-        """The programme around the course of the model under the guess."""
-        a, late, programme = self._a, self._late, self.programme
+        """The program around the course of the model under the guess."""
+        a, late, program = self._a, self._late, self.program
         N, guess, past = a["guess"].size, a["guess"], a["past"]
         a["states"][: self._states.shape[1]] = self._belief[3 : 3 + self._states.shape[1]]
         held = np.concatenate((past[1 : late + 2], guess)) + self._belief[Belief.DISTURBANCE]
@@ -91,20 +91,20 @@ class RealTimeIteration:
             )
         a["unit"][0] = np.abs(a["range"]).max()
         self._range[:] -= a["rub"][:, None]  # what is left to the net torque
-        programme.bounds[:, 1:] = self._range - guess[:, None]
-        programme.data[1:, 0] = states[1:-1, 0] - ahead[1:N]
+        program.bounds[:, 1:] = self._range - guess[:, None]
+        program.data[1:, 0] = states[1:-1, 0] - ahead[1:N]
         changes = np.diff(guess, prepend=past[late + 1])
-        programme.data[:, 1] = changes - np.diff(a["feed"])
-        if programme.rows > TORQUE_ALONE:
+        program.data[:, 1] = changes - np.diff(a["feed"])
+        if program.rows > TORQUE_ALONE:
             rubs = np.diff(a["rub"], prepend=a["rubs"][late + 1])
-            programme.fence[:, 1] = np.stack((-steps, steps), axis=-1) - changes[:, None] - rubs[:, None]
+            program.fence[:, 1] = np.stack((-steps, steps), axis=-1) - changes[:, None] - rubs[:, None]
             self._enter()
             for place in range(3):
                 self._corridor.inputs[1][place::3] = ahead[place : place + N]
             _, ends = self._corridor()
-            programme.fence[:, 2:] = ends.reshape(N, 2, 2) - states[1:, :2, None]
-        programme.end[0] = states[-1, 0] - ahead[N]
-        programme.end[1] = pace[-1] - (ahead[N + 1] - ahead[N - 1]) / (2 * self._dt)
+            program.fence[:, 2:] = ends.reshape(N, 2, 2) - states[1:, :2, None]
+        program.end[0] = states[-1, 0] - ahead[N]
+        program.end[1] = pace[-1] - (ahead[N + 1] - ahead[N - 1]) / (2 * self._dt)
 
 
 def within_rate(ranges: Array, last: float, step: float) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""The quadratic programme of the controller, stage by stage: sweeps whose work grows linearly with the horizon.
+"""The quadratic program of the controller, stage by stage: sweeps whose work grows linearly with the horizon.
 
 Around a course of the model the torques of the horizon change by e[k], the states by z[k] (z[0] = 0, e[-1] = 0):
 

@@ -1,4 +1,4 @@
-"""The nonlinear programme of a move from rest to rest, by multiple shooting."""
+"""The nonlinear program of a move from rest to rest, by multiple shooting."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ class Shot:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Block:
-    """Some variables of the programme with their bounds and first guess, or some of its rows; a column for a stage."""
+    """Some variables of the program with their bounds and first guess, or some of its rows; a column for a stage."""
 
     symbols: Any
     lower: Any
@@ -157,12 +157,12 @@ class Shooting:
         Z, U, X, t = (block.symbols for block in variables)
         rows = self._rows(Z, U, X, t, units, expected)
         heat = ca.sum2(ca.sum1(X**2)) * t / N
-        programme = {
+        program = {
             "x": ca.vertcat(*(ca.vec(block.symbols) for block in variables)),
             "f": t + _TIDY * heat if duration is None else heat,
             "g": ca.vertcat(*(ca.vec(block.symbols) for block in rows)),
         }
-        solver = ca.nlpsol("move", "ipopt", programme, _OPTIONS)
+        solver = ca.nlpsol("move", "ipopt", program, _OPTIONS)
         found = solver(
             x0=np.concatenate([block.flat("guess") for block in variables]),
             lbx=np.concatenate([block.flat("lower") for block in variables]),

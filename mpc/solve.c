@@ -1,7 +1,7 @@
-/* The quadratic programme of a step (see mpc/riccati.py), solved and certified.
+/* The quadratic program of a step (see mpc/riccati.py), solved and certified.
 
    The functions backward, forward and slope above are one stage each, written by CasADi from the same expressions that
-   the Python form uses (mpc/programme.py); here stand the loops around them. No memory is taken, every loop is bounded.
+   the Python form uses (mpc/program.py); here stand the loops around them. No memory is taken, every loop is bounded.
    HORIZON, LATE, PASSES, ROUNDS, TABLE, STEP, CERTIFIED, DIGITS, FIRM, STIFF and CLOSE come from what it is written into. */
 
 enum { N = STATES, M = STATES + 1, TRIANGLE = M * (M + 1) / 2, LAW = 2 * M + 3, ROWS = BARRIER / 2 };
@@ -84,7 +84,7 @@ static real residual(struct controller *c)
           c->data + 2 * k, forces, TABLE(tuning), costate[!from], &slope_e);
     miss = fabs(c->e[k] - clipped(c->e[k] - slope_e / curvature, bounds[1], bounds[2]));
     if (!(miss <= worst)) worst = miss;
-    for (i = 1; i < ROWS; ++i) { /* the other intervals, see `Programme.residual` */
+    for (i = 1; i < ROWS; ++i) { /* the other intervals, see `QuadraticProgram.residual` */
       real scale = TABLE(moved)[i], stiff = curvature / (scale * scale), q = number(c, k, i);
       real up = clipped(forces[i] + stiff * (q - fence[2 * i + 1]), 0, TABLE(prices)[i]);
       real down = clipped(forces[i] + stiff * (q - fence[2 * i]), -TABLE(prices)[i], 0);
@@ -363,12 +363,12 @@ static void interior_point(struct controller *c)
   }
 }
 
-/* The solution of the programme, certified; its residual, infinite if there is none. */
+/* The solution of the program, certified; its residual, infinite if there is none. */
 STEP real solve(struct controller *c)
 {
   int settled = active_set(c);
   real worst = residual(c);
-  if (worst <= CERTIFIED && (settled || ROWS == 1)) return worst; /* a price makes much of little: see mpc/programme.py */
+  if (worst <= CERTIFIED && (settled || ROWS == 1)) return worst; /* a price makes much of little: see mpc/program.py */
   interior_point(c);
   if (ROWS == 1) active_set(c); /* the other intervals it does not know */
   worst = residual(c);

@@ -180,7 +180,7 @@ static void confine(struct controller *c)
   }
 }
 
-/* The programme around the course of the model under the guess. */
+/* The program around the course of the model under the guess. */
 static void linearise(struct controller *c)
 {
   int k, late = LATE, total = late + HORIZON;

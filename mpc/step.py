@@ -30,7 +30,7 @@ class InterpretedStep:
     """The whole step, stage by stage: see the functions of the same names in step.c.
 
     Attributes:
-        programme: the quadratic programme.
+        program: the quadratic program.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class InterpretedStep:
         self._estimator, self._governor = estimator, governor
         governor.speeds = np.zeros(N + 1)
         self._iteration = RealTimeIteration(sizes, arrays, estimator)
-        self.programme = self._iteration.programme
+        self.program = self._iteration.program
         self._a, self._places = arrays, np.arange(N)
         self._states = arrays["states"].reshape(-1, n)
         machine = arrays["machine"]
@@ -239,19 +239,19 @@ class InterpretedStep:
     def _plan_ahead(self) -> int:
         """The torques of the horizon for what was planned."""
         a, late, trouble = self._a, self._late, Trouble.NONE
-        held, plan, guess = self.programme.bounds[:, 0], a["plan"], a["guess"]
+        held, plan, guess = self.program.bounds[:, 0], a["plan"], a["guess"]
         if plan[0]:
             guess[:-1], guess[-1] = plan[2:], plan[-1]
             held[:-1] = held[1:]
-            for active in (self.programme.pressed, self.programme.forces):
+            for active in (self.program.pressed, self.program.forces):
                 active[:-1] = active[1:]
         else:
             guess[:], held[:] = a["past"][late + 1], 0.0
-            self.programme.pressed[:] = self.programme.forces[:] = 0.0
+            self.program.pressed[:] = self.program.forces[:] = 0.0
         a["outcome"][Outcome.RESIDUAL] = self._iteration.optimise()
         if not plan[0]:
             trouble = Trouble.UNCERTIFIED
-        states, s = self._states[late:], self.programme.s
+        states, s = self._states[late:], self.program.s
         a["angles"][:] = states[:, 0] + s[:, 0]
         speeds = states[:, 1] + s[:, 1]
         a["acceleration"][:] = (speeds[1:] - speeds[:-1]) / self._dt
@@ -270,7 +270,7 @@ class InterpretedStep:
         low, high, speed, _, _, far, fast, _ = a["soft"].tolist()
         late_angles, late_speeds = a["angles"][1:], speeds[1:]
         beyond = (late_angles < low - far) | (late_angles > high + far) | (np.abs(late_speeds) > speed + fast)
-        return trouble | (Trouble.BEYOND if self.programme.rows > TORQUE_ALONE and beyond.any() else Trouble.NONE)
+        return trouble | (Trouble.BEYOND if self.program.rows > TORQUE_ALONE and beyond.any() else Trouble.NONE)
 
     def _hold(self) -> None:
         """Keep the teeth together with as little torque on the load as that allows, and know nothing."""

@@ -1,4 +1,4 @@
-"""The quadratic programme of a step on its arrays: sweeps over its stages, and how far a point is from solving it."""
+"""The quadratic program of a step on its arrays: sweeps over its stages, and how far a point is from solving it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _DIGITS = 2.3e-16
 
 
 class Sweeps:
-    """The programme of `mpc.riccati` before it is solved, on arrays that others fill.
+    """The program of `mpc.riccati` before it is solved, on arrays that others fill.
 
     Attributes:
         rows: how many numbers of a stage have an interval: the torque alone, or also its change, the next angle and the

@@ -151,7 +151,7 @@ def _move(model: ServoModel, bounds: Limits, start: float, goal: float, interval
 
 
 def _solved(move: Shooting, duration: float | None) -> Trajectory:
-    """The programme's answer, and what it is worth when the model is simulated under its torques."""
+    """The program's answer, and what it is worth when the model is simulated under its torques."""
     shot, bounds, N = move.solve(duration), move.bounds, move.intervals
     torques, h = bounds.structure.signs * shot.magnitudes, shot.duration / N
     follower = shot.magnitudes @ bounds.structure.pushing[0]

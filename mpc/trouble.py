@@ -30,7 +30,7 @@ _SENTENCES = {
     Trouble.STAYED: "the angle stayed away from the prediction, the estimate began anew",
     Trouble.DIVERGED: "the estimate diverged and began anew",
     Trouble.AIMLESS: "the reference is not a number, the angle is held",
-    Trouble.UNCERTIFIED: "no solution of the quadratic programme was certified, the last plan is followed",
+    Trouble.UNCERTIFIED: "no solution of the quadratic program was certified, the last plan is followed",
     Trouble.PARTING: "max_torque cannot hold the teeth together at the predicted acceleration",
     Trouble.CONTRADICTED: "an encoder is contradicted (it stands still or leaves the others), the rest stands in",
     Trouble.BEYOND: "a limit of angle or speed cannot be kept",

@@ -95,9 +95,9 @@ class Patient:
         reference = self._reference(mishap)
         rounds = controller._machine_code.layout.rounds
         if mishap == "solver stops early":
-            controller._machine_code.layout.rounds = controller._interpreted.programme.rounds = 0
+            controller._machine_code.layout.rounds = controller._interpreted.program.rounds = 0
         control = controller.step(reading, reference)
-        controller._machine_code.layout.rounds = controller._interpreted.programme.rounds = rounds
+        controller._machine_code.layout.rounds = controller._interpreted.program.rounds = rounds
         error, (angle, speed) = float(self._state[0] - self._wanted), self._state[:2].tolist()
         low, high = controller.angle_limits
         stopped = angle + speed * abs(speed) / (2 * BRAKES)

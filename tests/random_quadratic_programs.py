@@ -136,7 +136,7 @@ class Solver:
         }
         limit = 1.0 if fenced else np.inf
         self._controller = Controller(ServoModel(effects=more[n]), GearTrain.paper(), horizon=N, speed_limit=limit)
-        self.program = self._controller._interpreted.programme
+        self.program = self._controller._interpreted.program
         self.arrays = self._controller._arrays
 
     def limit(self, rounds: int) -> None:

@@ -15,7 +15,7 @@ from scipy.linalg import expm
 
 from allocation import InfeasibleTorque
 from mpc import Control, Controller
-from mpc.programme import Programme
+from mpc.quadratic_program import QuadraticProgram
 from plant import ServoModel
 from plant.effects import ActuatorLag, Backlash, Cogging, DeadZone, InputDelay, TorqueSaturation
 from plant.errors import BadParameter
@@ -230,14 +230,14 @@ def costs_the_plan_and_nothing_else(controller: Controller, planned: Array) -> N
 
 @pytest.mark.parametrize("answer", [np.nan, 1e9, 0.0])
 def test_a_solver_that_fails_costs_the_plan_and_nothing_else(monkeypatch: pytest.MonkeyPatch, answer: float) -> None:
-    def fail(program: Programme) -> float:
+    def fail(program: QuadraticProgram) -> float:
         program.e[:] = answer
         return np.inf
 
     controller = interpreted(four_hertz(RIGID, PAPER))
     planned = controller.step(0.0, 0.01).predicted_torques
     with monkeypatch.context() as broken:
-        broken.setattr(Programme, "solve", fail)
+        broken.setattr(QuadraticProgram, "solve", fail)
         costs_the_plan_and_nothing_else(controller, planned)
     assert controller.step(0.0, 0.01).status == "optimal"
 
@@ -251,14 +251,14 @@ def test_an_early_stop_of_the_solver_costs_only_the_plan(compiled: bool) -> None
         pytest.skip("no C compiler here")
     planned = controller.step(0.0, 0.01).predicted_torques
     rounds = controller._machine_code.layout.rounds
-    controller._machine_code.layout.rounds = controller._interpreted.programme.rounds = 0
+    controller._machine_code.layout.rounds = controller._interpreted.program.rounds = 0
     costs_the_plan_and_nothing_else(controller, planned)
-    controller._machine_code.layout.rounds = controller._interpreted.programme.rounds = rounds
+    controller._machine_code.layout.rounds = controller._interpreted.program.rounds = rounds
     assert controller.step(0.0, 0.01).status == "optimal"
 
 
 def test_the_residual_of_the_solution_is_handed_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Programme, "solve", lambda program: 3e-7)
+    monkeypatch.setattr(QuadraticProgram, "solve", lambda program: 3e-7)
     control = interpreted(four_hertz(RIGID, PAPER)).step(0.0, 0.0)
     assert control.status == "optimal"
     assert control.residual == 3e-7

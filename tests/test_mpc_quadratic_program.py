@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from random_quadratic_programs import Solver, Stages, random_stages, servo_stages
 from scipy.optimize import lsq_linear
 
-import mpc.programme
+import mpc.quadratic_program
 from mpc.interior_point import solve_from_inside
 from plant import machine_code
 
@@ -65,7 +65,7 @@ def test_the_second_method_takes_over(compiled: bool, monkeypatch: pytest.Monkey
     for seed in range(100):
         stages = servo_stages(np.random.default_rng(seed), 50, 0.5)
         with monkeypatch.context() as alone:
-            alone.setattr(mpc.programme, "solve_from_inside", lambda program: None)
+            alone.setattr(mpc.quadratic_program, "solve_from_inside", lambda program: None)
             if both.solve(stages)[1] > 1e-6:
                 cycling.append(stages)
     assert cycling

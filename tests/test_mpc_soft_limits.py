@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from random_quadratic_programs import Fences, Solver, Stages, fenced_stages
 
-import mpc.programme
+import mpc.quadratic_program
 from mpc import Controller, closed_loop
 from mpc.real_time_iteration import within_rate
 from plant import GearTrain, Rig, ServoModel, machine_code
@@ -132,9 +132,9 @@ def test_the_active_set_follows_a_limit_that_moves() -> None:
     controller = Controller(ServoModel.paper(), GearTrain.paper(), horizon=30, angle_limits=(-0.2, 0.2))
     interpreted = controller._interpreted
     controller._step = interpreted
-    inside = mpc.programme.solve_from_inside
+    inside = mpc.quadratic_program.solve_from_inside
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(mpc.programme, "solve_from_inside", lambda p: (asked.append(1), inside(p)))
+        patched.setattr(mpc.quadratic_program, "solve_from_inside", lambda p: (asked.append(1), inside(p)))
         loop = closed_loop(controller, Rig.paper_like(), lambda t: 0.3 * (t > 0.1), 1.5, seed=0)
     assert loop.degraded == 0
     assert np.max(loop.angle) == pytest.approx(0.2, abs=1e-3)

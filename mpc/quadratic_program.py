@@ -1,4 +1,4 @@
-"""The quadratic programme of a step, solved and certified."""
+"""The quadratic program of a step, solved and certified."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from mpc.riccati import TORQUE_ALONE
 from mpc.sweeps import CERTIFIED, Sweeps
 
 
-class Programme(Sweeps):
-    """The programme of `mpc.riccati`, with what solves it."""
+class QuadraticProgram(Sweeps):
+    """The program of `mpc.riccati`, with what solves it."""
 
     def solve(self) -> float:
         """The minimiser in `e`; the residual, inf if none was certified.
