@@ -26,7 +26,6 @@ _SURE, _LIKELY = 0.9, 0.5  # probabilities from which a name stands alone, and f
 _MATERIAL = 0.5  # probability of an unmodelled torque from which it is told
 _CARRIES = 0.8  # of what the most telling variable explains, from which another is told too
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
-_FAILED = 0.05  # of the torque in the log, from which what is unmodelled leaves no name standing
 _TELLING = 0.2  # share of the discrepancy from which a variable is said to carry it
 _LISTED = 0.01  # ... and a set
 _MENTION = 1e-4  # probability from which a rival is listed
@@ -115,7 +114,7 @@ def diagnose(
     told = {
         name: posterior.told(name) for name, p in posterior.names().items() if max(p, posterior.told(name)) > _LIKELY
     }
-    found = {} if beside.amplitude > _FAILED else {name: p for name, p in told.items() if p > _LIKELY}
+    found = {name: p for name, p in told.items() if p > _LIKELY}
     explained = best.discrepancy.explained_by()
     depends_on = tuple(v for v, share in explained.items() if share >= _CARRIES * max(explained.values()))
     missing = residual_torque(best.fit)  # that an observer has to follow
