@@ -219,6 +219,7 @@ def test_hsm150s_own_torque_is_the_one_with_which_its_runs_agree():
     assert viscous == pytest.approx(6.8e-5, abs=0.4e-5)  # catalogue 7.03e-5
 
 
+@pytest.mark.long
 def test_bam_rubs_by_speed_and_load_and_no_name_says_how():
     """The screen makes less of friction by the load than of Stribeck friction, the fit far more; curves say more."""
     dataset = load_dataset("bam", folder("bam"))

@@ -23,7 +23,7 @@ def told_of(effect: str, seed: int, size: float, candidates: list[str]) -> Diagn
 @pytest.mark.parametrize(
     ("effect", "seed", "size"),
     [
-        pytest.param("input_delay", 40030, 0.000308, id="slow, from starts that ten samples told"),
+        pytest.param("input_delay", 40030, 0.000308, id="slow, from starts of ten samples", marks=pytest.mark.long),
         pytest.param("sensor_lag", 41021, 0.00222, id="of a load that could fall, behind three observers"),
     ],
 )
