@@ -13,7 +13,7 @@ from diagnosis.effects_against_curves import curves_explain_far_more, supported_
 from diagnosis.extrapolation import extrapolation_warning
 from diagnosis.falsification import error_rises, falsified_sentence, squared_innovations, withdrawn_causes
 from diagnosis.formula_suggestion import suggested_formula
-from diagnosis.grading import LONGEST, graded
+from diagnosis.grading import graded
 from diagnosis.holdout import cut, inverse_errors, measure_gain, parts, remaining
 from diagnosis.holdout_refit import holdout_differences
 from diagnosis.identifiability import blind_spots, standstill
@@ -158,11 +158,8 @@ def diagnose(
     )
     causes = tuple(cause for cause in found if cause.effect in {each.effect for each in kept})
     tell("weighing the effects beside what no effect explains")
-    if outcome.fit.samples > LONGEST:
-        warnings.append(
-            f"Effects were not compared with what no effect explains: that takes a log of {LONGEST:,} samples or less."
-        )
     grades = graded(causes, outcome.fit, null, catalogue=len(effects), depends_on=depends_on)
+    warnings.extend(filter(None, (grades.warning,)))
     warnings.extend(why_not)
     left = repeats(final)
     if left is not None:

@@ -34,17 +34,19 @@ class Graded:
         causes: larger than that.
         minor: probable, but smaller.
         unknown: the unmodelled torque.
+        warning: why they were not compared with it; None where they were.
     """
 
     causes: tuple[Cause, ...]
     minor: tuple[Minor, ...]
     unknown: Unknown
+    warning: str | None = None
 
     @property
     def sets(self) -> tuple[EffectSet, ...]:
         """The joint posterior over sets of effects, the likeliest first, down to 0.01."""
         choices = [_choices(cause) for cause in self.causes]
-        depends_on = self.unknown.depends_on if self.unknown.probability > _MATERIAL else ()
+        depends_on = self.unknown.depends_on if self.unknown.likelier_than(_MATERIAL) else ()
         found: dict[tuple[str, ...], float] = {}
         for chosen in product(*choices):
             effects, probability = tuple(sorted({name for name, _ in chosen if name is not None})), 1.0
@@ -69,8 +71,13 @@ def graded(causes: Sequence[Cause], fit: Fit, base: Fit, *, catalogue: int, depe
     """
     explanation = _beside_the_discrepancy(fit, base, catalogue)
     if explanation is None:
-        unknown = Unknown(probability=1.0, depends_on=depends_on, share=1.0) if depends_on else Unknown()
-        return Graded(causes=tuple(_with_torque(cause, fit) for cause in causes), minor=(), unknown=unknown)
+        why = f"the log has more than {LONGEST:,} samples" if fit.samples > LONGEST else "a motion grows without bound"
+        return Graded(
+            causes=tuple(_with_torque(cause, fit) for cause in causes),
+            minor=(),
+            unknown=Unknown(probability=None, depends_on=depends_on, share=None),
+            warning=f"Effects were not compared with what no effect explains: {why}.",
+        )
     weighed = [_with_torque(_weighed(cause, explanation), fit) for cause in causes]
     small = [cause.effect for cause in weighed if cause.missing <= _LIKELY]
     return Graded(

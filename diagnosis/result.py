@@ -83,11 +83,18 @@ class EffectSet:
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """The unmodelled torque: probability that it is not nothing, its variables, and its size over all torque [-]."""
+    """The unmodelled torque: probability that it is not nothing, its variables, and its size over all torque [-].
 
-    probability: float = 0.0
-    depends_on: tuple[str, ...] = ()
-    share: float = 0.0
+    Probability and size are None where the log was not asked for them (`diagnosis.grading`).
+    """
+
+    probability: float | None
+    depends_on: tuple[str, ...]
+    share: float | None
+
+    def likelier_than(self, probability: float) -> bool:
+        """Whether it is known to be likelier than that."""
+        return self.probability is not None and self.probability > probability
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -170,7 +170,7 @@ def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> l
         lines.append(
             f"This log does not tell {names} apart. An effect is named alone if its probability is above {needed}."
         )
-    if cause.missing < CLEAR and diagnosis.unknown.probability > 1.0 - CLEAR:
+    if cause.missing < CLEAR and diagnosis.unknown.likelier_than(1.0 - CLEAR):
         lines.append(
             f"What no effect explains is about as large as {title_of(cause.effect, diagnosis)}, which may be a part of "
             "that. A motion in which the effect shows more would decide."

@@ -34,16 +34,15 @@ def headline(diagnosis: Findings) -> str:
         lives = f"; it depends on {where}" if where else ""
         return f"The model has an error that no effect of the catalogue explains{lives}."
     if len(causes) == 1 and causes[0].missing < CLEAR:
-        named = sorted((causes[0].effect, *_close(causes[0])), key=lambda name: -_known(causes[0])[name])
-        names = " or ".join(map(title_of, named))
-        if diagnosis.unknown.probability > causes[0].probability:
+        names = " or ".join(map(title_of, _likeliest_first(causes[0], _close(causes[0]))))
+        if diagnosis.unknown.likelier_than(causes[0].probability):
             return f"The model probably lacks {names}; what no effect explains is about as large."
         return (
             f"The model probably lacks {names}. The probability that any effect is missing is "
             f"{percent(causes[0].missing)}."
         )
     named = [title_of(cause.effect) for cause in causes if cause.probability >= CLEAR]
-    open_ones = [" or ".join(map(title_of, _likeliest_first(c))) for c in causes if c.probability < CLEAR]
+    open_ones = [" or ".join(map(title_of, _likeliest_first(c, _rivals(c)))) for c in causes if c.probability < CLEAR]
     known = f"The model lacks {joined_words(named)}" if named else ""
     unclear = f"lacks {joined_words(open_ones)}; this log does not tell which" if open_ones else ""
     if known and unclear:
@@ -108,13 +107,10 @@ def _minor(diagnosis: Findings) -> list[str]:
     return [f"Minor: {joined_words(told)}, no larger than what no effect explains; it may be a part of that."]
 
 
-def _likeliest_first(cause: Cause) -> list[str]:
-    """It and the alternatives that cannot be put aside."""
-    return sorted((cause.effect, *_rivals(cause)), key=lambda name: -_known(cause)[name])
-
-
-def _known(cause: Cause) -> dict[str, float]:
-    return {cause.effect: cause.probability} | dict(cause.alternatives)
+def _likeliest_first(cause: Cause, rivals: list[str]) -> list[str]:
+    """It and some of its alternatives."""
+    known = dict(cause.alternatives) | {cause.effect: cause.probability}
+    return sorted((cause.effect, *rivals), key=lambda name: -known[name])
 
 
 def _rivals(cause: Cause) -> list[str]:
