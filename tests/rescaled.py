@@ -69,12 +69,21 @@ def _apart(a: FittedParameter, b: FittedParameter, units: Units) -> float:
 
 def differences(one: Diagnosis, other: Diagnosis, units: Units) -> Iterator[tuple[str, float]]:
     """The same of two diagnoses; of what is said and not counted, infinity where it differs."""
-    said = [(d.verdict, [c.effect for c in d.causes], d.unexplained.depends_on) for d in (one, other)]
+    said = [
+        (d.verdict, [c.effect for c in d.causes], [m.effect for m in d.minor], d.unexplained.depends_on)
+        for d in (one, other)
+    ]
     if said[0] != said[1]:
         yield f"{said[0]} or {said[1]}", float("inf")
         return
     for a, b in zip(one.causes, other.causes, strict=True):
         yield f"probability of {a.effect}", abs(b.probability - a.probability)
+        yield f"torque of {a.effect}", abs(b.rms / units.torque - a.rms) / (a.rms or 1.0)
+    for small, same in zip(one.minor, other.minor, strict=True):
+        yield f"probability of {small.effect}", abs(same.probability - small.probability)
+    sizes = ((d.unknown.probability, d.unknown.share) for d in (one, other))
+    for unknown, rescaled in zip(*sizes, strict=True):
+        yield "unmodelled torque", 0.0 if unknown == rescaled else abs((unknown or 0.0) - (rescaled or 0.0))
     yield "gain", abs(one.gain.cut - other.gain.cut)
     yield "what is unexplained", abs(one.unexplained.share - other.unexplained.share)
     yield "residual torque", abs(one.residual_after.excess - other.residual_after.excess)
