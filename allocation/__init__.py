@@ -1,4 +1,4 @@
-"""How a follower torque is shared by the drives."""
+"""Torque allocation: how the torque of the output gear is shared by the drives."""
 
 from __future__ import annotations
 
@@ -32,3 +32,7 @@ __all__ = [
     "least_effort",
     "null_space",
 ]
+
+
+def __dir__() -> list[str]:
+    return [*__all__]

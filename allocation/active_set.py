@@ -1,4 +1,4 @@
-"""Make an answer exact: from the rows that a solver believes to bind to the solution on the right ones."""
+"""Make a solution exact: from the rows that a solver reports as active to the solution on the right ones."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def solve_exactly(program: QuadraticProgram, guess: Rows, pinned: Rows, inside: 
 
     Args:
         program: what to solve.
-        guess: indices of the rows that are believed active.
+        guess: indices of the rows that are probably active.
         pinned: indices of rows that hold with equality everywhere, which are never dropped.
         inside: (m,) a point that keeps to all rows.
 

@@ -1,4 +1,4 @@
-"""The answer of the allocator: torques, what they achieve, what binds, and the proof."""
+"""The result of the allocator: torques, delivered torque, active limits, and the certificate."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Allocation:
-    """How a torque is shared by the drives, and the proof that it is shared well.
+    """How a torque is allocated to the drives, with the certificate of optimality.
 
     Attributes:
         torques: (m,) torques of the drives (pinions) [N m], always inside their limits.
@@ -23,7 +23,7 @@ class Allocation:
         margin: least motor or flank torque above the minimum, seen from the drive [N m]; negative if a flank may open.
         missing_torque: demanded less delivered torque [N m]; a number for one joint, (n,) for several.
         heat: sum of xi_i^2 [N^2 m^2], to which the Joule heat is proportional.
-        floor: (m,) least torque (with friction) asked of each flank now [N m]; it rises from zero while the preload
+        floor: (m,) least torque (with friction) of each flank now [N m]; it rises from zero while the preload
             is built up.
         primal_residual, dual_residual, duality_gap: how far from optimal, with torques in units of the greatest
             torque; inf if no solution was found.

@@ -48,7 +48,7 @@ class Allocator:
         motor_friction: dry friction of each motor at its shaft [N m], counted against the flank in either sense.
         torque_rate: greatest change of each torque [N m/s].
         preload_rate: greatest change of each drive's part of the preload [N m/s], see `Rows`; with it the preload
-            is built up from rest. A flank that asks for more gets it at once.
+            is built up from rest. A flank that needs more gets it at once.
         lost: numbers, from 1, of the drives that give no torque.
         solver: a QP solver that qpsolvers finds. None: the closed form for two drives, otherwise OSQP.
 
@@ -110,7 +110,7 @@ class Allocator:
 
     @cached_property
     def preloaded(self) -> NDArray[np.bool_]:
-        """(m,) which drives can hold a preload; where one that lives cannot, its backlash control is lost."""
+        """(m,) which drives can hold a preload; where a remaining one cannot, its preload is lost."""
         drives = self.bounds.structure.drives
         return still_preloaded(self.bounds.structure, self.lost) if self.lost else np.full(drives, drives > 1)
 

@@ -1,4 +1,4 @@
-"""What two drives can do without ever letting the teeth part: the price of preload, as a map."""
+"""What two drives can do without losing contact: least preload, margin and copper-loss index, as a map."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from allocation.allocator import Allocator
 from allocation.least_effort import least_effort
 from plant.errors import BadParameter
+from plant.result_display import Drawn
 
 Array = NDArray[np.float64]
 
@@ -18,12 +19,12 @@ _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CapabilityMap:
-    """What it takes to move a load with teeth that stay together, over P accelerations and Q load torques.
+class CapabilityMap(Drawn):
+    """What it takes to move a load without losing contact, over P accelerations and Q load torques.
 
     Attributes:
         acceleration: (P,) of the load [rad/s^2], rising.
-        load_torque: (Q,) that the load asks for at no acceleration: gravity, friction, process [N m], rising.
+        load_torque: (Q,) that the load takes without acceleration: gravity, friction, process [N m], rising.
         least_preload: (P, Q) least lambda [N m per tooth] that holds every flank, see `Allocation.preload`; NaN out of
             reach.
         margin: (P, Q) by how much the minimum torque of motors and flanks could be raised before something gives, seen
@@ -37,9 +38,14 @@ class CapabilityMap:
     margin: Array
     heat: Array
 
+    def __repr__(self) -> str:
+        """Its size, and what is held at rest, in one line."""
+        shape = f"{self.acceleration.size} accelerations x {self.load_torque.size} load torques"
+        return f"CapabilityMap({shape}, {np.mean(self.reachable):.0%} within reach)"
+
     @property
     def reachable(self) -> NDArray[np.bool_]:
-        """(P, Q) where the teeth stay together."""
+        """(P, Q) where contact is kept."""
         return np.isfinite(self.heat)
 
     @property
@@ -67,7 +73,7 @@ class CapabilityMap:
 def capability_map(
     allocator: Allocator, *, inertia: float, acceleration: ArrayLike, load_torque: ArrayLike
 ) -> CapabilityMap:
-    """Where a machine can go without losing contact, and at what preload and heat.
+    """What a machine can do without losing contact, and at what preload and copper-loss index.
 
     The drives together give J a + tau_L, and none of them may fall below its lower bound (motor or flank, see
     `Limits`); since the drive that holds back takes away what the other one gives, about half of the torque is left

@@ -18,7 +18,7 @@ def enumerate_admissible(n: int, m: int) -> list[Signs]:
     Patterns that differ by the order of joints (rows) or drives (columns) are equal. A pattern is listed if some sizes
     of its entries make it admissible (see `admissible`): each row then holds entries of both signs and no column is
     empty, and sizes balanced to a common positive null vector leave rank n. Every number of drives that Chang and
-    Tsai (1993) allow can be asked for.
+    Tsai (1993) allow can be chosen.
 
     For n = 1 the one class holds both senses of the paper, which drives that change places turn into each other; both
     are listed: [+ -] and [- +]. `admissible_senses` lists the senses of a given machine.

@@ -1,4 +1,4 @@
-"""What each drive may do: unidirectional, limited, and with teeth that stay together.
+"""Limits of each drive: unidirectional, bounded, and without loss of contact.
 
 Torques here are often magnitudes in the required sense, sigma_i xi_i (sigma = [+1, -1] for the paper's machine), so
 that every bound is a plain interval and the whole machine a box.
@@ -94,7 +94,7 @@ class Limits:
         return self._held(at_shaft * self.structure.reductions)
 
     def _held(self, torques: Array) -> Array:
-        """What the teeth ask for; nothing of a single drive, which has none to hold them against."""
+        """What contact takes; nothing of a single drive, which has no second one to press against."""
         return torques if self.structure.drives > 1 else np.zeros_like(torques)
 
     @cached_property

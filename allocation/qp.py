@@ -1,4 +1,4 @@
-"""Quadratic programs through qpsolvers, with tight tolerances and no trust in the solver's own word."""
+"""Quadratic programs through qpsolvers, with tight tolerances; each solution is certified here."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ class Rows:
         lower <= x <= upper,    preload[:, 0] <= P x <= preload[:, 1]
 
     P is the projection onto the null space of the structure: P x is the part of each drive's torque that moves nothing.
-    The rows always hold together, whatever torque is asked for, because `inside` keeps to all of them.
+    The rows always hold together, whatever the demand, because `inside` keeps to all of them.
 
     Attributes:
         lower, upper: (m,) [N m].

@@ -58,7 +58,7 @@ def share_in_closed_form(pushing: Array, torque: Array, rows: Rows, weights: Arr
 def share(pushing: Array, torque: Array, rows: Rows, weights: Array, solver: str) -> Sharing:
     """Bring the joints as near to a torque as the rows allow, and that with the least effort sum w_i x_i^2.
 
-    The solver sees one program, which is feasible whatever is asked for,
+    The solver sees one program, which is feasible for every demand,
 
         minimise    1/2 x' W x + 1/2 gamma |s|^2    subject to    B x + s = tau  and the rows,
 
@@ -126,7 +126,7 @@ def _solve(program: QuadraticProgram, m: int, solver: str) -> qpsolvers.Solution
 
 
 def _active(program: QuadraticProgram, solution: qpsolvers.Solution, m: int) -> NDArray[np.intp]:
-    """The rows that a solution believes active: those whose multiplier outweighs their slack."""
+    """The rows that are active by a solution: those whose multiplier outweighs their slack."""
     x, z, box = solution.x, solution.z, solution.z_box
     if x is None or box is None:
         return np.zeros(0, dtype=np.intp)

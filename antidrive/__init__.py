@@ -1,17 +1,19 @@
-"""The front door: the names that people use, under one name, beside command line, report, scenarios and the demo.
+"""Identify the model of a geared servo, find the effects that it lacks, design its controller.
 
     import antidrive as ad
 
-    found = ad.diagnose("log.csv")              # what does the model of this servo miss?
+    found = ad.diagnose("log.csv")              # which physical effect does the model lack?
     print(found)
-    model = found.extended.model                # with what was found
+    found.report("report.html")
+    found.extended.save("model.json")           # the model with that effect; ad.read_model("model.json").model is it
     gears = ad.GearTrain(pinion_teeth=(20, 20), follower_teeth=161)
-    controller = ad.Controller(model, gears)    # keeps the teeth together
-    print(ad.closed_loop(controller, ad.Rig.paper_like(), 0.2, duration=1.0, seed=0))
+    controller = ad.Controller(found.extended.model, gears)
+    loop = ad.closed_loop(controller, ad.Rig.paper_like(), 0.2, duration=1.0, seed=0)
+    print(loop.tracking_rms, loop.least_flank_torque)
 
 A log is a path, a DataFrame, arrays by name, or an `ad.Log`, which also takes other names and units. Everything here
 comes from a package of its own, `plant`, `allocation`, `identification`, `diagnosis` or `mpc`, which have more; each is
-imported when its first name is asked for.
+imported when its first name is used.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ if TYPE_CHECKING:
     from identification import Fit, Log, friction_test
     from identification import fit as identify
     from mpc import Controller, closed_loop
-    from plant import GearTrain, Rig, ServoModel, catalogue, read_model, simulate
+    from plant import GearTrain, Rig, ServoModel, catalogue, read_model, simulate, write_model
 
 __all__ = [
     "Allocator",
@@ -51,6 +53,7 @@ __all__ = [
     "predict",
     "read_model",
     "simulate",
+    "write_model",
 ]
 
 HOMES = {
@@ -71,6 +74,7 @@ HOMES = {
     "predict": "antidrive.prediction",
     "read_model": "plant",
     "simulate": "plant",
+    "write_model": "plant",
 }
 """The package that each name comes from."""
 

@@ -20,6 +20,7 @@ from antidrive.cli_options import OUT, Force, Json, Out, Quiet, Seed
 from antidrive.compare_command import compare
 from antidrive.friction_command import friction
 from antidrive.help_examples import examples_of
+from antidrive.help_panels import FIRST, grouped
 from antidrive.plan_command import plan
 from antidrive.program import run
 from antidrive.table_command import table
@@ -40,6 +41,7 @@ Base = Annotated[
         metavar="MODEL.json", help="Model to start from, in place of inertia, gravity, viscous friction and dead zone."
     ),
 ]
+EXPORTS = "In place of the controller"
 DesignModel = Annotated[Path | None, typer.Option(metavar="MODEL.json", help="Model of the machine.")]
 
 
@@ -49,7 +51,7 @@ def _say_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(epilog="\n\n".join(FIRST))
 def everything(
     version: Annotated[
         bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")
@@ -157,7 +159,7 @@ def predict(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Simulate a log in open loop, from its command alone."""
+    """Simulate a log in open loop, from its command alone. Writes prediction.csv."""
     from antidrive import commands
 
     console = commands.Console(quiet=quiet, json=json, words=context.obj)
@@ -201,7 +203,7 @@ def effects(
     context: typer.Context,
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[NAME]", help="Only this effect, in words.", autocompletion=completion.effects),
+        typer.Argument(metavar="NAME", help="Only this effect, in words.", autocompletion=completion.effects),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for gallery.html. With a NAME nothing is written unless it is given.")
@@ -219,7 +221,7 @@ def effects(
 @app.command(context_settings={"ignore_unknown_options": True}, epilog=examples_of("allocate"))
 @with_options(DRIVES, LIMITS)
 def allocate(
-    torques: Annotated[list[float], typer.Argument(metavar="TORQUE...", help="Torques on the load [N m].")],
+    torques: Annotated[list[float], typer.Argument(metavar="TORQUE", help="Torques on the load [N m].")],
     said: Any,
     model: DesignModel = None,
     effects: Effects = None,
@@ -241,7 +243,7 @@ def capability(
     inertia: Annotated[
         float | None,
         typer.Option(
-            help="Inertia of load and rotors, seen from the load [kg m^2]. Default: that of the model, else 2."
+            help="Inertia of load and rotors, seen from the load, in kg m^2. Default: that of the model, else 2."
         ),
     ] = None,
     model: DesignModel = None,
@@ -260,7 +262,7 @@ def capability(
 @app.command(epilog=examples_of("export"))
 @with_options(DRIVES, LIMITS, TUNING)
 def export(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model that the controller works with.")],
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model to export.")],
     said: Any,
     name: Annotated[
         str,
@@ -269,20 +271,29 @@ def export(
         ),
     ] = "antidrive",
     single: Annotated[bool, typer.Option("--single", help="Use single precision.")] = False,
-    fmu: Annotated[bool, typer.Option("--fmu", help="Write controller and plant as FMUs.")] = False,
+    fmu: Annotated[bool, typer.Option("--fmu", rich_help_panel=EXPORTS, help="Controller and plant as FMUs.")] = False,
     feedforward: Annotated[
-        bool, typer.Option("--feedforward", help="Write the feed-forward (inverse model) as C99 and Structured Text.")
+        bool,
+        typer.Option(
+            "--feedforward", rich_help_panel=EXPORTS, help="Feedforward (inverse model) as C99 and Structured Text."
+        ),
     ] = False,
-    mujoco: Annotated[bool, typer.Option("--mujoco", help="Write the model for MuJoCo.")] = False,
-    urdf: Annotated[bool, typer.Option("--urdf", help="Write the model as a URDF joint.")] = False,
-    modelica: Annotated[bool, typer.Option("--modelica", help="Write the model as a Modelica class.")] = False,
-    plant: Annotated[bool, typer.Option("--plant", help="Write the model as an FMU with one torque as input.")] = False,
+    mujoco: Annotated[
+        bool, typer.Option("--mujoco", rich_help_panel=EXPORTS, help="Model for MuJoCo: MJCF and a Python class.")
+    ] = False,
+    urdf: Annotated[bool, typer.Option("--urdf", rich_help_panel=EXPORTS, help="Model as a URDF joint.")] = False,
+    modelica: Annotated[
+        bool, typer.Option("--modelica", rich_help_panel=EXPORTS, help="Model as a Modelica class.")
+    ] = False,
+    plant: Annotated[
+        bool, typer.Option("--plant", rich_help_panel=EXPORTS, help="Model as an FMU with one torque as input.")
+    ] = False,
     effects: Effects = None,
     out: Out = OUT,
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Export the controller as C99, or the model for drives and simulators (see the options)."""
+    """Export the controller as C99; or with an option the feedforward, or the model for a simulator."""
     from antidrive import commands, drive_commands, model_commands
 
     console = commands.Console(quiet=quiet, json=json)
@@ -297,6 +308,7 @@ def export(
 
 for _command in (compare, table, friction, plan):
     app.command(epilog=examples_of(_command.__name__))(_command)
+grouped(app)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -9,85 +9,106 @@ from typing import Annotated, Any
 
 import typer
 
+from antidrive.help_panels import in_panel
+
 Text = str | None
 Number = float | None
 
-DRIVES: dict[str, Any] = {
-    "gears": Annotated[
-        Text,
-        typer.Option(metavar="N1,N2:N", help="Teeth of both pinions and of the output gear: 20,20:161."),
-    ],
-    "ratio": Annotated[
-        Text,
-        typer.Option(
-            metavar="RATIO",
-            help="Reduction in place of teeth: 8.05, or one for each drive, 8.05,-8.05. On a linear axis the force [N] "
-            "for 1 N m.",
-        ),
-    ],
-    "one_drive": Annotated[bool, typer.Option("--one-drive", help="The machine has one drive, so no preload.")],
-    "pre_reduction": Annotated[
-        Text,
-        typer.Option(metavar="RATIO", help="Turns of the motor for one of its pinion: for both drives, or one each."),
-    ],
-}
+DRIVES = in_panel(
+    "The drives",
+    {
+        "gears": Annotated[
+            Text,
+            typer.Option(metavar="N1,N2:N", help="Teeth of both pinions and of the output gear: 20,20:161."),
+        ],
+        "ratio": Annotated[
+            Text,
+            typer.Option(
+                metavar="RATIO",
+                help="Reduction in place of teeth: 8.05, or one for each drive, 8.05,-8.05. On a linear axis the "
+                "force [N] for 1 N m.",
+            ),
+        ],
+        "one_drive": Annotated[bool, typer.Option("--one-drive", help="The machine has one drive, so no preload.")],
+        "pre_reduction": Annotated[
+            Text,
+            typer.Option(
+                metavar="RATIO", help="Turns of the motor for one of its pinion: for both drives, or one each."
+            ),
+        ],
+    },
+)
 """What the machine is, by name in Python, and how it is typed."""
 
-LIMITS: dict[str, Any] = {
-    "min_torque": Annotated[
-        Text, typer.Option(metavar="NM", help="Minimum torque of a drive [N m]: for both, or one each.")
-    ],
-    "max_torque": Annotated[
-        Text, typer.Option(metavar="NM", help="Maximum torque of a drive [N m]: for both, or one each.")
-    ],
-    "rotor_inertia": Annotated[
-        Text, typer.Option(metavar="KGM2", help="Rotor inertia at the motor shaft [kg m^2]: for both, or one each.")
-    ],
-    "motor_friction": Annotated[
-        Text, typer.Option(metavar="NM", help="Dry friction at the motor shaft [N m]: for both, or one each.")
-    ],
-}
+LIMITS = in_panel(
+    "Limits of the drives",
+    {
+        "min_torque": Annotated[
+            Text, typer.Option(metavar="NM", help="Minimum torque of a drive [N m]: for both, or one each.")
+        ],
+        "max_torque": Annotated[
+            Text, typer.Option(metavar="NM", help="Maximum torque of a drive [N m]: for both, or one each.")
+        ],
+        "rotor_inertia": Annotated[
+            Text,
+            typer.Option(metavar="KGM2", help="Rotor inertia at the motor shaft, in kg m^2: for both, or one each."),
+        ],
+        "motor_friction": Annotated[
+            Text, typer.Option(metavar="NM", help="Dry friction at the motor shaft [N m]: for both, or one each.")
+        ],
+    },
+)
 """What its drives may do."""
 
-TUNING: dict[str, Any] = {
-    "sample_time": Annotated[Number, typer.Option(metavar="S", help="Sample time of the controller [s].")],
-    "horizon": Annotated[int | None, typer.Option(metavar="N", help="Prediction horizon, in samples.")],
-    "bandwidth": Annotated[Number, typer.Option(metavar="HZ", help="Closed-loop bandwidth.")],
-    "encoder_resolution": Annotated[Number, typer.Option(metavar="RAD", help="Resolution of the load encoder.")],
-    "encoder_noise": Annotated[
-        Number, typer.Option(metavar="RAD", help="Standard deviation of the load encoder's noise.")
-    ],
-    "encoder_range": Annotated[
-        Number, typer.Option(metavar="RAD", help="Angle at which the load encoder wraps: 6.2832 if it is single-turn.")
-    ],
-    "torque_noise": Annotated[
-        Number,
-        typer.Option(
-            metavar="NM", help="Standard deviation of the torque that the model does not explain, per sample."
-        ),
-    ],
-    "disturbance_rate": Annotated[
-        Number, typer.Option(metavar="RATE", help="Random-walk rate of the disturbance torque [N m/sqrt(s)].")
-    ],
-    "motor_resolution": Annotated[
-        Number, typer.Option(metavar="RAD", help="Resolution of the motor encoders. Without it there are none.")
-    ],
-    "motor_noise": Annotated[
-        Number, typer.Option(metavar="RAD", help="Other errors of the motor encoders, seen at the load.")
-    ],
-    "friction_std": Annotated[
-        Number, typer.Option(metavar="SHARE", help="Relative standard error of the model's dry friction.")
-    ],
-    "torque_rate": Annotated[Number, typer.Option(metavar="RATE", help="Maximum rate of the load torque [N m/s].")],
-    "preload_rate": Annotated[Number, typer.Option(metavar="RATE", help="Maximum rate of the preload [N m/s].")],
-    "angle_limits": Annotated[
-        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Lowest and highest angle of the load [rad].")
-    ],
-    "speed_limit": Annotated[Number, typer.Option(metavar="SPEED", help="Maximum speed of the load [rad/s].")],
-    "sqp_iterations": Annotated[
-        int | None, typer.Option(metavar="N", help="Maximum number of quadratic programs in a sample.")
-    ],
-}
+TUNING = in_panel(
+    "The controller",
+    {
+        "sample_time": Annotated[Number, typer.Option(metavar="S", help="Sample time of the controller, in s.")],
+        "horizon": Annotated[int | None, typer.Option(metavar="N", help="Prediction horizon, in samples.")],
+        "bandwidth": Annotated[Number, typer.Option(metavar="HZ", help="Closed-loop bandwidth, in Hz.")],
+        "encoder_resolution": Annotated[
+            Number, typer.Option(metavar="RAD", help="Resolution of the load encoder, in rad.")
+        ],
+        "encoder_noise": Annotated[
+            Number, typer.Option(metavar="RAD", help="Standard deviation of the load encoder's noise, in rad.")
+        ],
+        "encoder_range": Annotated[
+            Number,
+            typer.Option(
+                metavar="RAD", help="Angle at which the load encoder wraps, in rad: 6.2832 if it is single-turn."
+            ),
+        ],
+        "torque_noise": Annotated[
+            Number,
+            typer.Option(
+                metavar="NM", help="Standard deviation of the torque that the model does not explain, per sample [N m]."
+            ),
+        ],
+        "disturbance_rate": Annotated[
+            Number, typer.Option(metavar="RATE", help="Random-walk rate of the disturbance torque [N m/sqrt(s)].")
+        ],
+        "motor_resolution": Annotated[
+            Number,
+            typer.Option(metavar="RAD", help="Resolution of the motor encoders, in rad. Without it there are none."),
+        ],
+        "motor_noise": Annotated[
+            Number, typer.Option(metavar="RAD", help="Other errors of the motor encoders, seen at the load, in rad.")
+        ],
+        "friction_std": Annotated[
+            Number, typer.Option(metavar="SHARE", help="Relative standard error of the model's dry friction.")
+        ],
+        "torque_rate": Annotated[Number, typer.Option(metavar="RATE", help="Maximum rate of the load torque [N m/s].")],
+        "preload_rate": Annotated[Number, typer.Option(metavar="RATE", help="Maximum rate of the preload [N m/s].")],
+        "angle_limits": Annotated[
+            tuple[float, float] | None,
+            typer.Option(metavar="LOW HIGH", help="Lowest and highest angle of the load, in rad."),
+        ],
+        "speed_limit": Annotated[Number, typer.Option(metavar="SPEED", help="Maximum speed of the load, in rad/s.")],
+        "sqp_iterations": Annotated[
+            int | None, typer.Option(metavar="N", help="Maximum number of quadratic programs in a sample.")
+        ],
+    },
+)
 """What else its controller is told: the attributes of `mpc.Controller`, whose own values stand where none is typed."""
 
 

@@ -9,26 +9,46 @@ import typer
 
 from antidrive import completion
 
+PANEL = "What is known beforehand"
+
 Fixed = Annotated[
     list[str] | None,
-    typer.Option("--fixed", metavar="NAME[=VALUE]", help="Parameter to keep at its value. May be repeated."),
+    typer.Option(
+        "--fixed",
+        rich_help_panel=PANEL,
+        metavar="NAME[=VALUE]",
+        help="Parameter to keep at its value. May be repeated.",
+    ),
 ]
 Bounds = Annotated[
     list[str] | None,
-    typer.Option("--bounds", metavar="NAME=LOW:HIGH", help="Bounds of a parameter: inertia=0.1:0.3."),
+    typer.Option(
+        "--bounds", rich_help_panel=PANEL, metavar="NAME=LOW:HIGH", help="Bounds of a parameter: inertia=0.1:0.3."
+    ),
 ]
 Prior = Annotated[
     list[str] | None,
-    typer.Option("--prior", metavar="NAME=MEAN:STD", help="Gaussian prior of a parameter: inertia=0.2:0.05."),
+    typer.Option(
+        "--prior",
+        rich_help_panel=PANEL,
+        metavar="NAME=MEAN:STD",
+        help="Gaussian prior of a parameter: inertia=0.2:0.05.",
+    ),
 ]
 PerRun = Annotated[
     list[str] | None,
-    typer.Option("--per-run", metavar="NAME", help="Parameter that is fitted for each run separately: inertia."),
+    typer.Option(
+        "--per-run",
+        rich_help_panel=PANEL,
+        metavar="NAME",
+        help="Parameter that is fitted for each run separately: inertia.",
+    ),
 ]
 Exclude = Annotated[
     list[str] | None,
     typer.Option(
         "--exclude",
+        rich_help_panel=PANEL,
         metavar="EFFECT",
         help="Effect that is not tried. May be repeated.",
         autocompletion=completion.effects,
@@ -38,13 +58,15 @@ Candidates = Annotated[
     list[str] | None,
     typer.Option(
         "--candidates",
+        rich_help_panel=PANEL,
         metavar="EFFECT",
         help="Try these effects only. May be repeated.",
         autocompletion=completion.effects,
     ),
 ]
 Effects = Annotated[
-    Path | None, typer.Option("--effects", metavar="FILE.py", help="Python file with effects of your own.")
+    Path | None,
+    typer.Option("--effects", rich_help_panel=PANEL, metavar="FILE.py", help="Python file with effects of your own."),
 ]
 
 

@@ -11,57 +11,79 @@ from typing import Annotated, Any
 import typer
 
 from antidrive import completion
+from antidrive.help_panels import in_panel
 
 Words = list[str] | None
 
-WORDS: dict[str, Any] = {
-    "logs": Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="LOG...",
-            help="CSV and other text, Parquet, MAT, HDF5, NPZ, JSON, Excel, MF4, TDMS or MCAP files, also compressed; "
-            "- is standard input; or the log.toml that `antidrive inspect` writes.",
-        ),
-    ],
-    "mapping": Annotated[
-        Words,
-        typer.Option("--map", metavar="COLUMN=NAME", help="Where a quantity stands: angle=qm, or by number angle=3."),
-    ],
-    "unit": Annotated[
-        Words,
-        typer.Option(
-            "--unit", metavar="COLUMN=UNIT", help="Unit of a column: angle=deg; of encoder counts angle=turn/131072."
-        ),
-    ],
-    "scale": Annotated[
-        Words,
-        typer.Option("--scale", metavar="COLUMN=FACTOR", help="Factor by which a column is multiplied: torque=35.15."),
-    ],
-    "rate": Annotated[
-        float | None, typer.Option(metavar="HZ", help="Samples per second, for a file without time stamps.")
-    ],
-    "gears": Annotated[
-        str | None,
-        typer.Option(metavar="N1,N2:N", help="Two drives: teeth of both pinions and of the output gear, 20,20:161."),
-    ],
-    "ratio": Annotated[
-        str | None,
-        typer.Option(
-            metavar="RATIO", help="Two drives: reduction from the motors to the load, 8.05, or one each, 8.05,-8.05."
-        ),
-    ],
-    "torque_constant": Annotated[
-        float | None, typer.Option(metavar="KT", help="Torque constant, for a log of a current [N m/A].")
-    ],
-    "kp": Annotated[float | None, typer.Option(help="Position gain, for a log of position set-points [N m/rad].")],
-    "kd": Annotated[float | None, typer.Option(help="Velocity gain of the same position servo [N m s/rad].")],
-    "joint": Annotated[str | None, typer.Option(metavar="NAME", help="Joint to read, if the log has several.")],
-    "dataset": Annotated[
-        str | None,
-        typer.Option(help=f"Public data set: {', '.join(completion.DATASETS)}.", autocompletion=completion.datasets),
-    ],
-    "data": Annotated[Path | None, typer.Option(metavar="FOLDER", help="Folder where the data set lies.")],
-}
+WORDS = in_panel(
+    "How the log is read",
+    {
+        "logs": Annotated[
+            list[Path] | None,
+            typer.Argument(
+                metavar="LOG",
+                help="CSV and other text, Parquet, MAT, HDF5, NPZ, JSON, Excel, MF4, TDMS or MCAP files, also "
+                "compressed; - is standard input; or the log.toml that `antidrive inspect` writes.",
+            ),
+        ],
+        "mapping": Annotated[
+            Words,
+            typer.Option(
+                "--map", metavar="COLUMN=NAME", help="Column of a quantity: angle=qm, or by its number, angle=3."
+            ),
+        ],
+        "unit": Annotated[
+            Words,
+            typer.Option(
+                "--unit",
+                metavar="COLUMN=UNIT",
+                help="Unit of a column: angle=deg; of encoder counts angle=turn/131072.",
+            ),
+        ],
+        "scale": Annotated[
+            Words,
+            typer.Option(
+                "--scale", metavar="COLUMN=FACTOR", help="Factor by which a column is multiplied: torque=35.15."
+            ),
+        ],
+        "rate": Annotated[
+            float | None, typer.Option(metavar="HZ", help="Samples per second, for a file without time stamps.")
+        ],
+        "gears": Annotated[
+            str | None,
+            typer.Option(
+                metavar="N1,N2:N", help="Two drives: teeth of both pinions and of the output gear, 20,20:161."
+            ),
+        ],
+        "ratio": Annotated[
+            str | None,
+            typer.Option(
+                metavar="RATIO",
+                help="Two drives: reduction from the motors to the load, 8.05, or one each, 8.05,-8.05.",
+            ),
+        ],
+        "torque_constant": Annotated[
+            float | None, typer.Option(metavar="KT", help="Torque constant, for a log of a current [N m/A].")
+        ],
+        "kp": Annotated[
+            float | None,
+            typer.Option(metavar="GAIN", help="Position gain, for a log of position set-points [N m/rad]."),
+        ],
+        "kd": Annotated[
+            float | None, typer.Option(metavar="GAIN", help="Velocity gain of the same position servo [N m s/rad].")
+        ],
+        "joint": Annotated[str | None, typer.Option(metavar="NAME", help="Joint to read, if the log has several.")],
+        "dataset": Annotated[
+            str | None,
+            typer.Option(
+                metavar="NAME",
+                help=f"Public data set: {', '.join(completion.DATASETS)}.",
+                autocompletion=completion.datasets,
+            ),
+        ],
+        "data": Annotated[Path | None, typer.Option(metavar="FOLDER", help="Folder of the data set.")],
+    },
+)
 """Name of each option in Python, and how it is typed."""
 
 

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-Out = Annotated[Path, typer.Option(help="Folder for the results.")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of the random numbers.")]
+Out = Annotated[Path, typer.Option(metavar="FOLDER", help="Folder for the results.")]
+Seed = Annotated[int, typer.Option(min=0, metavar="N", help="Seed of the random numbers.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print errors only.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON only.")]
-Force = Annotated[bool, typer.Option("--force", help="Use the log although it contradicts every machine.")]
+Force = Annotated[bool, typer.Option("--force", help="Use the log in spite of its faults.")]
 OUT = Path("antidrive-out")

@@ -22,7 +22,7 @@ class ClosedLoopRun:
 
     Attributes:
         title: for people.
-        scenario: what was asked.
+        scenario: what was simulated.
         result: what happened.
         min_torque: least pinion torque that the controller had to keep [N m].
         max_torque: greatest [N m].

@@ -1,7 +1,7 @@
 """How alike effects are: what a refit, or another effect, takes over of an effect's mark, to first order.
 
 The mark is what the torque of an effect along the motion without it does to the reading; it passes through the same
-linearised model as the traces by which the diagnosis asks for effects, and the rivals are asked by their traces.
+linearised model, as the diagnosis does it; the competing effects are represented by their signatures.
 """
 
 from __future__ import annotations

@@ -11,7 +11,6 @@ import numpy as np
 from antidrive import report
 from antidrive.console import Console
 from antidrive.fit_options import FitOptions
-from antidrive.fitted_model import model_file
 from antidrive.log_options import LogOptions, Measured
 from antidrive.output import whole_file, whole_folder, write_json, written
 from antidrive.own_effects import read_own_model
@@ -23,6 +22,7 @@ from identification.log import Log
 from plant.errors import BadParameter
 from plant.model_file import ModelFile, read_model
 from plant.servo import ServoModel
+from plant.suggestion import suggestion
 
 if TYPE_CHECKING:
     from antidrive.scenario_file import Design
@@ -47,7 +47,7 @@ _EXPERIMENT = "separating_experiment.csv"
 def identify(
     options: LogOptions, *, base: Path | None, known: FitOptions, force: bool, out: Path, seed: int, console: Console
 ) -> None:
-    """Fit a model and write model.json, fit.json and report.html; nothing of a fit that told nothing, unless forced."""
+    """Fit a model and write model.json, fit.json and report.html; of a fit without a result nothing, unless forced."""
     from diagnosis import blind_spots, standstill
     from identification.fit import fit
     from identification.fit_result import fit_report, fit_to_dict
@@ -75,7 +75,7 @@ def identify(
         content, blind = fit_to_dict(found), blind_spots(found)
         content["data"]["warnings"] += blind
         provenance = Provenance.now(console.words, measured.log.sources)
-        model_file(found, options.reading().gears).write(draft / "model.json")
+        found.model_file(options.reading().gears).write(draft / "model.json")
         write_json(draft / "fit.json", content)
         page = report.fit_page(found, simulated, provenance, notes=measured.notes, warnings=blind)
         (draft / "report.html").write_text(page, encoding="utf-8")
@@ -86,7 +86,7 @@ def identify(
 def diagnose(
     options: LogOptions, *, base: Path | None, known: FitOptions, force: bool, out: Path, seed: int, console: Console
 ) -> None:
-    """Name what the model misses and write diagnosis.json, model.json and report.html."""
+    """Find the effects that the model lacks and write diagnosis.json, model.json and report.html."""
     from diagnosis.diagnose import diagnose as find_causes
 
     known = options.fit.merged(known)
@@ -113,7 +113,7 @@ def diagnose(
             )
         held_out = measured.holdout.sources if measured.holdout is not None else ()
         provenance = Provenance.now(console.words, (*measured.log.sources, *held_out))
-        model_file(found.extended, options.reading().gears).write(draft / "model.json")
+        found.extended.model_file(options.reading().gears).write(draft / "model.json")
         content, files, experiment, said = found.to_dict(), "diagnosis.json, model.json", None, []
         if found.verdict == "ambiguous":
             with console.progress("designing an experiment that separates the competing effects") as progress:
@@ -133,7 +133,7 @@ def diagnose(
 
 
 def _separating(found: Diagnosis, seed: int, progress: Tell | None) -> tuple[Experiment | None, str]:
-    """The experiment that tells the rivals of a diagnosis apart within what the log has shown, and a sentence on it."""
+    """The experiment that separates competing effects within the limits of the log, and a sentence on it."""
     from diagnosis.experiment import rivals_of, separating_experiment
     from diagnosis.experiment.signal_design import Limits
 
@@ -158,7 +158,7 @@ def predict(
     out: Path,
     console: Console,
 ) -> None:
-    """Simulate a log freely and write run, time, angle (or position) as CSV, with what was measured if asked for."""
+    """Simulate a log in open loop and write run, time, angle (or position) as CSV, also what was measured if wanted."""
     from antidrive.prediction import write_prediction
     from antidrive.prediction_page import prediction_page, rms_error
 
@@ -171,7 +171,7 @@ def predict(
         with console.progress("predicting") as progress:
             simulated = write_prediction(draft, log, servo, window=window, measured=measured, tell=progress)
         if page is not None:
-            with whole_file(page) as drawn:
+            with whole_file(page, option="--report") as drawn:
                 text = prediction_page(log, simulated, Provenance.now(console.words, log.sources))
                 drawn.write_text(text, encoding="utf-8")
     unit = log.measured_unit
@@ -194,7 +194,10 @@ def inspect(options: LogOptions, *, out: Path, console: Console) -> None:
         (draft / "log.toml").write_text(found.log_file(out), encoding="utf-8")
         page = report.inspection_page(found, Provenance.now(console.words, found.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
-    console.result("\n".join([*found.sentences(), written(out, "log.toml, report.html")]), found.summary())
+    lines = [*found.sentences(), written(out, "log.toml, report.html")]
+    if not found.log.faults:
+        lines.append(f"Next: antidrive diagnose {out / 'log.toml'}")
+    console.result("\n".join(lines), found.summary())
 
 
 def simulate(
@@ -231,25 +234,25 @@ def simulate(
 
 
 def _design(said: Mapping[str, Any], known: ModelFile | None) -> Design:
-    """What a loop is to be tried with; the drives of the paper are left unsaid, as the rig has them."""
+    """The design of a closed loop; without options the drives are those of the rig."""
     from antidrive.cli_drive_options import DRIVES, controller_numbers
     from antidrive.drives import drives
     from antidrive.scenario_file import Design
 
     of_model = known is not None and (known.gears is not None or known.model.axis == "linear")
     train = drives(said, known)[0] if of_model or any(name in said for name in DRIVES) else None
-    doubt = {} if known is None or known.friction_std is None else {"friction_std": known.friction_std}
-    options = {**doubt, **controller_numbers(said)}
+    friction = {} if known is None or known.friction_std is None else {"friction_std": known.friction_std}
+    options = {**friction, **controller_numbers(said)}
     return Design(model=None if known is None else known.model, train=train, options=options)
 
 
 def effects(name: str | None, *, out: Path | None, console: Console) -> None:
-    """Tell the catalogue, or one effect of it, and write gallery.html if there is a folder for it."""
+    """List the catalogue, or describe one effect of it, and write gallery.html if there is a folder for it."""
     from antidrive import gallery
     from plant.effects import catalogue
 
     if name is not None and name not in catalogue:
-        raise BadParameter(f"{name!r} is no effect; the catalogue has {', '.join(catalogue)}.")
+        raise BadParameter(f"{name!r} is no effect; {suggestion(name, catalogue)}")
     told = [gallery.table() if name is None else gallery.sheet(catalogue[name])]
     if out is not None:
         with whole_folder(out) as draft, console.progress("drawing every effect") as progress:

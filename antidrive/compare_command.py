@@ -29,7 +29,6 @@ def compare(
     """Show which parameters have changed since a model was identified. Writes comparison.json, .csv, report.html."""
     from antidrive.comparison_page import changes_page
     from antidrive.console import Console
-    from antidrive.fitted_model import model_file
     from antidrive.model_comparison import compare as compared
     from antidrive.output import whole_folder, write_json, written
     from antidrive.own_effects import read_identified
@@ -52,7 +51,7 @@ def compare(
                 force=force,
                 progress=progress,
             )
-        model_file(found.diagnosis.extended).write(draft / "model.json")
+        found.diagnosis.extended.model_file().write(draft / "model.json")
         write_json(draft / "comparison.json", found.to_dict())
         found.to_frame().to_csv(draft / "comparison.csv")
         page = changes_page(found, Provenance.now(console.words, measured.log.sources))

@@ -30,7 +30,7 @@ def changes_page(found: Comparison, provenance: Provenance) -> str:
     return page(
         "picture",
         provenance,
-        found.sentences()[0].rstrip("."),
+        found.headline(),
         kind="Comparison with a known model",
         sentences=found.sentences(),
         pictures=[

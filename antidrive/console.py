@@ -1,4 +1,4 @@
-"""What a command says: progress on a terminal, words or JSON at the end."""
+"""What a command prints: progress on a terminal, words or JSON at the end."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _BETWEEN = 10.0  # seconds between two lines of progress where there is no termi
 
 @dataclass(frozen=True, kw_only=True)
 class Console:
-    """How one command speaks.
+    """What one command prints.
 
     Attributes:
-        quiet: print nothing but errors (and JSON, when asked for).
+        quiet: print nothing but errors (and JSON with `json`).
         json: print the result as JSON and nothing else on stdout.
         words: the command as typed.
     """
@@ -68,17 +68,17 @@ def _on_a_terminal(watch: Watch) -> AbstractContextManager[object]:
 def _now_and_then(watch: Watch) -> Iterator[None]:
     ended, stream = threading.Event(), sys.stderr
 
-    def speak() -> None:
+    def report() -> None:
         while not ended.wait(_BETWEEN):
             print(f"antidrive: {watch}", file=stream, flush=True)
 
-    speaker = threading.Thread(target=speak, daemon=True)
-    speaker.start()
+    reporter = threading.Thread(target=report, daemon=True)
+    reporter.start()
     try:
         yield
     finally:
         ended.set()
-        speaker.join()
+        reporter.join()
 
 
 def print_error(sentence: str) -> None:
@@ -97,7 +97,7 @@ def print_error(sentence: str) -> None:
 def _shown(text: str) -> None:
     """Lines on a terminal: the first stands out, warnings have a colour, and what is long goes on below its beginning.
 
-    Colour is left out where NO_COLOR asks for that.
+    Without colour where NO_COLOR is set.
     """
     from rich.console import Console
     from rich.padding import Padding

@@ -11,7 +11,6 @@ import numpy as np
 
 from allocation import Bounds, least_effort
 from antidrive.closed_loop_run import ClosedLoopRun
-from antidrive.fitted_model import model_file
 from antidrive.scenario import Scenario
 from antidrive.simulation import REPETITIONS, run_scenario
 from diagnosis.diagnose import diagnose
@@ -47,7 +46,7 @@ class Demo:
     """What the chain found.
 
     Attributes:
-        log, validation: synthetic, to learn from and to judge by.
+        log, validation: synthetic, for identification and for validation.
         diagnosis: of that log.
         base: closed loop with the fitted base model.
         extended: the same with the extended model.
@@ -67,12 +66,12 @@ class Demo:
     @property
     def base_model(self) -> ModelFile:
         """The fitted base model."""
-        return model_file(self.diagnosis.base)
+        return self.diagnosis.base.model_file()
 
     @property
     def model(self) -> ModelFile:
         """The extended model."""
-        return model_file(self.diagnosis.extended)
+        return self.diagnosis.extended.model_file()
 
     def summary(self) -> dict[str, Any]:
         """What was missing, and what knowing it brings, in numbers."""

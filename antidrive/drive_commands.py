@@ -1,4 +1,4 @@
-"""What the commands about the drives do: share torques, map what can be held, export the controller."""
+"""What the commands about the drives do: allocate torques, map what can be held, export the controller."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ INERTIA = 2.0  # of its load [kg m^2]
 def allocate(
     torques: list[float], said: Mapping[str, Any], *, model: Path | None, effects: Path | None, console: Console
 ) -> None:
-    """Print how torques on the load are shared between its drives."""
+    """Print how torques on the load are allocated to its drives."""
     from allocation import Allocator
 
     known = None if model is None else read_own_model(model, effects)
@@ -67,7 +67,7 @@ def capability(
     out: Path,
     console: Console,
 ) -> None:
-    """Map what two drives can do with teeth that stay together, and write capability.csv and report.html."""
+    """Map what two drives can do without losing contact, and write capability.csv and report.html."""
     from allocation import Allocator
     from antidrive import capability as told
 
@@ -101,7 +101,7 @@ def export(
     out: Path,
     console: Console,
 ) -> None:
-    """Write the controller of a model, told what was said, as C99 for a target, or as FMUs."""
+    """Write the controller of a model as C99 for a target, or as FMUs."""
     from antidrive import exports
     from mpc import Controller
     from mpc.export import check_name
@@ -111,8 +111,8 @@ def export(
         raise BadParameter("An FMU calculates in double precision; leave --single or --fmu out.")
     read = read_identified(model, effects)
     servo, (train, assumed), (seconds, more) = read.model, drives(said, read), sample_time(said, read)
-    doubt = {} if read.friction_std is None else {"friction_std": read.friction_std}
-    numbers = {**doubt, **controller_numbers(said), "sample_time": seconds}
+    friction = {} if read.friction_std is None else {"friction_std": read.friction_std}
+    numbers = {**friction, **controller_numbers(said), "sample_time": seconds}
     with whole_folder(out) as draft, console.progress("compiling the controller") as progress:
         controller = Controller(servo, train, **numbers)
         told, content = (

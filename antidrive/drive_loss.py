@@ -29,9 +29,9 @@ def loop_with_drive_loss(
     """Run a controller on the rig while one drive fails.
 
     Until the loss is known the other drive gives its own part of the torque, and the load is pushed aside. From then on
-    the follower torque that the controller asks for goes to the allocator of what is left: the other drive gives it
+    the torque of the controller goes to the allocator of the remaining drives: the other drive gives it
     alone, in both senses and within its limit. Motion is kept; its flank parts whenever the torque reverses, and the
-    backlash shows. Encoders at the motors are not asked any more: what they say is true but for the gap.
+    backlash shows. Encoders at the motors are not used any more: their angle is wrong by the backlash.
 
     Args:
         controller: a fresh one.

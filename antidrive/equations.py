@@ -28,10 +28,10 @@ _STEP = 0.01  # an integration step [s]; as a number, so that no guard against a
 
 
 def typeset(equation: str) -> Markup:
-    """LaTeX as MathML, which a browser prints by itself."""
+    """LaTeX as MathML, which a browser shows without help."""
     try:
         printed = convert(equation, display="block")
-    except Exception:  # somebody's own equation may be beyond the converter: then its source has to do
+    except Exception:  # the converter may not know it: then the source is shown
         return Markup("<code>{}</code>").format(equation)
     return Markup(printed.replace(' xmlns="http://www.w3.org/1998/Math/MathML"', ""))
 

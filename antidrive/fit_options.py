@@ -52,12 +52,12 @@ class FitOptions:
             BadParameter: a word that is written wrongly.
         """
         return cls(
-            fixed=_by_name("--fixed", _split(fixed), _maybe, "inertia=0.2"),
-            bounds=_by_name("--bounds", _split(bounds), _pair, "inertia=0.1:0.3"),
-            prior=_by_name("--prior", _split(prior), _pair, "inertia=0.2:0.05"),
-            per_run=tuple(_split(per_run)),
-            exclude=tuple(_split(exclude)),
-            candidates=tuple(_split(candidates)),
+            fixed=_by_name("--fixed", _split("--fixed", fixed), _maybe, "inertia=0.2"),
+            bounds=_by_name("--bounds", _split("--bounds", bounds), _pair, "inertia=0.1:0.3"),
+            prior=_by_name("--prior", _split("--prior", prior), _pair, "inertia=0.2:0.05"),
+            per_run=tuple(_split("--per-run", per_run)),
+            exclude=tuple(_split("--exclude", exclude)),
+            candidates=tuple(_split("--candidates", candidates)),
             effects=effects,
         )
 
@@ -125,8 +125,11 @@ class FitOptions:
         return [by_name.get(name, name) for name in self.candidates]
 
 
-def _split(words: Sequence[str] | None) -> list[str]:
-    return [part.strip() for word in words or () for part in word.split(",") if part.strip()]
+def _split(option: str, words: Sequence[str] | None) -> list[str]:
+    parts = [part.strip() for word in words or () for part in word.split(",") if part.strip()]
+    if words and not parts:
+        raise BadParameter(f"{option} is empty; give a name, or leave it out.")
+    return parts
 
 
 def _by_name(option: str, words: Iterable[str], read: Callable[[str], Any], example: str) -> dict[str, Any]:

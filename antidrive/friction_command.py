@@ -9,6 +9,10 @@ import typer
 from antidrive.cli_log_options import with_log
 from antidrive.cli_options import OUT, Force, Json, Out, Quiet
 
+_NO_MODEL = (
+    "No model.json: this log does not show the inertia, as a slow sweep or a chirp does. friction.csv is the table."
+)
+
 
 @with_log
 def friction(
@@ -19,6 +23,7 @@ def friction(
     from antidrive.friction_page import friction_page
     from antidrive.output import whole_folder, write_json, written
     from antidrive.provenance import Provenance
+    from antidrive.table_files import csv_text
     from identification.friction_test import friction_test
     from plant.model_file import ModelFile
 
@@ -28,7 +33,11 @@ def friction(
             measured = log.read(progress)
         found = friction_test(measured.log.usable(force=force))
         content, model = found.to_dict(), found.model
-        found.to_frame().to_csv(draft / "friction.csv", index=False, float_format="%.10g")
+        units = {
+            "velocity": found.units["speed"],
+            **dict.fromkeys(("torque", "error", "curve"), found.log.command_unit),
+        }
+        (draft / "friction.csv").write_text(csv_text(dict(found.to_frame()), units), encoding="utf-8")
         write_json(draft / "friction.json", content)
         files = ["friction.csv", "friction.json", "report.html"]
         if model is not None:
@@ -37,5 +46,6 @@ def friction(
             files.insert(2, "model.json")
         page = friction_page(found, Provenance.now(console.words, found.log.sources))
         (draft / "report.html").write_text(page, encoding="utf-8")
+    told = [] if model is not None else [_NO_MODEL]
     warned = [f"  warning: {text}" for text in found.log.warnings]
-    console.result("\n".join([*found.sentences(), *warned, written(out, ", ".join(files))]), content)
+    console.result("\n".join([*found.sentences(), *told, *warned, written(out, ", ".join(files))]), content)

@@ -19,6 +19,7 @@ from antidrive.provenance import Provenance
 from antidrive.signature import Signature, signature
 from diagnosis.explanation.wording import joined_words, percent, sentence_case
 from plant.effects import Effect, Parameter, Stage, catalogue
+from plant.units import printed
 
 _FLOWS = {"torque": "N m", "angle": "rad", "velocity": "rad/s", "time": "s"}
 
@@ -28,7 +29,7 @@ def gallery_page(
     effects: Mapping[str, type[Effect]] = catalogue,
     progress: Callable[[str], None] | None = None,
 ) -> str:
-    """The page of effects by name: the catalogue, or also somebody's own; `progress` is told of each."""
+    """The page of effects by name: the catalogue, or also effects of one's own; `progress` is called for each."""
     shown = []
     for number, kind in enumerate(effects.values()):
         if progress is not None:
@@ -109,7 +110,7 @@ def _with_code(text: str) -> Markup:
 
 def units(kind: type[Effect], spec: Parameter) -> str:
     """The unit of a parameter, on either axis if they differ."""
-    return joined_words(list(dict.fromkeys(spec.unit_on(axis) for axis in kind.axes)), "or")
+    return joined_words(list(dict.fromkeys(printed(spec.unit_on(axis)) or "-" for axis in kind.axes)), "or")
 
 
 def _axis(kind: type[Effect]) -> Any:
@@ -152,7 +153,7 @@ def _size(found: Signature) -> str:
     """The size at which an effect is drawn, and on what."""
     specs, axis = found.effect.parameters(), found.excitation.model.axis
     values = [
-        f"{spec.name.replace('_', ' ')} {value:.3g} {spec.unit_on(axis)}".removesuffix(" -")
+        f"{spec.name.replace('_', ' ')} {value:.3g} {printed(spec.unit_on(axis))}".rstrip()
         for spec, value in zip(specs, found.effect.values, strict=True)
     ]
     servo = "position servo" if found.excitation.servo_gain else "servo that is given a torque"

@@ -55,7 +55,7 @@ class Inspection:
 
     def sentences(self) -> list[str]:
         """The same in words, a line each."""
-        said = [*_columns(self.tables), ""] if self.tables else []
+        said = [*_columns(self.tables), *self._assumed(), ""] if self.tables else []
         said += [f"{self.log!r}, command in {self.log.command_unit}", *_table(self.log.runs)]
         if self.holdout is not None:
             said += ["To validate on:", *_table(self.holdout.runs)]
@@ -63,6 +63,11 @@ class Inspection:
         said += [f"  warning: {text}" for text in (*self.log.warnings, *self.log.notes)]
         said += [f"  repaired: {text}" for text in self.log.repairs]
         return said
+
+    def _assumed(self) -> list[str]:
+        if not any(one.assumed and not one.unit for _, facts in self.tables for one in facts):
+            return []
+        return ["  A unit in brackets is assumed; give another one with --unit."]
 
     def summary(self) -> dict[str, Any]:
         """The same as data."""

@@ -1,6 +1,6 @@
 """Ctrl-C and SIGTERM: the command is unwound as by an error, so that nothing is left behind, and then ends at once.
 
-Threads may still be in machine code for a while; nobody waits for them.
+Threads may still be in machine code for a while; they are not waited for.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Stopped(BaseException):
-    """Somebody asked the command to end; the exit code is that of a shell for the signal."""
+    """The command was told to end; the exit code is that of a shell for the signal."""
 
     def __init__(self, number: int = signal.SIGINT) -> None:
         """By a signal of that number."""

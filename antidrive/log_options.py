@@ -1,4 +1,4 @@
-"""Where a log is and how to read it: from the words of a command line, from a log.toml, or from a known data set."""
+"""Where a log is and how to read it: from the options of a command, from a log.toml, or from a known data set."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NUMBERS = ("rate", "torque_constant", "kp", "kd")
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """What was read: the log to learn from, the log to judge by if one was set apart, and where a known machine starts.
+    """What was read: the log to fit, the validation log if one was given, and where the fit of a known machine starts.
 
     Attributes:
         base: model to start from, and `fixed` its parameters that the machine does not have; None if nothing is known.
@@ -50,7 +50,7 @@ class LogOptions:
         rate, torque_constant, kp, kd, joint: as in `identification.reading.reading_options.Reading`.
         dataset: name of a known data set, read from `data` or from `files`.
         data: folder of the data set.
-        holdout: files to judge by.
+        holdout: files of the validation log.
         fit: what a log.toml says of parameters and effects.
     """
 
@@ -147,7 +147,11 @@ class LogOptions:
         done = Parts(2 * (len(self.files) + len(self.holdout)), tell, doing="reading").done
         reading = self.reading()
         log = Log.of_files(self.files, reading, done)
-        return Measured(log=log, holdout=Log.of_files(self.holdout, reading, done) if self.holdout else None)
+        holdout = Log.of_files(self.holdout, reading, done) if self.holdout else None
+        both = [source.file for source in log.sources if holdout is not None and source in holdout.sources]
+        if both:
+            raise BadParameter(f"--holdout {both[0]}: is fitted too, so it validates nothing; give another log.")
+        return Measured(log=log, holdout=holdout)
 
     def _known(self) -> Measured:
         typed = {"--map": self.mapping, "--unit": self.units, "--scale": self.scales, "--gears": self.gears}
@@ -160,7 +164,9 @@ class LogOptions:
         if self.holdout:
             raise BadParameter("--holdout cannot be used with --dataset: a data set has its own validation part.")
         if (self.data is None) == (not self.files):
-            raise BadParameter("--dataset needs either --data FOLDER or the files of the data set.")
+            raise BadParameter(
+                f"--dataset {self.dataset}: give either --data FOLDER or the files of the data set, and not both."
+            )
         if self.joint is not None and not self.joint.isdecimal():
             raise BadParameter(f"--joint {self.joint}: the joints of a data set are numbered; give its number.")
         from identification.datasets import load_dataset

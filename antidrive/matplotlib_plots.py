@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from allocation import CapabilityMap
 from antidrive.chart import AFTER, BEFORE, MEASURED
 from antidrive.model_comparison import Comparison
 from diagnosis.diagnosis import Diagnosis
@@ -19,7 +20,7 @@ from plant.errors import BadParameter
 
 
 def plot(result: Any, axes: Any = None) -> Any:
-    """See `plant.result_display.Presented.plot`."""
+    """See `plant.result_display.Drawn.plot`."""
     try:
         from matplotlib import pyplot
     except ImportError:
@@ -98,6 +99,14 @@ def _draw_table(table: DriveTable, axes: Any) -> None:
     _label(axes[0], x=f"{first} [{table.units[first]}]", y=f"{last} [{table.units[last]}]")
 
 
+def _draw_capability(found: CapabilityMap, axes: Any) -> None:
+    """The copper-loss index, and the edge of what can be reached."""
+    mesh = axes[0].pcolormesh(found.load_torque, found.acceleration, found.heat, shading="nearest")
+    axes[0].figure.colorbar(mesh, ax=axes[0], label="copper-loss index [N² m²]")
+    axes[0].plot(found.load_torque, found.edge, color=BEFORE, lw=1.6)
+    _label(axes[0], x="load torque [N m]", y="acceleration [rad/s²]")
+
+
 def _label(axes: Any, *, x: str = "", y: str = "") -> None:
     axes.set(xlabel=x, ylabel=y)
     axes.spines[["top", "right"]].set_visible(False)
@@ -110,5 +119,6 @@ _PICTURES: dict[type, tuple[int, Callable[[Any, Any], None]]] = {
     FrictionTest: (1, _draw_friction),
     Comparison: (1, _draw_changes),
     DriveTable: (1, _draw_table),
+    CapabilityMap: (1, _draw_capability),
 }
 """How many axes the picture of a result needs, and what draws in them."""

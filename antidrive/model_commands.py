@@ -1,7 +1,8 @@
-"""What leaves a model for drives and simulators: feed-forward, MuJoCo, URDF, Modelica, FMU."""
+"""Exports of a model for drives and simulators: feedforward, MuJoCo, URDF, Modelica, FMU."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,15 @@ from antidrive.own_effects import read_identified
 from plant.errors import BadParameter
 from plant.model_file import ModelFile
 
+_OPTIONS = {"plant": ("sample_time",)}
+"""Of the options of a controller, those that count in an export of the model."""
+
 Made = tuple[dict[str, str | bytes], list[str], dict[str, Any]]
 """Files with their content, what they are in sentences, and for scripts."""
 
 
 def chosen(given: Mapping[str, bool], *, fmu: bool) -> str:
-    """Which form is asked for; empty for the controller.
+    """Which form is wanted; empty for the controller.
 
     Raises:
         BadParameter: more than one.
@@ -44,13 +48,14 @@ def export_model(
     Args:
         model: file of the model.
         form: "feedforward", "mujoco", "urdf", "modelica" or "plant".
-        said: words of the command line; of these the sample time counts, for an FMU.
+        said: options of the command line; of these the sample time counts, for an FMU.
         name: with which files and what is in them begin.
-        single: whether a feed-forward calculates in single precision.
+        single: whether a feedforward calculates in single precision.
         effects: file with effects of one's own.
         out: folder for the files.
-        console: how the command speaks.
+        console: how results are printed.
     """
+    _check(form, said, name, single=single)
     read = read_identified(model, effects)
     with whole_folder(out) as draft, console.progress(f"writing {form}") as progress:
         made = _plant(read, draft, said, name, progress) if form == "plant" else _TEXTS[form](read, name, single)
@@ -59,6 +64,17 @@ def export_model(
             (draft / name).write_bytes(text if isinstance(text, bytes) else text.encode())
         names = sorted(path.name for path in draft.iterdir())
     console.result("\n".join([*told, written(out, ", ".join(names))]), {"schema": 1, "files": names, **content})
+
+
+def _check(form: str, said: Mapping[str, Any], name: str, *, single: bool) -> None:
+    """Refuse options that this form has no use for, and names that would spoil its files."""
+    useless = [word for word in said if word not in _OPTIONS.get(form, ())]
+    useless += ["single"] if single and form != "feedforward" else []
+    if useless:
+        option = f"--{useless[0].replace('_', '-')}"
+        raise BadParameter(f"{option} changes nothing in an export with --{form}; leave it out.")
+    if not re.fullmatch(r"[A-Za-z]\w*", name, re.ASCII):
+        raise BadParameter(f"--name {name!r}: write letters, digits and underscores, beginning with a letter.")
 
 
 def _feedforward(read: ModelFile, name: str, single: bool) -> Made:

@@ -17,6 +17,7 @@ from identification.simulation import free_simulation
 from plant.model_file import ModelFile, read_model
 from plant.result_display import Presented
 from plant.servo import ServoModel
+from plant.units import printed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,7 +32,7 @@ class Change:
     """One parameter then and now.
 
     Attributes:
-        before, after: its value, and their standard errors; None where nobody knows them.
+        before, after: its value, and their standard errors; None where they are unknown.
         moved: whether they differ by more than chance allows among so many parameters.
     """
 
@@ -53,13 +54,13 @@ class Change:
     def __str__(self) -> str:
         """In a line."""
         if self.after is None:
-            return f"{self.name}: this log does not determine it (it was {self.before:.4g} {self.unit})"
+            return f"{self.name}: this log does not determine it (it was {self.before:.4g} {printed(self.unit)})"
         change = "" if not self.before else f"{100.0 * (self.after / self.before - 1.0):+.2g} %"
         size = abs(self.errors or 0.0)
         errors = "" if self.errors is None else f"{size:.{0 if size >= 10.0 else 1}f} standard errors"
         about = ", ".join(part for part in (change, errors) if part)
-        unit = "cycles/rev" if self.unit == "rad/rad" else self.unit
-        now = f"{self.after:.4g}{_error(self.after_std)} {unit}".rstrip(" -")
+        unit = printed(self.unit)
+        now = f"{self.after:.4g}{_error(self.after_std)} {unit}".rstrip()
         return f"{self.name}: {self.before:.4g}{_error(self.before_std)} -> {now}{f' ({about})' if about else ''}"
 
 
@@ -72,7 +73,7 @@ class Comparison(Presented):
         diagnosis: of the log, from the known model on.
         new: names of the effects that it found and the model does not have.
         gone: names of effects of the model that are not in the new one, because a new effect takes their place.
-        error_before, error_after: rms of a free simulation of the log with the known and with the new model.
+        error_before, error_after: rms error of an open-loop simulation of the log with the known and the new model.
         unit: of these.
     """
 
@@ -89,8 +90,17 @@ class Comparison(Presented):
         """The new model."""
         return self.diagnosis.model
 
+    def headline(self) -> str:
+        """What has changed, in a few words."""
+        moved = [change.name.replace("_", " ").replace(".", ": ") for change in self.changes if change.moved]
+        new = [title_of(name) for name in self.new]
+        parts = [f"Changed: {', '.join(moved)}"] * bool(moved) + [f"New: {', '.join(new)}"] * bool(new)
+        if not new and self.diagnosis.verdict == "unknown":
+            parts.append("A new model error")
+        return "; ".join(parts) or "Nothing has changed"
+
     def sentences(self) -> list[str]:
-        """What moved, what is new, and what the known model is worth today."""
+        """What has changed, what is new, and the error of the known model on this log."""
         moved = [change for change in self.changes if change.moved]
         lines = [f"Changed: {change}" for change in moved] or ["No parameter has changed beyond its error."]
         causes = {cause.effect: cause for cause in self.diagnosis.causes}
@@ -116,7 +126,7 @@ class Comparison(Presented):
         return "\n".join(self.sentences())
 
     def to_frame(self) -> pd.DataFrame:
-        """A row for each parameter: before, after, their errors, and whether it moved."""
+        """A row for each parameter: before, after, their errors, and whether it changed."""
         import pandas as pd
 
         return pd.DataFrame([_row(change) for change in self.changes]).set_index("name")

@@ -43,15 +43,19 @@ def whole_folder(out: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_file(out: Path) -> Iterator[Path]:
+def whole_file(out: Path, *, option: str = "--out") -> Iterator[Path]:
     """A draft file that becomes `out` when the block ends well, and vanishes when it does not.
+
+    Args:
+        out: the file.
+        option: by which it was named.
 
     Raises:
         BadParameter: `out` is a folder, or nothing can be written there.
     """
     if out.is_dir():
-        raise BadParameter(f"--out {out}: is a folder; name a file.")
-    with _draft_beside(out) as draft:
+        raise BadParameter(f"{option} {out}: is a folder; name a file.")
+    with _draft_beside(out, option) as draft:
         yield draft / out.name
         with unstoppable():
             out.parent.mkdir(parents=True, exist_ok=True)
@@ -66,13 +70,13 @@ def left() -> str:
 
 
 @contextmanager
-def _draft_beside(out: Path) -> Iterator[Path]:
+def _draft_beside(out: Path, option: str = "--out") -> Iterator[Path]:
     """A temporary folder on the same disk as `out`, so that moving into place is a rename."""
     existing = next(folder for folder in out.absolute().parents if folder.exists())
     try:
         draft = Path(tempfile.mkdtemp(prefix=".antidrive-", dir=existing))
     except OSError as error:
-        raise BadParameter(f"--out {out}: cannot be written ({error.strerror}); choose another place.") from None
+        raise BadParameter(f"{option} {out}: cannot be written ({error.strerror}); choose another place.") from None
     try:
         yield draft
     finally:
@@ -95,7 +99,7 @@ def strict(value: Any) -> Any:
 
 
 def to_json(content: Any, *, ascii: bool = False) -> str:
-    """Indented JSON that every reader accepts; in ASCII alone, with \\u for the rest, if asked for."""
+    """Indented JSON that every reader accepts; with `ascii` in ASCII alone, with \\u for the rest."""
     return json.dumps(strict(content), indent=2, allow_nan=False, ensure_ascii=ascii)
 
 

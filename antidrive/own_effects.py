@@ -69,15 +69,15 @@ def read_own_model(path: Path, effects: Path | None) -> ModelFile:
 
 
 def read_identified(path: Path, effects: Path | None) -> ModelFile:
-    """The same, of a model that somebody will use.
+    """The same, of a model that will be used.
 
     Raises:
-        Unidentifiable: it was fitted to a log that told none of its parameters.
+        Unidentifiable: it was fitted to a log that determines none of its parameters.
     """
     read = read_own_model(path, effects)
     if not read.identified:
         raise Unidentifiable(
             f"{path}: no parameter of this model was identified, its values are those that the fit began with; "
-            "identify it from a log that shows them, or write a model by hand."
+            "identify it from a log that shows them, or write the model file yourself."
         )
     return read

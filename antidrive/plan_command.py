@@ -16,8 +16,8 @@ def plan(
         str,
         typer.Option(
             metavar="NAME=VALUE,...",
-            help="Limits of the drive: travel=-1:1,speed=5,acceleration=50 with a position loop [rad, rad/s, "
-            "rad/s^2; on a linear axis m]; or torque=2 without [N m].",
+            help="Limits of the drive. With a position loop travel=-1:1,speed=5,acceleration=50, in rad, rad/s, "
+            "rad/s^2; on a linear axis in m. Without one torque=2, in N m.",
         ),
     ],
     rate: Annotated[float, typer.Option(metavar="HZ", help="Samples per second.")] = 200.0,

@@ -1,4 +1,4 @@
-"""What a model says will follow from a log's command, as a table: run, time, and angle or position."""
+"""Open-loop simulation of a log from its command alone, as a table: run, time, and angle or position."""
 
 from __future__ import annotations
 
@@ -15,41 +15,42 @@ from identification.run import Run
 from identification.simulation import free_simulation
 from plant.effects.effect import Array
 from plant.errors import BadParameter
-from plant.model_file import read_model
+from plant.model_file import ModelFile, read_model
 from plant.servo import ServoModel
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_ROWS = 10_000  # that are written before somebody is told
+_ROWS = 10_000  # between two reports of progress
 _WRITING = 4  # times that writing a row takes as long as simulating a sample of a run in one piece
 _SETTLING = 4  # times that a sample in a window, whose first state is looked for, takes as long as writing its row
 
 
 def predict(
-    model: ServoModel | str | Path, log: LogLike, *, window: float | None = None, measured: bool = False
+    model: ServoModel | ModelFile | str | Path, log: LogLike, *, window: float | None = None, measured: bool = False
 ) -> pd.DataFrame:
-    """What a model says will follow from a log's command: a free simulation.
+    """Simulate a log in open loop, from its command alone.
 
     Args:
-        model: the servo, or the path of its model file.
-        log: whose command is played, also as a path, a DataFrame or arrays by name. Of its measured output only the
-            first 0.2 s of each run, or window, are looked at, for its initial state.
-        window: restart every so many seconds; None simulates each run in one piece.
-        measured: add what was measured, to lay beside it.
+        model: the servo, its model file, or the path of one.
+        log: gives the command; also a path, a DataFrame or arrays by name. Of its measured output only the first
+            0.2 s of each run, or window, are used: for the initial state.
+        window: restart every so many seconds (multi-step prediction); None simulates each run in one piece.
+        measured: add the measured output as a last column.
 
     Returns:
         Columns run, time [s], and angle [rad] (or position [m]), a row a sample; last `measured`, if asked for.
 
     Raises:
-        BadParameter: the model runs away to infinity, or does not fit the log.
+        BadParameter: the model diverges, or does not fit the log.
         BadModelFile, MalformedLog: a file that cannot be used.
     """
     import pandas as pd
 
-    servo = model if isinstance(model, ServoModel) else read_model(model).model
+    if not isinstance(model, ServoModel):
+        model = (model if isinstance(model, ModelFile) else read_model(model)).model
     read = log_of(log)
-    simulated = _simulated(read, servo, window, None)
+    simulated = _simulated(read, model, window, None)
     pairs = zip(read.runs, simulated, strict=True)
     tables = [_table(read, run, output, slice(None), measured) for run, output in pairs]
     return pd.concat(tables, ignore_index=True)
@@ -64,7 +65,7 @@ def write_prediction(
     measured: bool = False,
     tell: Tell | None = None,
 ) -> list[Array]:
-    """Simulate a log freely and write the table as CSV.
+    """Simulate a log in open loop and write the table as CSV.
 
     Args:
         path: file to write.

@@ -7,6 +7,8 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from allocation import CapabilityMap
+from antidrive.capability import table
 from antidrive.matplotlib_plots import plot as plot
 from antidrive.model_comparison import Comparison
 from antidrive.output import whole_file
@@ -18,6 +20,8 @@ from identification.log import Log, Source
 from identification.simulation import free_simulation
 from plant.drive_table import DriveTable
 from plant.errors import BadParameter
+from plant.servo import ServoModel
+from plant.units import printed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,7 +31,7 @@ _ROWS = 12  # of a table in a notebook
 
 @singledispatch
 def to_frame(result: Any) -> pd.DataFrame:
-    """See `plant.result_display.Presented.to_frame`."""
+    """See `plant.result_display.Tabled.to_frame`."""
     raise BadParameter(f"A {type(result).__name__} is no table.")
 
 
@@ -44,6 +48,22 @@ def _(result: Log) -> Any:
     frame = pd.concat([part.assign(valid=run.valid) for part, run in zip(parts, result.runs, strict=True)])
     frame.attrs["units"] = {"time": "s", "command": result.command_unit, result.response: result.measured_unit}
     return frame.reset_index(drop=True)
+
+
+@to_frame.register
+def _(result: ServoModel) -> Any:
+    import pandas as pd
+
+    rows = [
+        (spec.name, value, printed(spec.unit), spec.meaning)
+        for spec, value in zip(result.parameters, result.values, strict=True)
+    ]
+    return pd.DataFrame(rows, columns=["name", "value", "unit", "meaning"]).set_index("name")
+
+
+@to_frame.register
+def _(result: CapabilityMap) -> Any:
+    return table(result)
 
 
 @to_frame.register
@@ -78,15 +98,16 @@ def _(result: Diagnosis) -> Any:
 
 
 def html(result: Any) -> str:
-    """See `plant.result_display.Presented`: the first line in words, and the table."""
-    table = result.to_frame()
-    first = _headline(result)
-    return f"<p>{escape(first)}</p>{table.to_html(max_rows=_ROWS, notebook=True)}"
+    """See `plant.result_display.Tabled`: the first line in words, and the table."""
+    rows = result.to_frame().to_html(max_rows=_ROWS, notebook=True)
+    return f"<p>{escape(_headline(result))}</p>{rows}"
 
 
 def _headline(result: Any) -> str:
     if isinstance(result, DriveTable):
         return f"{result.ends[1]}: {result.meaning}"
+    if isinstance(result, ServoModel):
+        return f"Servo: {', '.join(('rigid body', *(effect.title for effect in result.effects)))}"
     return str(result).splitlines()[0] if not isinstance(result, Log) else repr(result)
 
 

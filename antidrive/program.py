@@ -50,6 +50,13 @@ def _command(app: typer.Typer, words: list[str]) -> int:
     return code
 
 
+def _usage(error: Any) -> str:
+    """A mistake in the words of a command line, and where to look them up."""
+    path = "antidrive" if error.ctx is None else error.ctx.command_path
+    message = error.format_message()
+    return f"{message}{'' if message.endswith(('.', '?')) else '.'} See `{path} --help`."
+
+
 def _failed(error: Exception, words: list[str]) -> int:
     """Say what went wrong on stderr, and return the exit code."""
     from antidrive.console import print_error
@@ -61,7 +68,7 @@ def _failed(error: Exception, words: list[str]) -> int:
         print_error(error.with_command(shlex.join(("antidrive", *words))))
         return 2
     if isinstance(error, AntidriveError | UsageError):
-        print_error(error.format_message() if isinstance(error, UsageError) else str(error))
+        print_error(_usage(error) if isinstance(error, UsageError) else str(error))
         return 2
     traceback.print_exception(error)
     print_error(f"this is a fault of the program and not of the input; {left()}.")

@@ -1,6 +1,6 @@
 """How long a task still takes, where that is known: where its parts are counted, and the pace so far is the pace.
 
-A fit and a diagnosis do not know how much there is to do: each effect that is found asks for a round more, a gap whose
+A fit and a diagnosis do not know how much there is to do: each effect that is found adds a round, a gap whose
 likelihood has many peaks for 2 to 28 descents, a curve that is carried without a name for many fits. The best estimate
 that was tried, the median over other logs of what is left at each stage, in units of the base fit, was right within a
 factor of two at 39 of 71 stages of diagnoses; of fits, 1.6 times what the observers had taken, in 41 of 50. So of them
@@ -76,7 +76,7 @@ class Watch:
         parts = re.search(r"\b(\d+) of (\d+)\b", line)
         count = None if parts is None else _Count(self.passed, int(parts[1]), int(parts[2]))
         if self.first is None or count is None or count.of != self.first.of or count.done < self.first.done:
-            self.first = count  # what went before was something else, and says nothing of the pace
+            self.first = count  # what went before was something else, and does not show the pace
         self.last = count
 
     @property

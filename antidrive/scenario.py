@@ -1,4 +1,4 @@
-"""A scenario: what the closed loop is asked to do, read from TOML and checked to the last key."""
+"""A scenario of a closed loop, read from TOML and checked to the last key."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _REFERENCES = {
     "sine": ("amplitude", "frequency"),
     "steps": ("levels", "hold"),
 }
-_MOST_SAMPLES = 200_000
+_LEAST_SAMPLES, _MOST_SAMPLES = 10, 200_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +76,16 @@ class Scenario:
     disturbance: Disturbance | None = None
     drive_loss: DriveLoss | None = None
     compare_single_drive: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse a duration that is too short or too long in samples."""
+        if not (math.isfinite(self.sample_time) and self.sample_time > 0.0):
+            raise BadParameter(f"{self.name}: sample_time must be finite and above zero, not {self.sample_time:g}.")
+        if not _LEAST_SAMPLES <= self.duration / self.sample_time <= _MOST_SAMPLES:
+            raise BadParameter(
+                f"{self.name}: a duration of {self.duration:g} s is not between {_LEAST_SAMPLES} and {_MOST_SAMPLES} "
+                f"samples of {self.sample_time:g} s; change one of them."
+            )
 
     def wanted(self, time: Array) -> Array:
         """The reference angle [rad] at times (M,) [s]."""
@@ -145,7 +155,7 @@ def parse_scenario(name: str, text: str) -> Scenario:
     single = content.get("compare_single_drive", False)
     if not isinstance(single, bool):
         raise BadParameter(f"{name}: compare_single_drive must be true or false, not {single!r}.")
-    scenario = Scenario(
+    return Scenario(
         name=Path(name).stem,
         title=str(content.get("title", Path(name).stem)),
         duration=_number(name, "duration", content, above=0.0),
@@ -157,9 +167,6 @@ def parse_scenario(name: str, text: str) -> Scenario:
         drive_loss=_drive_loss(name, table(content, "drive_loss", ["drive", "time", "detection"])),
         compare_single_drive=single,
     )
-    if not 1.0 <= scenario.duration / scenario.sample_time <= _MOST_SAMPLES:
-        raise BadParameter(f"{name}: duration must be between 1 and {_MOST_SAMPLES} samples of sample_time.")
-    return scenario
 
 
 def _reference(name: str, table: Mapping[str, Any]) -> Mapping[str, Any]:

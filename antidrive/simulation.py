@@ -21,7 +21,7 @@ from plant.gears import GearTrain
 from plant.rig import Rig
 from plant.servo import ServoModel
 
-MAX_TORQUE = 0.3  # that of a controller which nobody tells another [N m]
+MAX_TORQUE = 0.3  # of a controller for which none is given [N m]
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 REPETITIONS = 5

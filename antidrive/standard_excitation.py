@@ -62,7 +62,7 @@ class StandardExcitation:
 
     @cached_property
     def motion(self) -> Motion:
-        """What the servo does by itself, for an effect to choose its size by and to draw its traces along."""
+        """The motion of the servo alone, from which an effect chooses its size and computes its signatures."""
         angle, velocity = self.path[:-1].T
         nothing, gain = np.zeros_like(angle), np.full_like(angle, self.servo_gain)
         return Motion(

@@ -23,9 +23,10 @@ def table(
         ),
     ],
     model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model whose effects are tabulated.")],
-    points: Annotated[int, typer.Option(help="Rows of the table.")] = 64,
+    points: Annotated[int | None, typer.Option(metavar="N", help="Rows of the table. Default: 64.")] = None,
     reach: Annotated[
-        str | None, typer.Option("--range", metavar="LOW:HIGH", help="First and last velocity, angle or torque.")
+        str | None,
+        typer.Option("--range", metavar="LOW:HIGH", help="First and last velocity, angle or torque, in SI units."),
     ] = None,
     single: Annotated[bool, typer.Option("--single", help="C arrays in single precision.")] = False,
     effects: Effects = None,
@@ -33,7 +34,7 @@ def table(
     quiet: Quiet = False,
     json: Json = False,
 ) -> None:
-    """Write a compensation table for a drive, as CSV and C arrays."""
+    """Write a compensation table for a drive: friction, cogging, position error. Writes CSV and C arrays."""
     from antidrive.console import Console
     from antidrive.output import whole_folder, written
     from antidrive.own_effects import read_identified
@@ -45,15 +46,18 @@ def table(
     if kind not in completion.TABLES:
         raise BadParameter(f"There is no table {kind!r}; there are {', '.join(completion.TABLES)}.")
     if kind in NUMBERS:
+        if points is not None or reach is not None:
+            raise BadParameter(f"{kind} is no table but a few numbers; leave --points and --range out.")
         numbers = numbers_of(read, kind)
         if not numbers:
-            raise BadParameter(f"{model}: has no {kind.replace('-', ' ')}.")
+            own = ", ".join(effect.title for effect in read.model.effects) or "none"
+            raise BadParameter(f"The model has no {kind.replace('-', ' ')}; its effects: {own}.")
         columns = {field: [getattr(number, field) for number in numbers] for field in ("name", "value", "std", "unit")}
         csv, header = csv_text(columns, {}), c_numbers(kind, numbers, single=single)
         lines = [str(number) for number in numbers]
         content = {"schema": 1, "kind": kind, "numbers": [vars(number) for number in numbers]}
     else:
-        made = drive_table(read.model, kind, points=points, reach=_range(reach))
+        made = drive_table(read.model, kind, points=64 if points is None else points, reach=_range(reach))
         csv, header = csv_text(made.columns, made.units), c_table(made, single=single)
         first, last = made.ends
         from_to = f"{made.columns[first][0]:.4g} to {made.columns[first][-1]:.4g} {made.units[first]}"

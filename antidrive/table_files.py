@@ -13,6 +13,7 @@ from plant.drive_table import DriveTable
 from plant.inverse import time_lead
 from plant.model_file import ModelFile
 
+_ROUNDING = 1e-12  # of the largest value
 ARCMIN = 60.0 * 180.0 / np.pi
 NUMBERS = {"backlash": ("backlash",), "dead-time": ("input_delay", "actuator_lag")}
 """Tables that are numbers, and the effects whose parameters these are."""
@@ -87,7 +88,9 @@ def summary_line(table: DriveTable) -> list[str]:
         f"Harmonic with {order:.6g} {per}: amplitude {size:.4g} {table.units[last]}, phase {phase:.4g} rad at zero."
         for order, size, phase in table.harmonics
     ]
+    exact = table.largest_error <= _ROUNDING * float(np.max(np.abs(table.columns[last])))
     error = f"The largest error of linear interpolation is {table.largest_error:.2g} {table.units[last]}."
+    error = "Linear interpolation is exact." if exact else error
     return [*found, *table.notes, error]
 
 

@@ -34,3 +34,7 @@ __all__ = [
     "lost_motion",
     "torque_error",
 ]
+
+
+def __dir__() -> list[str]:
+    return [*__all__]

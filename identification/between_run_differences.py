@@ -53,7 +53,7 @@ class _Run:
         return _Run(information=self.information[:, rows][:, :, rows], scores=self.scores[:, rows])
 
     def scatters(self, row: int) -> bool:
-        """Whether more than one block says something of a row: else nobody knows how sure it is."""
+        """Whether more than one block determines a row: else its scatter is unknown."""
         said = self.information[:, row, row]
         return bool(said.max() < _ALONE * said.sum())
 
@@ -121,7 +121,7 @@ def _welch(values: Array, covariance: Array) -> float:
 
 
 def _sentence(fit: Fit, names: list[str]) -> str:
-    """What the runs have, each parameter by itself, and what lets it differ."""
+    """What the runs have, each parameter separately, and what lets it differ."""
     apart = PerRun.of(fit, names)
     point = apart.minimise(apart.begun(fit), fit.bandwidth).point
     values, spread = apart.values(point), apart.covariance(point, fit.bandwidth)

@@ -1,4 +1,4 @@
-"""The colour of the reading's noise: filters in an encoder or a drive make neighbouring readings err alike.
+"""Coloured measurement noise: filters in an encoder or a drive correlate the errors of neighbouring samples.
 
 Without it, an observer takes slow noise for motion and follows it. The noise counts as coloured where a short
 autoregression of its own explains the log clearly better than an observer does. From then on the log carries a colour,
@@ -18,7 +18,7 @@ from identification.fit_result import Fit
 from identification.noise import autoregression
 from identification.problem import Problem
 
-_CLEARLY = 10.0  # rise of the log-likelihood from which a colour is believed
+_CLEARLY = 10.0  # rise of the log-likelihood from which coloured noise is accepted
 _WORTH = 0.05  # the same for each sample behind an observer: the innovations get smaller by a twentieth
 _SLOWER = 3.0  # from one observer to the next
 _SLOWEST = 0.01  # of the best observer's bandwidth: slower ones leave the model to itself

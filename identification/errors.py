@@ -10,7 +10,7 @@ class MalformedLog(AntidriveError, ValueError):
 
 
 class Unidentifiable(AntidriveError, ValueError):
-    """The data cannot tell a parameter that was asked for."""
+    """The data do not determine a parameter that is needed."""
 
 
 class UnusableLog(AntidriveError, ValueError):

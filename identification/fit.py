@@ -145,7 +145,7 @@ def known_of(
         fixed, bounds, prior: as in `fit`.
         start: the model.
         effects: the effects.
-        stated: whether somebody gave the model; what a fit starts from by itself is no value to keep.
+        stated: whether a model was given; the default start of a fit is no value to keep.
 
     Raises:
         BadParameter: as `fit` does.

@@ -1,9 +1,10 @@
-"""What a fit found: values with their uncertainty, and its report in the order in which one asks."""
+"""What a fit found: values with their uncertainty, and the fit report."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,13 @@ from numpy.typing import NDArray
 from identification.log import Log
 from identification.noise import colour
 from identification.prior_knowledge import PriorKnowledge
+from plant.drive_train import DriveTrain
 from plant.effects.effect import Array
 from plant.errors import BadParameter
+from plant.model_file import ModelFile
 from plant.result_display import Presented
 from plant.servo import ServoModel
+from plant.units import printed
 
 _ECHO = 1000  # samples for which an innovation may live on in coloured noise
 
@@ -78,6 +82,11 @@ class Fit(Presented):
     known: PriorKnowledge = field(default_factory=PriorKnowledge)
     held_log_likelihood: float | None = None
 
+    _internal: ClassVar[frozenset[str]] = Presented._internal | {
+        *("evaluations", "free", "held_log_likelihood", "initial", "known", "noise_memory", "runs_off"),
+        *("slow_noise", "substeps", "white_covariance"),
+    }
+
     @property
     def unidentifiable(self) -> tuple[str, ...]:
         """Names of the parameters that the data cannot tell."""
@@ -106,7 +115,7 @@ class Fit(Presented):
 
     @property
     def _noise_echo(self) -> Array:
-        """How an innovation lives on in the reading's noise."""
+        """Impulse response of the measurement noise to an innovation."""
         start = np.zeros(_ECHO if self.log.colour else 1)
         start[0] = 1.0
         return colour(start, np.array(self.log.colour))
@@ -124,8 +133,8 @@ class Fit(Presented):
         if not self.converged:
             return "the iteration ended before it converged. Start it near the machine, with --base MODEL.json."
         free = [line for line in self.parameters if not line.fixed]
-        unseen = any(line.value is None for line in free)  # beside which a value at its bound says nothing
-        told = [line.value is not None and not (line.at_bound and unseen) for line in free]
+        undetermined = any(line.value is None for line in free)  # beside which a value at its bound says nothing
+        told = [line.value is not None and not (line.at_bound and undetermined) for line in free]
         moves = [(run.output - run.output[run.valid].mean())[run.valid] for run in self.log.runs]
         if any(told) or not told or np.std(np.concatenate(moves)) <= 2.0 * self.noise_std:
             return None
@@ -139,6 +148,20 @@ class Fit(Presented):
         """(F, F) correlation of the fitted parameters."""
         std = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
         return np.asarray(self.covariance / np.outer(std, std))
+
+    def model_file(self, gears: DriveTrain | None = None) -> ModelFile:
+        """The fitted model with its standard errors, the files that it came from, and the gears they were read with."""
+        return ModelFile(
+            model=self.model,
+            std={p.name: p.std for p in self.parameters},
+            sample_time=self.log.runs[0].sample_time,
+            gears=gears,
+            source=tuple({"file": s.file, "sha256": s.sha256} for s in self.log.sources),
+        )
+
+    def save(self, path: Path | str) -> None:
+        """Write the model with its standard errors as model.json, which `plant.read_model` and every command read."""
+        self.model_file().write(Path(path))
 
     def __getitem__(self, name: str) -> FittedParameter:
         """The parameter of that name."""
@@ -176,17 +199,17 @@ def fit_report(fit: Fit, *, correlated: float = 0.5) -> str:
 
 def _value(p: FittedParameter, failed: bool) -> str:
     if p.fixed and p.value is not None:
-        return f"{p.value:.6g} {p.unit} (fixed)"
+        return f"{p.value:.6g} {printed(p.unit)} (fixed)"
     if p.value is None or p.std is None:
-        return "not found" if failed else f"cannot be told from this log (start {p.start:.4g} {p.unit})"
+        return "not found" if failed else f"cannot be told from this log (start {p.start:.4g} {printed(p.unit)})"
     share = f" ({100.0 * p.std / abs(p.value):.2g} %)" if p.value else ""
     bound = "  AT BOUND" if p.at_bound else ""
-    return f"{p.value:.6g} +- {p.std:.2g} {p.unit}{share}  from {p.start:.4g}{bound}"
+    return f"{p.value:.6g} +- {p.std:.2g} {printed(p.unit)}{share}  from {p.start:.4g}{bound}"
 
 
 def _said_before(fit: Fit) -> list[str]:
     """One line for each parameter of which a person knew something."""
-    units = {p.name: p.unit for p in fit.parameters}
+    units = {p.name: printed(p.unit) for p in fit.parameters}
     priors = [f"prior of {n}: {m:g} +- {s:g} {units[n]}" for n, (m, s) in fit.known.prior.items() if n in units]
     bounds = [f"bounds of {n}: {a:g} .. {b:g} {units[n]}" for n, (a, b) in fit.known.bounds.items() if n in units]
     return ["", *priors, *bounds] if priors or bounds else []

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _GROUPS = 24  # of windows, by their speed
+_WIDTH = 0.2  # of a speed, that its group may have
 _MOST = (0.02, 0.98)  # of the windows have speeds that are apart by more standard errors than this
 _APART = 6.0
 _MEANINGS = {
@@ -209,8 +210,15 @@ def _units(log: Log) -> dict[str, str]:
 
 
 def _groups(velocity: Array) -> NDArray[np.intp]:
-    """(W,) the group of each window: the widest groups that are no wider than a share of all speeds."""
+    """(W,) the group of each window: the widest groups that are no wider than a share of all speeds, nor of their own.
+
+    The second keeps slow speeds apart, where friction changes most.
+    """
     if velocity.size < 2:
         return np.zeros(velocity.size, dtype=np.intp)
-    tree = linkage(velocity[:, None], "complete")
-    return np.asarray(fcluster(tree, np.ptp(velocity) / _GROUPS, "distance"), dtype=np.intp) - 1
+    speed = np.abs(velocity)
+    width = max(np.ptp(velocity) / _GROUPS, np.finfo(float).tiny)
+    knee = width / _WIDTH  # above it the first counts
+    place = np.where(speed > knee, speed / width, (1.0 + np.log(np.minimum(speed, knee) / knee)) / _WIDTH)
+    apart = np.sign(velocity) * (place - place.min() + 1.0)
+    return np.asarray(fcluster(linkage(apart[:, None], "complete"), 1.0, "distance"), dtype=np.intp) - 1

@@ -18,14 +18,14 @@ _SLOWEST = 3.0  # standard errors of its velocity within which a direction is no
 def friction_windows(log: Log) -> dict[str, Array]:
     """Means over the windows of all runs in which the load moves one way, as in those before and after, and evenly."""
     samples = max(_SAMPLES, sum(map(len, log.runs)) // _WINDOWS)
-    names = ("torque", "velocity", "velocity_error", "acceleration", "change", "uneven", "cos", "sin")
+    names = ("torque", "velocity", "velocity_error", "acceleration", "change", "trend", "cos", "sin")
     parts = []
     for run in log.runs:
         found = np.array(list(_windows_of(run, samples))).reshape(-1, len(names))
         rows = dict(zip(names, found.T, strict=True))
         way = np.sign(rows["velocity"]) * (np.abs(rows["velocity"]) > _SLOWEST * rows["velocity_error"])
         before, after = np.concatenate((way[:1], way[:-1])), np.concatenate((way[1:], way[-1:]))
-        even = np.abs(rows["uneven"]) <= _SLOWEST * np.sqrt(2.0) * rows["velocity_error"]
+        even = np.abs(rows["trend"]) <= _SLOWEST * np.sqrt(2.0) * rows["velocity_error"]
         parts.append(kept_of(rows, even & (way != 0.0) & (way == before) & (way == after)))
     return {name: np.concatenate([part[name] for part in parts]) for name in names}
 
@@ -36,7 +36,7 @@ def kept_of(rows: dict[str, Array], kept: NDArray[np.bool_]) -> dict[str, Array]
 
 
 def _windows_of(run: Run, samples: int) -> Iterable[tuple[float, ...]]:
-    """Torque, velocity, its error, acceleration, change of velocity and how uneven, gravity; a window at a time."""
+    """Torque, velocity, its error, acceleration, change and trend of the velocity, gravity; a window at a time."""
     held = np.diff(run.time, append=run.time[-1] + run.sample_time)
     after = np.append(run.output[1:], run.output[-1])
     middle, rate = 0.5 * (run.output + after), (after - run.output) / held

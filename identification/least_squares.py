@@ -90,7 +90,7 @@ def minimise(
     evaluations, damping, converged = int(at_start is None), 1e-6, here.cost == 0.0
     while evaluations < iterations and np.isfinite(here.cost) and here.cost > 0.0:
         # A quantity that is positive by nature (a time, a width, an inertia) changes by a factor of five at most, so
-        # that one about which the log is silent does not run away.
+        # that a direction which the log does not determine does not diverge.
         least = np.where(lower > 0.0, np.maximum(lower, point / 5.0), lower)
         most = np.where(lower > 0.0, np.minimum(upper, point * 5.0), upper)
         step = _bounded_step(here, point, least, most, damping, silent=_silent(here, lower, upper, samples, tolerance))
@@ -115,7 +115,7 @@ def minimise(
 
 
 def _silent(here: NormalEquations, lower: Array, upper: Array, samples: int, tolerance: float) -> NDArray[np.bool_]:
-    """(n,) coordinates of which the log says nothing here: from bound to bound the fit would stay the same.
+    """(n,) coordinates that the log does not determine here: from bound to bound the fit would stay the same.
 
     An instant at which the load rests is one. Such a coordinate stays where it is: next to nothing would send it to
     its bound, where the log may say very much, and no step would do.
@@ -165,13 +165,13 @@ class Uncertainty:
         covariance: (n, n) of the estimate, for residuals of the colour that they have.
         white: (n, n) the same if the residuals were white.
         undetermined: (n,) parameters into which a direction of (numerically) no information reaches.
-        unseen: (n, n) projection of a displacement onto those directions.
+        null_projection: (n, n) projection of a displacement onto those directions.
     """
 
     covariance: Array
     white: Array
     undetermined: NDArray[np.bool_]
-    unseen: Array
+    null_projection: Array
 
 
 def uncertainty(information: Array, coloured: Array, variance: float) -> Uncertainty:
@@ -197,7 +197,7 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
         covariance=covariance,
         white=white,
         undetermined=(np.abs(vectors[:, lost]) > 1e-3).any(axis=1) | (diagonal <= 0.0),
-        unseen=silent @ silent.T * np.outer(1.0 / scale, scale),
+        null_projection=silent @ silent.T * np.outer(1.0 / scale, scale),
     )
 
 

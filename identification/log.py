@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Unpack, cast
+from typing import TYPE_CHECKING, ClassVar, Literal, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +24,7 @@ from identification.run import Run
 from plant.drive_train import DriveTrain
 from plant.effects import Effect
 from plant.errors import BadParameter
-from plant.result_display import Presented
+from plant.result_display import Drawn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +43,7 @@ class Source:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Log(Presented):
+class Log(Drawn):
     """Experiments on one machine.
 
     runs: at least one.
@@ -66,6 +67,11 @@ class Log(Presented):
     notes: tuple[str, ...] = ()
     colour: tuple[float, ...] = ()
     evenly_timed: bool = False
+
+    _internal: ClassVar[frozenset[str]] = Drawn._internal | {
+        *("colour", "evenly_timed", "from_recordings", "head", "of_files", "of_tables", "shows"),
+        *("torque_unit", "usable"),
+    }
 
     def __post_init__(self) -> None:
         """Refuse an empty log or an unknown axis."""
@@ -100,7 +106,7 @@ class Log(Presented):
         """Sample time of the slowest run [s]."""
         return max(run.sample_time for run in self.runs)
 
-    @property
+    @cached_property  # and no property: where one returns a Literal, jedi completes nothing in IPython
     def response(self) -> Response:
         """What was measured: the "angle" (or position), or the "velocity" alone."""
         return self.runs[0].response

@@ -1,4 +1,4 @@
-"""What may stand where a log is asked for: a file, several files, a table, arrays."""
+"""What may be given as a log: a file, several files, a table, arrays."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def log_of(source: LogLike) -> Log:
     if isinstance(source, Sequence) and source and all(isinstance(each, str | Path) for each in source):
         return Log.read(source)
     raise BadParameter(
-        "A log is asked for: pass a path or several, a DataFrame, arrays by name as in "
+        "This needs a log: pass a path or several, a DataFrame, arrays by name as in "
         f'{{"time": t, "torque": u, "angle": y}}, or an identification.Log, not {_kind(source)}.'
     )
 

@@ -1,7 +1,7 @@
 """The colour of what a predictor leaves, and what it does to the certainty of an estimate.
 
 A perfect predictor leaves white innovations. Real measurement noise has a colour (quantisation, filters in the drive,
-friction that is not quite repeatable), and whoever ignores it counts the same evidence several times over. An
+friction that is not quite repeatable), and without it the same evidence is counted several times. An
 autoregression of the innovations (Box and Jenkins 1970) says by how much.
 """
 
@@ -19,7 +19,7 @@ ORDER = 20
 
 
 def autoregression(innovations: Array, order: int = ORDER) -> Array:
-    """(p,) coefficients that predict an innovation (T,) from its past, p <= order as the data ask for.
+    """(p,) coefficients that predict an innovation (T,) from its past, p <= order, chosen by the data.
 
     Yule-Walker, which is always a stable model; p by Schwarz's criterion, so that white innovations have no colour.
     """

@@ -23,7 +23,7 @@ def observer_gain(bandwidth: float, dt: Array, *, random_walk: bool = False) -> 
         random_walk: the acceleration is a random walk instead, as in the alpha-beta-gamma filter; then (3, T), with the
             gain on the acceleration [1/s^2].
     """
-    # each by itself: a run in pieces has the gains of the run in one
+    # each separately: a run in pieces has the gains of the run in one
     dt = np.round(dt, _DIGITS - int(np.floor(np.log10(np.median(dt)))))
     steps = dt[:1] if (dt == dt[0]).all() else dt
     gains = _third_order_gain(bandwidth, steps) if random_walk else _second_order_gain(bandwidth, steps)
@@ -54,7 +54,7 @@ def _third_order_gain(bandwidth: float, dt: Array) -> Array:
 
 
 def speed_gain(bandwidth: float, dt: Array, *, random_walk: bool = False) -> Array:
-    """(2, T) gains as in `observer_gain` where the velocity is measured: none on the angle, which nobody sees.
+    """(2, T) gains as in `observer_gain` where the velocity is measured: none on the angle, which is not measured.
 
     Args:
         bandwidth: square root of acceleration noise [rad/s^2] over measurement noise [rad/s]: [1/s].

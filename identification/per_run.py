@@ -90,7 +90,7 @@ class PerRun:
 def fit_apart(first: Fit, names: tuple[str, ...]) -> Fit:
     """A fit of several runs in which these parameters have a value of their own in each, from a fit without that.
 
-    By turns: what each run has of its own at the fit's observer, and the observer and colour that the rest asks for.
+    By turns: what each run has of its own at the fit's observer, and the observer and noise colour of the rest.
     """
     found = first
     for _ in range(_ROUNDS):

@@ -203,7 +203,7 @@ def run_inputs(
 
 @lru_cache(maxsize=64)
 def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: float, random_walk: bool) -> Array:
-    """The inputs of a part of a run behind a delay of whole samples; a fit asks for the same ones pass after pass."""
+    """The inputs of a part of a run behind a delay of whole samples; a fit uses the same ones in each pass."""
     part = slice(start, stop)
     dt = np.diff(run.time[start : stop + 1])
     if stop == len(run):
@@ -240,7 +240,7 @@ def _delayed(values: Array, samples: int, part: slice) -> Array:
 def moves_with(model: ServoModel) -> Array:
     """(n, 2) which states an observer moves with its correction of the angle, and of the velocity.
 
-    (n, 3) where the load wanders: and of that.
+    (n, 3) with a random-walk disturbance: and of that.
     """
     moved = (State.ANGLE, State.VELOCITY, State.RANDOM_WALK)[: 3 if model.has_random_walk else 2]
     return np.array([[kind is one for one in moved] for kind in model.kinds], dtype=float)
@@ -253,7 +253,7 @@ def _prediction(
 ) -> Recursion:
     """(state, slopes), rows of `run_inputs`, parameters -> innovation, its slopes, predicted state, at each sample.
 
-    Without `free` there are no slopes, and where no run is `positioned` no servo gain is asked for. The rows end with
+    Without `free` there are no slopes, and where no run is `positioned` there is no servo gain. The rows end with
     the load.
     """
     model = structure.model

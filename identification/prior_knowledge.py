@@ -12,6 +12,7 @@ from plant.effects.effect import Parameter
 from plant.errors import BadParameter
 from plant.number import finite
 from plant.servo import ServoModel
+from plant.suggestion import suggestion
 
 Fixed: TypeAlias = "Collection[str] | Mapping[str, float] | Mapping[str, float | None]"
 Pairs: TypeAlias = "Mapping[str, tuple[float, float]]"
@@ -48,7 +49,7 @@ class PriorKnowledge:
         for what, numbers in given.items():
             for name in numbers:
                 if name not in specs:
-                    raise BadParameter(f"{what}: {name!r} is not a parameter; they are {', '.join(specs)}.")
+                    raise BadParameter(f"{what}: {name!r} is not a parameter; {suggestion(name, specs)}")
                 if what != "fixed" and name in values:
                     raise BadParameter(f"{what}: {name} is fixed; leave it out of {what}, or of fixed.")
         return cls(

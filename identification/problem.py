@@ -76,7 +76,7 @@ class Problem(Objective):
 
         Args:
             starts: parameter vectors (P,) to begin from besides the model's own and those from the data.
-            free: settle for a free simulation, also where an observer is likelier.
+            free: fit the output error (open-loop simulation), also where an observer is likelier.
             progress: called with a line of text at each stage.
         """
         widest = 0.1 / self.log.runs[0].sample_time

@@ -44,7 +44,7 @@ class Recording:
     response: what `output` measures, an "angle" (or position), or a "velocity" [rad/s] or [m/s].
     rows: (T,) data row of each sample, counted from 1; `first_line` is the line of row 1 in a text file.
     names: what the file calls "command" and "output", for messages.
-    stated: of "time" and "command" those whose unit somebody gave: the file, its headings, or the user.
+    stated: of "time" and "command" those whose unit is given: by the file, its headings, or the user.
     others: further channels by their contract name, (T,) each.
     run: what the run column calls the experiment; its number where there is no such column.
     start: what the clock shows at the first sample of the file [s].
@@ -70,7 +70,7 @@ class Recording:
     start: float = 0.0
 
     def __post_init__(self) -> None:
-        """Name an experiment that nobody named by its number; a damping of nothing has as many samples as there are."""
+        """Name an experiment without a label by its number; a damping of nothing has as many samples as there are."""
         object.__setattr__(self, "run", self.run or str(self.number))
         if not np.any(self.servo_damping):
             object.__setattr__(self, "servo_damping", np.zeros(len(self.time)))
@@ -81,7 +81,7 @@ class Recording:
 
     @property
     def drive(self) -> Array:
-        """(T,) torque that the drive's law asks for along the measured motion, without its limit."""
+        """(T,) torque of the drive's law along the measured motion, without its limit."""
         return drive_torque(self.command, self.servo_gain, self.servo_damping, self.output, self.time)
 
     def name(self, channel: str) -> str:

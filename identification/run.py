@@ -121,7 +121,7 @@ class Run:
 
     @cached_property
     def drive(self) -> Array:
-        """(T,) torque that the drive's law asks for along the measured motion, without its limit."""
+        """(T,) torque of the drive's law along the measured motion, without its limit."""
         return drive_torque(self.command, self.servo_gain, self.servo_damping, self.output, self.time)
 
     def slice(self, start: int | None, stop: int | None) -> Run:

@@ -1,4 +1,4 @@
-"""What is known to differ from run to run: a payload, or parameters that were fitted for each run by itself.
+"""What is known to differ from run to run: a payload, or parameters that were fitted for each run separately.
 
 A run says by how much its parameters differ from those of the model. A motor before the load, its spring and its
 damper are no part of a payload: where the model has them, they stay what they are.

@@ -40,7 +40,7 @@ def fit_with_errors(objective: Objective, bandwidth: float, minimum: Minimum, ev
     if _nothing_moves(objective, minimum):
         lost, values = np.ones(count, dtype=bool), objective.model.values
     else:
-        values, initial = _where_it_began(objective, minimum.point, found.unseen)
+        values, initial = _where_it_began(objective, minimum.point, found.null_projection)
     lost = lost | _without_weight(objective, values, np.sqrt(np.maximum(np.diag(spread), 0.0)))
     fitted = objective.model.with_values(values)
     return Fit(
@@ -63,7 +63,7 @@ def fit_with_errors(objective: Objective, bandwidth: float, minimum: Minimum, ev
     )
 
 
-def _where_it_began(objective: Objective, point: Array, unseen: Array) -> tuple[Array, Array]:
+def _where_it_began(objective: Objective, point: Array, null_projection: Array) -> tuple[Array, Array]:
     """Parameters and initial states of a point, moved back to the start along the directions that the log cannot see.
 
     There alone: where two parameters trade places, what they are worth together is known, and is kept.
@@ -71,7 +71,7 @@ def _where_it_began(objective: Objective, point: Array, unseen: Array) -> tuple[
     count = len(objective.free)
     way = np.zeros_like(point)
     way[:count] = point[:count] - objective.model.values[list(objective.free)]
-    return objective.unpack(np.clip(point - unseen @ way, objective.lower, objective.upper))
+    return objective.unpack(np.clip(point - null_projection @ way, objective.lower, objective.upper))
 
 
 def divergent_fit(objective: Objective, initial: Array, bandwidth: float, evaluations: int) -> Fit:
@@ -123,7 +123,7 @@ def _around(
     """Innovations and Jacobians whose curvature says how sure the fit is.
 
     Where a model is chaotic the likelihood at a low bandwidth is a mountain range, and the curvature of its highest
-    peak says nothing of the others. An observer that is faster than the chaos smooths it, unless impacts in quick
+    peak does not show the others. An observer that is faster than the chaos smooths it, unless impacts in quick
     succession make its slopes grow without bound; then that peak is all there is.
     """
     fading = FADING / objective.log.sample_time

@@ -16,7 +16,7 @@ from identification.problem import Problem
 from identification.recording import Array
 from identification.run import Run
 
-_CLEARLY = 10.0  # rise of the log-likelihood from which the stamps are not believed
+_CLEARLY = 10.0  # rise of the log-likelihood from which the stamps are rejected
 _SCATTER = 0.005  # of a sample: the standard deviation from which it matters
 _NEAR = 0.5  # of a sample: stamps further off the even clock are not scatter
 

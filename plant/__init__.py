@@ -1,4 +1,4 @@
-"""The plant: what moves, and how. Every other package asks here."""
+"""The plant: model, effects, simulation and exports of a servo. Every other package builds on it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from plant.fleet import Fleet
 from plant.fmu import Fmu
 from plant.gears import GearTrain, Ratios
 from plant.linear import linearise
-from plant.model_file import ModelFile, read_model
+from plant.model_file import ModelFile, read_model, write_model
 from plant.modelica_class import ModelicaClass, modelica_class
 from plant.mujoco_model import MujocoModel, mujoco_model
 from plant.rig import Rig
@@ -53,4 +53,9 @@ __all__ = [
     "servo_fmu",
     "simulate",
     "urdf",
+    "write_model",
 ]
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "effects", "signals"]

@@ -201,7 +201,7 @@ def _or_one(gain: Expression) -> Expression:
 def actuated(
     model: ServoModel, own: Own, drive: Course, h: Expression, velocity: Expression
 ) -> tuple[Course, dict[str, tuple[Any, ...]]]:
-    """What leaves the actuator when the drive asks for a torque, and the states of its effects after `h`."""
+    """Torque at the output of the actuator for a commanded torque, and the states of its effects after `h`."""
     states: dict[str, tuple[Any, ...]] = {}
     course = drive
     for effect in model.effects:

@@ -13,7 +13,7 @@ from plant.effects.effect import TURN, Array
 from plant.effects.ripple import HARMONICS, Ripple
 from plant.errors import BadParameter
 from plant.inverse import moving, strength, torque_unit
-from plant.result_display import Presented
+from plant.result_display import Drawn
 from plant.servo import ServoModel
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ Waves: TypeAlias = tuple[tuple[float, float, float], ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class DriveTable(Presented):
+class DriveTable(Drawn):
     """A table of points between which a drive draws straight lines.
 
     Attributes:
@@ -61,6 +61,10 @@ class DriveTable(Presented):
         """Names of the variable and of the result."""
         names = list(self.columns)
         return names[0], names[-1]
+
+    def __repr__(self) -> str:
+        """Kind, points, and what the last column is, in one line."""
+        return f"DriveTable({self.kind}, {self.points} points; {self.ends[1]}: {self.meaning})"
 
     def to_frame(self) -> pd.DataFrame:
         """The columns as a table; `attrs["units"]` has their units."""
@@ -132,7 +136,7 @@ def _enough(points: int, low: float, high: float, waves: Waves) -> None:
     most = max((_periods(order, low, high) for order, *_ in waves), default=0.0)
     if points <= 2.0 * most:
         raise BadParameter(
-            f"{points} points are too few for {most:.4g} periods from {low:.4g} to {high:.4g}; "
+            f"{points} points are too few for {most:.4g} period{'s' * (most != 1.0)} from {low:.4g} to {high:.4g}; "
             f"give {int(np.ceil(8.0 * most))} or more."
         )
 

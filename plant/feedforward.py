@@ -24,8 +24,14 @@ from plant.inverse import (
 )
 from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
+from plant.units import printed
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
+
+
+def _comment(spec: Parameter) -> str:
+    """Unit and meaning of a parameter, for a comment."""
+    return ": ".join(filter(None, (printed(spec.unit), spec.meaning)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,7 +224,7 @@ class _Code:
                 "#include <math.h>",
                 "",
                 *(
-                    f"static const {real} {own} = {dialect.number(value)}; /* {spec.unit}: {spec.meaning} */"
+                    f"static const {real} {own} = {dialect.number(value)}; /* {_comment(spec)} */"
                     for own, spec, value in self.parameters
                 ),
                 "",
@@ -270,7 +276,7 @@ class _Code:
                 "END_VAR",
                 "VAR",
                 *(
-                    f"    {own} : {kind} := {dialect.number(value)}; (* {spec.unit}: {spec.meaning} *)"
+                    f"    {own} : {kind} := {dialect.number(value)}; (* {_comment(spec)} *)"
                     for own, spec, value in self.parameters
                 ),
                 *(f"    {line}" for line in (["begun : BOOL;", *memory] if memory else [])),

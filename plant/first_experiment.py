@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _ROOM = 0.9  # of every limit that is used
 _REST = 0.5  # of a stop [s]
+_SAMPLES = 10  # that a stop has at least
 _CHIRP = 20.0  # [s]
 _FASTEST = 0.05  # cycles per sample, of the chirp
 _LEAST = 0.02  # of the travel, by which the chirp moves at its end
@@ -79,12 +80,15 @@ def first_experiment(limits: DriveLimits, *, rate: float = 200.0) -> pd.DataFram
         [rad, rad/s, rad/s^2], or `torque` [N m].
 
     Raises:
-        BadParameter: a rate that is not positive, or too low for what the limits allow.
+        BadParameter: a rate that is too low, at all or for what the limits allow.
     """
     import pandas as pd
 
-    if not (np.isfinite(rate) and rate > 0.0):
-        raise BadParameter(f"The rate must be a positive number of samples per second, not {rate:g}.")
+    if not (np.isfinite(rate) and rate * _REST >= _SAMPLES):
+        least = _SAMPLES / _REST
+        raise BadParameter(
+            f"The rate must be at least {least:g} samples per second, so that a stop shows, not {rate:g}."
+        )
     dt = 1.0 / rate
     if limits.torque is not None:
         parts = _torques(limits.torque, dt)

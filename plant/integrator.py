@@ -36,7 +36,7 @@ class Step:
     width: Expression
 
     def drive(self, model: ServoModel, own: Own, angle: Expression, velocity: Expression) -> Course:
-        """Torque that the drive's law asks for at an angle and a velocity of the load."""
+        """Torque of the drive's law at an angle and a velocity of the load."""
         course, _ = played(model, own, self.command, self.gain, self.length)
         return course.moved(1.0, -self.gain * angle - self.damping * velocity).limited(self.limit)
 

@@ -28,7 +28,7 @@ from platformdirs import user_cache_path
 
 _GROUPS = hasattr(os, "killpg")  # of processes
 _FLAGS = ("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
-"""No number changes by them: nobody asks for `errno` or for traps, so that a comparison needs no jump."""
+"""No number changes by them: `errno` and traps are not used, so that a comparison needs no jump."""
 
 
 class MachineCode:

@@ -28,7 +28,7 @@ class ModelFile:
     Attributes:
         model: the servo.
         std: standard errors of its parameters by name, None where unknown.
-        sample_time: of the log it was fitted to [s], None for a model that was written by hand.
+        sample_time: of the log it was fitted to [s], None for a model that was not fitted.
         source: files that it was fitted to, each with "file" and "sha256".
         gears: of the machine, if the log was read with them.
     """
@@ -39,9 +39,13 @@ class ModelFile:
     source: tuple[Mapping[str, str], ...] = ()
     gears: DriveTrain | None = None
 
+    def __getattr__(self, name: str) -> Any:
+        """Where the file is used in place of its model, say so."""
+        raise AttributeError(f"a ModelFile has no {name!r}; the servo that it holds is its attribute 'model'.")
+
     @property
     def identified(self) -> bool:
-        """False of a model that was fitted to a log which told no parameter; also what is written by hand is known."""
+        """False if it was fitted to a log which determines no parameter; a model that was not fitted is known."""
         return not self.source or any(error is not None for error in self.std.values())
 
     @property
@@ -87,6 +91,11 @@ class ModelFile:
         draft = path.with_name(path.name + ".part")
         draft.write_text(json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n")
         draft.replace(path)
+
+
+def write_model(model: ServoModel, path: Path | str) -> None:
+    """Write a model as model.json, which `read_model` and every command read; `Fit.save` adds the standard errors."""
+    ModelFile(model=model, std={}).write(Path(path))
 
 
 def _level(model: ServoModel) -> float:
@@ -184,7 +193,7 @@ class _Group:
         values, std = {}, {}
         for spec in specs:
             if spec.name not in given:
-                if not spec.fitted:  # an older file, of when nobody could state it: the effect's own
+                if not spec.fitted:  # an older file without it: the effect's own value
                     continue
                 raise BadModelFile(f"{self.where}: parameter {spec.name!r} is missing.")
             entry = given[spec.name]

@@ -13,9 +13,11 @@ import casadi as ca
 
 from plant.code_dialects import python
 from plant.code_text import Symbolic, text_of
+from plant.effects import Effect, Stage
 from plant.servo import ServoModel
 from plant.simulator_parts import Beyond, Native, beyond, native_part
 from plant.symbolic import one_at_a_time
+from plant.units import printed
 
 _GRAVITY = 9.81  # [m/s^2]
 _WEIGHT = 0.01  # share of the inertia that is the mass's, which gravity pulls at; the rest is the armature
@@ -69,7 +71,7 @@ def mujoco_model(model: ServoModel, *, sample_time: float | None = None, name: s
     timestep = longest if sample_time is None else sample_time / ceil(sample_time / longest * (1.0 - 1e-9))
     code = _function(timeless, native, name)
     inner = beyond(timeless)
-    called = [effect.title for effect in inner.effects]
+    called = [effect.title for effect in (*inner.effects, *sensor_effects(timeless))]
     own_delay = bool(code) and native.lag == 0.0 and inner.needs("torque")
     words = {
         "inertia": True,
@@ -94,6 +96,11 @@ def mujoco_model(model: ServoModel, *, sample_time: float | None = None, name: s
     )
 
 
+def sensor_effects(model: ServoModel) -> list[Effect]:
+    """What changes the reading without a state of its own."""
+    return [effect for effect in model.effects if effect.stage is Stage.SENSOR and not effect.states]
+
+
 def _left_out(model: ServoModel, timeless: ServoModel) -> list[str]:
     kept = {effect.name for effect in timeless.effects}
     lost = [e.title for e in timeless.effects if e.name in ("rate_limit", "goal_rate_limit", "sensor_lag")]
@@ -112,7 +119,7 @@ def _mjcf(native: Native, timestep: float, name: str, *, own_delay: bool) -> str
     reach = turning / (mass * _GRAVITY) if turning else 0.0
     own = 1e-3 * native.inertia
     armature = native.inertia - arm_inertia - own
-    body = f'<inertial pos="{reach * cos(tilt):.9g} 0 {-reach * sin(tilt):.9g}" mass="{mass:.9g}" '
+    body = f'<inertial pos="{reach * cos(tilt):.9g} 0 {0.0 - reach * sin(tilt):.9g}" mass="{mass:.9g}" '
     body += f'diaginertia="{own:.9g} {own:.9g} {own:.9g}"/>'
     friction = f' frictionloss="{native.friction:.9g}"'
     hard = f'solreffriction="{2.0 * timestep:.9g} 1" solimpfriction="0.9999 0.9999 1 0.5 1"'
@@ -159,11 +166,14 @@ def _function(model: ServoModel, native: Native, name: str) -> str:
     text = text_of(results | after, [*rest.symbols, *own.symbols], python())
     needed = ca.vertcat(*results.values(), *after.values(), rest.reading)
     used = [entry for entry, s in zip(own.parameters, own.symbols, strict=True) if ca.depends_on(needed, s)]
-    constants = "\n".join(f"{given} = {value!r}  # {spec.unit}: {spec.meaning}" for given, spec, value in used)
+    constants = "\n".join(
+        f"{given} = {value!r}  # {': '.join(filter(None, (printed(spec.unit), spec.meaning)))}"
+        for given, spec, value in used
+    )
     shown = text_of({"shown": rest.reading}, [rest.symbols[0], *own.symbols], python())
     return _TEMPLATE.format(
         name=name,
-        what=", ".join(effect.title for effect in rest.effects) or "what the sensor shows",
+        what=", ".join(effect.title for effect in (*rest.effects, *sensor_effects(model))),
         constants=constants,
         delay=0.0 if native.lag else native.delay,
         limit="math.inf" if native.limit is None else repr(native.limit),
@@ -207,6 +217,7 @@ _TEMPLATE = '''"""What MuJoCo has no attribute for in {name}.xml: {what}.
     model = mujoco.MjModel.from_xml_path("{name}.xml")
     data, servo = mujoco.MjData(model), Servo(model)
     servo.step(model, data, command)  # torque [N m]; in place of mujoco.mj_step
+    servo.reading(data)               # angle that the sensor shows [rad]
 
 It writes data.ctrl, data.qfrc_applied and model.dof_frictionloss of its joint, and nothing else.
 """

@@ -136,7 +136,7 @@ class Recursion:
 
 
 def _own(source: str) -> str:
-    """The generated code for nobody but the loop: unseen from outside, the compiler may drop it or put it in its place.
+    """The generated code for the loop alone: without other callers, the compiler may inline it.
 
     That makes the rows 4 to 15 % faster and the compiler 6 %.
     """

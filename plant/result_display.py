@@ -1,14 +1,15 @@
-"""What a result shows of itself in Python: a picture, a table, a page, and itself in a notebook.
+"""What a result shows of itself in Python: a table, a picture, a page, and itself in a notebook.
 
-Results come from packages that know nothing of pictures. The front door draws them, and is asked for by its name when
-somebody wants to see something, as pandas asks for the library that plots.
+Results come from packages that do not plot. The package antidrive draws them, and is imported by its name when a
+picture is wanted, as pandas imports its plotting library.
 """
 
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,8 +17,29 @@ if TYPE_CHECKING:
 _DRAWS = "antidrive.presentation"
 
 
-class Presented:
-    """Base of results that can be looked at."""
+class Tabled:
+    """Base of what is a table, also in a notebook."""
+
+    _internal: ClassVar[frozenset[str]] = frozenset()
+    """Names that tab completion leaves out: they are for the other packages."""
+
+    def to_frame(self) -> pd.DataFrame:
+        """The result as a table; `attrs` has the units that no column tells."""
+        frame: pd.DataFrame = importlib.import_module(_DRAWS).to_frame(self)
+        return frame
+
+    def _repr_html_(self) -> str:
+        """The result in a notebook: its first line and its table."""
+        html: str = importlib.import_module(_DRAWS).html(self)
+        return html
+
+    def __dir__(self) -> Iterable[str]:
+        """What a user needs; everything else is reached by its name."""
+        return [name for name in super().__dir__() if name not in self._internal]
+
+
+class Drawn(Tabled):
+    """Base of results with a picture."""
 
     def plot(self, axes: Any = None) -> Any:
         """Draw the result with matplotlib.
@@ -30,10 +52,9 @@ class Presented:
         """
         return importlib.import_module(_DRAWS).plot(self, axes)
 
-    def to_frame(self) -> pd.DataFrame:
-        """The result as a table; `attrs` has the units that no column tells."""
-        frame: pd.DataFrame = importlib.import_module(_DRAWS).to_frame(self)
-        return frame
+
+class Presented(Drawn):
+    """Base of results with a picture and a report."""
 
     def report(self, path: Path | str) -> Path:
         """Write the result as one page that opens offline.
@@ -46,8 +67,3 @@ class Presented:
         """
         written: Path = importlib.import_module(_DRAWS).report(self, Path(path))
         return written
-
-    def _repr_html_(self) -> str:
-        """The result in a notebook: its first line and its table."""
-        html: str = importlib.import_module(_DRAWS).html(self)
-        return html

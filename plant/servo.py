@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +25,8 @@ from plant.effects.effect import (
     parameters_of,
 )
 from plant.errors import BadParameter
+from plant.result_display import Tabled
+from plant.units import printed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,7 +36,7 @@ _MOST_STEPS = 20  # in a sample for the rigid body's sake
 
 
 @dataclass(frozen=True, kw_only=True)
-class ServoModel:
+class ServoModel(Tabled):
     """One load on one axis, driven by a torque.
 
         J x'' = -alpha cos x - K x' + h(tau) + torques of the effects        (paper, eqs. 4 and 6)
@@ -57,6 +59,12 @@ class ServoModel:
     effects: tuple[Effect, ...] = ()
     axis: Axis = "rotary"
     torque_unit: str | None = None
+
+    _internal: ClassVar[frozenset[str]] = Tabled._internal | {
+        *("bound", "chaotic", "delay", "drivetrain", "dry_friction", "has_random_walk", "holds", "kinds"),
+        *("load_inertia", "longest_step", "own_states", "parameters_with", "quantities", "reading", "slides"),
+        *("smooth_acceleration", "states", "structure", "without_clock"),
+    }
 
     def __post_init__(self) -> None:
         """Validate everything; effects are kept in the catalogue's order."""
@@ -177,7 +185,7 @@ class ServoModel:
         return replace(self, inertia=whole, gravity=self.gravity + gravity, effects=effects)
 
     def without_clock(self, end: float | None = None) -> ServoModel:
-        """The model as it stands at the end of its log, for use where nobody keeps the log's clock: in a controller.
+        """The model as it stands at the end of its log, for use without the log's clock, as in a controller.
 
         Each effect that depends on the time of the log says what it leaves behind. Of those in the catalogue a payload
         change becomes part of inertia and gravity, and friction drift the friction that it had reached. A periodic
@@ -220,7 +228,7 @@ class ServoModel:
 
     @property
     def has_random_walk(self) -> bool:
-        """Whether a load wanders that only an observer can follow."""
+        """Whether a random-walk disturbance acts, which only an observer can follow."""
         return State.RANDOM_WALK in self.kinds
 
     @property
@@ -262,7 +270,7 @@ class ServoModel:
 
     @property
     def chaotic(self) -> bool:
-        """Whether two motions that begin side by side may part for good."""
+        """Whether neighbouring trajectories may diverge."""
         return any(effect.chaotic for effect in self.effects)
 
     def reading(self, state: Any) -> Expression:
@@ -299,7 +307,8 @@ class ServoModel:
     def __str__(self) -> str:
         """The parameters with their units."""
         return ", ".join(
-            f"{spec.name} = {value:.4g} {spec.unit}" for spec, value in zip(self.parameters, self.values, strict=True)
+            f"{spec.name} = {value:.4g} {printed(spec.unit)}".rstrip()
+            for spec, value in zip(self.parameters, self.values, strict=True)
         )
 
     @property

@@ -1,4 +1,4 @@
-"""Test signals: what to play into a servo to learn its parameters."""
+"""Test signals for identification: chirp, steps, triangle, multisine."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def native_part(model: ServoModel) -> Native:
         BadParameter: a linear axis, or a torque that is not in N m.
     """
     if model.axis == "linear" or model.torque_unit is not None:
-        raise BadParameter("Simulators of rigid bodies want a rotary axis with its torque in N m.")
+        raise BadParameter("Simulators of rigid bodies need a rotary axis with its torque in N m.")
     motor, gravity = model.drivetrain, model.effect("gravity_offset")
     coulomb, lag, limit = (model.effect(name) for name in ("coulomb_friction", "actuator_lag", "torque_saturation"))
     share = float(motor.share()) if motor is not None else 0.0

@@ -16,6 +16,14 @@ _POWER = re.compile(r"(?<=[A-Za-z])(\^|\*\*)-?\d(?![\d.])")  # of a unit, small:
 _OTHER_POWER = re.compile(r"\^|\*\*|\d\s*[⁰¹²³⁴⁵⁶⁷⁸⁹]")
 
 
+_PRINTED = {"rad/rad": "cycles/rev", "-": ""}  # a number of periods in a turn; a number
+
+
+def printed(unit: str) -> str:
+    """A unit as people read it."""
+    return _PRINTED.get(unit, unit)
+
+
 def factor(unit: Any, own: str) -> float:
     """Factor that takes a number in `unit` to a parameter's own unit.
 

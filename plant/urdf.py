@@ -8,12 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin
 
-from plant.effects import CoulombFriction
+from plant.effects import CoulombFriction, GravityOffset, TorqueSaturation
 from plant.servo import ServoModel
 from plant.simulator_parts import beyond, native_part
 
 _GRAVITY = 9.81  # [m/s^2]
 _WEIGHT = 0.01  # share of the inertia that is the mass's, which gravity pulls at
+
+
+_NATIVE = (CoulombFriction, GravityOffset, TorqueSaturation)  # effects that URDF has attributes for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,13 +47,12 @@ def urdf(model: ServoModel, *, name: str = "antidrive") -> Urdf:
     mass = turning**2 / (_GRAVITY**2 * arm) if turning else 1e-6
     reach = turning / (mass * _GRAVITY) if turning else 0.0
     limit = "" if native.limit is None else f'\n    <limit effort="{native.limit:.9g}" velocity="1e9"/>'
-    lost = [effect.title for effect in rest.effects if effect.title not in nearest]
-    late = [what for what, there in (("input delay", native.delay), ("actuator lag", native.lag)) if there]
+    lost = [e.title for e in model.effects if not isinstance(e, _NATIVE) and e.title not in nearest]
     left_out = []
     if nearest:
         left_out.append(f"As its nearest Coulomb friction: {', '.join(nearest)}.")
-    if lost or late:
-        left_out.append(f"URDF cannot express: {', '.join([*late, *lost])}.")
+    if lost:
+        left_out.append(f"URDF cannot express: {', '.join(lost)}.")
     moments = " ".join(f'{axis}="{inertia - arm:.9g}"' for axis in ("ixx", "iyy", "izz"))
     return Urdf(
         text=f"""<?xml version="1.0"?>
@@ -59,7 +61,7 @@ def urdf(model: ServoModel, *, name: str = "antidrive") -> Urdf:
   <link name="base"/>
   <link name="load">
     <inertial>
-      <origin xyz="{reach * cos(tilt):.9g} 0 {-reach * sin(tilt):.9g}"/>
+      <origin xyz="{reach * cos(tilt):.9g} 0 {0.0 - reach * sin(tilt):.9g}"/>
       <mass value="{mass:.9g}"/>
       <inertia {moments} ixy="0" ixz="0" iyz="0"/>
     </inertial>

@@ -185,10 +185,10 @@ def test_an_interval_is_students() -> None:
 def test_the_report_says_so_when_least_effort_errs_more() -> None:
     worse = sentences_of(settings(QUICK), made_up(by=30e-6))
     assert worse.found["least_error"] != PLANNED
-    assert "Least of all errs: least effort" not in worse.said[1]
-    assert f"{LAWS[0]}, {LAWS[1]}, {LAWS[2]}, {LAWS[3]} err less" in verdict(made_up(by=30e-6), 0)
-    assert "err more" in verdict(made_up(by=-30e-6), 0)
-    assert "err as much" in verdict(made_up(by=0.0), 0)
+    assert "Smallest error: least effort" not in worse.said[1]
+    assert f"{LAWS[0]}, {LAWS[1]}, {LAWS[2]}, {LAWS[3]} have less" in verdict(made_up(by=30e-6), 0)
+    assert "have more" in verdict(made_up(by=-30e-6), 0)
+    assert "have the same" in verdict(made_up(by=0.0), 0)
     assert sentences_of(settings(QUICK), made_up(by=-30e-6)).found["least_error"] == PLANNED
 
 

@@ -149,7 +149,7 @@ def test_a_unit_of_a_heading_is_used_and_said(csv):
 
 def test_a_unit_that_nobody_gave_is_said(csv):
     log = Log.read(csv({"t": TIME, "tau": TORQUE, "pos": ANGLE}))
-    assert any("'pos' for angle in rad" in told and "'tau' for torque in N m" in told for told in log.warnings)
+    assert any("'pos' as angle in rad" in told and "'tau' as torque in N m" in told for told in log.warnings)
     given = Log.read(csv({"t": TIME, "tau": TORQUE, "pos": ANGLE}), units={"angle": "turn"}, scales={"torque": 2.0})
     assert not any("angle in" in told or "torque in" in told for told in given.warnings)
 
@@ -164,7 +164,7 @@ def test_shafts_of_two_motors_are_not_the_load(csv):
     angles = {"M1_angle": 8 * ANGLE, "M2_angle": 8 * ANGLE, "load angle": ANGLE}
     log = Log.read(csv({"time": TIME, **torques, **angles}))
     assert same(log)
-    assert any("'M2_angle' for angle_2" in told for told in log.warnings)
+    assert any("'M2_angle' as angle_2" in told for told in log.warnings)
 
 
 def test_a_position_in_counts_is_an_angle_where_a_torque_drives(csv):

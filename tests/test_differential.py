@@ -85,7 +85,7 @@ def test_the_trajectory_is_a_log_of_its_own(folder: Path, summary: Any) -> None:
 def test_the_page_says_it(folder: Path, summary: Any) -> None:
     page = (folder / "report.html").read_text()
     assert page.count('class="plot"') == 3
-    assert printed(f"{100 * summary['largest_relative_error']:.2g} % off at most") in page
+    assert printed(f"an error of {100 * summary['largest_relative_error']:.2g} % at most") in page
 
 
 @pytest.mark.parametrize(

@@ -104,7 +104,19 @@ def test_every_effect_has_its_part_and_its_picture(site: Path) -> None:
 
 @pytest.mark.parametrize(
     "word",
-    ["MATLAB", "Simulink", "ROS", "EtherCAT", "TwinCAT", "ODrive", "MuJoCo", "feedforward", "licence", "backlash"],
+    [
+        "MATLAB",
+        "Simulink",
+        "ROS",
+        "EtherCAT",
+        "TwinCAT",
+        "ODrive",
+        "MuJoCo",
+        "feedforward",
+        "licence",
+        "license",
+        "backlash",
+    ],
 )
 def test_the_search_finds_what_people_look_for(site: Path, word: str) -> None:
     sections = json.loads((site / "search" / "search_index.json").read_text(encoding="utf-8"))["docs"]

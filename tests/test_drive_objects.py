@@ -50,7 +50,7 @@ def test_names_and_indices(tmp_path, names):
     np.testing.assert_allclose(log.runs[0].command, PER_MILLE * RATED / 1000, rtol=1e-12)
     (told,) = log.warnings
     assert "CiA 402" in told
-    assert f"'{names[0]}' for angle, '{names[1]}' for torque" in told
+    assert f"'{names[0]}' as angle, '{names[1]}' as torque" in told
 
 
 @pytest.mark.parametrize(

@@ -113,7 +113,7 @@ def test_the_words_reach_the_work(command, place, monkeypatch, tmp_path) -> None
         ("--bounds inertia=a:b", "--bounds inertia=0.1:0.3"),
         ("--prior inertia=1:2:3", "--prior inertia=0.2:0.05"),
         ("--prior inertia=1:2 --prior inertia=1:2", "names 'inertia' twice"),
-        ("--bounds mass=1:2", "they are inertia, gravity, viscous_friction, dead_zone.half_width"),
+        ("--bounds mass=1:2", "there are inertia, gravity, viscous_friction, dead_zone.half_width"),
         ("--bounds inertia=2:1", "the first must be below"),
         ("--fixed inertia", "inertia has no value to keep"),
         ("--fixed inertia=-1", "inertia = -1 is outside"),

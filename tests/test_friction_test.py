@@ -74,6 +74,14 @@ def test_a_staircase_has_a_group_for_each_speed():
     assert list(found.to_frame()) == ["velocity", "torque", "error", "windows", "curve"]
 
 
+def test_slow_speeds_are_not_averaged():
+    """Friction changes most where speeds lie close to each other."""
+    speeds = [0.05, 0.1, 0.2, 0.4, 0.8, 3.2]
+    found = friction_test(Log.from_arrays(**driven(STRIBECK, np.repeat([*speeds, *(-v for v in speeds)], 500))))
+    large = found.velocity[found.windows > 10]
+    assert large == pytest.approx(sorted([*speeds, *(-v for v in speeds)]), abs=0.01)
+
+
 def test_one_direction_leaves_the_offset_in_the_friction():
     found = friction_test(Log.from_arrays(**driven(STRIBECK, np.abs(STAIRCASE))))
     assert found.one_way
@@ -110,6 +118,7 @@ def test_the_command_writes_points_curve_and_model(tmp_path):
     spoken = antidrive("friction", log, "--out", out)
     assert spoken.code == 0, spoken.err
     assert sorted(listing(out)) == ["friction.csv", "friction.json", "model.json", "report.html"]
+    assert listing(out)["friction.csv"].decode().splitlines()[0].startswith("velocity [rad/s],torque [N m],error [N m]")
     assert spoken.out.startswith("Coulomb friction F_c: 0.2")
     content = json.loads((out / "friction.json").read_text())
     assert content["parameters"]["excess"]["unit"] == "N m"

@@ -56,13 +56,14 @@ def test_the_example_of_the_docstring_runs(monkeypatch, capsys):
 
     def diagnose(log):
         asked.append(log)
-        return SimpleNamespace(extended=SimpleNamespace(model=PLAIN))
+        files = {"report": asked.append, "extended": SimpleNamespace(model=PLAIN, save=asked.append)}
+        return SimpleNamespace(**files)
 
     monkeypatch.setitem(vars(ad), "diagnose", diagnose)
     lines = [line for line in inspect.cleandoc(ad.__doc__).splitlines() if line.startswith("    ")]
     exec("\n".join(lines).replace("\n    ", "\n").strip(), {})
-    assert asked == ["log.csv"]
-    assert "ClosedLoopResult" in capsys.readouterr().out
+    assert asked == ["log.csv", "report.html", "model.json"]
+    assert float(capsys.readouterr().out.split()[-1]) > 0.0
 
 
 @pytest.mark.parametrize("window", [None, 2.0])

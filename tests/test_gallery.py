@@ -22,6 +22,7 @@ from antidrive.standard_excitation import SAMPLE_TIME, standard_excitation
 from plant import catalogue
 from plant.effects import CoulombFriction, Effect, QuadraticDrag, Stage
 from plant.effects.effect import parameter
+from plant.units import printed
 
 PROVENANCE = Provenance.now(["antidrive", "effects"])
 
@@ -50,7 +51,7 @@ def test_every_effect_has_a_section_with_parameters_and_rivals(page: str) -> Non
             assert f"<td>{spec.name.replace('_', ' ')}</td>" in row
             assert f"<td>{bounds(spec)}</td>" in row
             for axis in kind.axes:
-                assert spec.unit_on(axis) in row
+                assert printed(spec.unit_on(axis)) in row
         linked = re.findall(r'href="#(\w+)"', part)
         assert linked == [*kind.contains, *kind.confused_with]
         shares = part.count("Here it could absorb")

@@ -28,9 +28,9 @@ def test_it_shows_columns_units_and_runs(place):
     spoken = antidrive("inspect", "log.csv", *OPTIONS, "--out", "seen")
     assert spoken.code == 0, spoken.err
     rows = {line.split("  ")[1].strip(): line for line in spoken.out.splitlines() if line.startswith("  ")}
-    assert "torque (as you say)" in rows["M"]
+    assert "torque (as given)" in rows["M"]
     assert "mN*m" in rows["M"]
-    assert "angle (its own name)" in rows["Angle (deg)"]
+    assert "angle (named so)" in rows["Angle (deg)"]
     assert "600" in spoken.out
     assert sorted(file.name for file in (place / "seen").iterdir()) == ["log.toml", "report.html"]
 

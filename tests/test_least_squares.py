@@ -93,7 +93,7 @@ def test_an_overflowing_parameter_leaves_the_others_known() -> None:
         found = told_uncertainty(residuals, jacobian * [1.0, 1.0, 1e200])
     assert found.undetermined.tolist() == [False, False, True]
     assert found.covariance[:2, :2] == pytest.approx(sound.covariance)
-    assert np.isfinite(found.unseen).all()
+    assert np.isfinite(found.null_projection).all()
 
 
 def test_the_likelihood_is_the_gaussian_one() -> None:

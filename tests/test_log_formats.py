@@ -66,7 +66,7 @@ def test_preamble_comments_and_units_line(tmp_path):
     (tmp_path / "log.csv").write_text(f"{preamble}{names}\ns;N m;rad;rad/s\n{rest}")
     log = Log.read(tmp_path / "log.csv")
     same(log)
-    assert "units as the file gives them, 'time' in s, 'torque' in N m" in log.warnings[0]
+    assert "units from the file: 'time' in s, 'torque' in N m" in log.warnings[0]
 
 
 def test_cut_off_last_line_is_left_out_and_said(tmp_path):

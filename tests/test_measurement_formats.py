@@ -72,7 +72,7 @@ def test_file_units_are_used_unless_the_user_gives_others(tmp_path, write):
     log = Log.read(path)
     same(log)
     (told,) = log.warnings
-    assert "units as the file gives them" in told
+    assert "units from the file" in told
     assert "'angle' in deg" in told
     same(Log.read(path, units={"torque": "N m"}), SOUND | {"torque": INSIDE["torque"]})
 

@@ -12,10 +12,11 @@ from front_door import TRUTH, antidrive, columns, write_csv, write_model
 from test_friction_test import PLAIN, SWEEP, driven
 
 import antidrive as ad
+from allocation import capability_map
 from antidrive.model_comparison import Change, Comparison
 from identification.friction_test import friction_test
 from plant import BadParameter, drive_table
-from plant.result_display import Presented
+from plant.result_display import Tabled
 
 matplotlib.use("Agg")
 
@@ -36,8 +37,9 @@ def diagnosed(log):
 
 
 @pytest.fixture(scope="module")
-def results(log, fitted, diagnosed) -> dict[str, Presented]:
+def results(log, fitted, diagnosed) -> dict[str, Tabled]:
     change = {"unit": "kg m^2", "before": 0.5, "before_std": 0.01, "after": 0.6, "after_std": 0.01, "moved": True}
+    drives, axis = ad.Allocator(ad.GearTrain.paper(), min_torque=0.02, max_torque=0.3), np.linspace(-1.0, 1.0, 5)
     errors = {"error_before": 0.2, "error_after": 0.1, "unit": "rad"}
     return {
         "log": log,
@@ -47,10 +49,11 @@ def results(log, fitted, diagnosed) -> dict[str, Presented]:
             changes=(Change(name="inertia", **change),), diagnosis=diagnosed, new=(), gone=(), **errors
         ),
         "table": drive_table(TRUTH, "friction", points=10),
+        "map": capability_map(drives, inertia=2.0, acceleration=axis, load_torque=axis),
     }
 
 
-NAMES = {"log": 2, "fit": 2, "friction test": 1, "comparison": 1, "table": 1}
+NAMES = {"log": 2, "fit": 2, "friction test": 1, "comparison": 1, "table": 1, "map": 1}
 
 
 class Text(HTMLParser):
@@ -118,10 +121,19 @@ def test_a_diagnosis_is_drawn_and_written(diagnosed, tmp_path):
     matplotlib.pyplot.close("all")
 
 
-def test_what_has_no_page_says_so(results, tmp_path):
-    with pytest.raises(BadParameter, match="A Log has no report"):
-        results["log"].report(tmp_path / "x.html")
-    assert not list(tmp_path.iterdir())
+def test_only_what_has_a_report_offers_one(results):
+    assert {name for name, result in results.items() if hasattr(result, "report")} == {
+        "fit",
+        "friction test",
+        "comparison",
+    }
+
+
+def test_a_model_is_a_table_of_its_parameters():
+    table = TRUTH.to_frame()
+    assert list(table.index) == list(TRUTH.names)
+    assert table.loc["inertia", "unit"] == "kg m^2"
+    assert "rigid body" in TRUTH._repr_html_()
 
 
 def test_a_prediction_lies_beside_what_was_measured(tmp_path):

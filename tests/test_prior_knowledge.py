@@ -125,7 +125,7 @@ def test_a_diagnosis_hands_on_what_is_known(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 BAD = {
-    "unknown": ({"bounds": {"mass": (0, 1)}}, r"bounds: 'mass' is not a parameter; they are inertia, gravity"),
+    "unknown": ({"bounds": {"mass": (0, 1)}}, r"bounds: 'mass' is not a parameter; there are inertia, gravity"),
     "unknown fixed": ({"fixed": ["mass"]}, r"fixed: 'mass' is not a parameter"),
     "no value": ({"fixed": ["inertia"]}, r"inertia has no value to keep; give one, as in inertia=0.2"),
     "crossed": ({"bounds": {"inertia": (0.3, 0.1)}}, r"bounds: inertia = 0.3 .. 0.1: the first must be below"),

@@ -118,6 +118,16 @@ def test_urdf_has_damping_friction_limit_and_weight():
     )
 
 
+def test_what_a_sensor_adds_is_listed_too():
+    model = model_with(DeadZone(half_width=0.1), EncoderEccentricity(amplitude=0.01, order=1.0, phase=0.3))
+    assert urdf(model).left_out == ("URDF cannot express: dead zone, encoder eccentricity.",)
+    made = mujoco_model(model)
+    assert made.called == ("dead zone", "encoder eccentricity")
+    assert "dead zone, encoder eccentricity." in made.files["antidrive_mujoco.py"].splitlines()[0]
+    assert "cycles/rev: periods per turn" in made.files["antidrive_mujoco.py"]
+    assert " -0" not in made.files["antidrive.xml"]
+
+
 def test_urdf_moves_as_what_it_can_say():
     model = model_with(CoulombFriction(torque=0.3))
     here = simulate(model, command=COMMAND, dt=DT)[:-1, 0]

@@ -26,6 +26,7 @@ from antidrive.cli import app
 from antidrive.console import Console
 from antidrive.experiments.kinds import KINDS
 from antidrive.help_examples import EXAMPLES
+from antidrive.help_panels import COMMANDS as GROUPS
 from antidrive.log_options import LogOptions
 from antidrive.prediction import write_prediction
 from antidrive.remaining_time import Watch
@@ -64,6 +65,21 @@ def test_help_has_examples_that_parse(name):
         program, command, *words = shlex.split(line.split(" > ")[0])
         assert (program, command) == ("antidrive", name)
         COMMANDS[name].make_context(name, words)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_keeps_the_units(name):
+    """Between brackets, small letters would be taken for a style, and left out."""
+    told = " ".join(antidrive(name, "--help").out.replace("│", " ").split())
+    for option in COMMANDS[name].params:
+        assert " ".join((option.help or "").split()) in told
+
+
+def test_help_groups_the_commands():
+    assert [name for names in GROUPS.values() for name in names] == list(COMMANDS)
+    told = antidrive("--help").out
+    assert [told.index(f" {title} ") for title in GROUPS] == sorted(told.index(f" {title} ") for title in GROUPS)
+    assert "Exit code 0" in told
 
 
 @pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in COMMANDS)], ids=" ".join)
@@ -226,7 +242,8 @@ def test_reading_and_predicting_tell_how_far_they_are(tmp_path):
     time_axis = 0.01 * np.arange(count)
     table = pd.DataFrame({"time": time_axis, "torque": np.sin(time_axis), "angle": 0.1 * np.sin(time_axis)})
     table.to_csv(tmp_path / "log.csv", index=False)
-    log = LogOptions(files=(tmp_path / "log.csv",), holdout=(tmp_path / "log.csv",)).read(told.append).log
+    table.iloc[:-1].to_csv(tmp_path / "held.csv", index=False)
+    log = LogOptions(files=(tmp_path / "log.csv",), holdout=(tmp_path / "held.csv",)).read(told.append).log
     assert told == [f"reading, {share} of 100 parts are done" for share in (25, 50, 75, 100)]
     del told[:]
     write_prediction(tmp_path / "p.csv", log, PLAIN, window=1.0, tell=told.append)

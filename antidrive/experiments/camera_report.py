@@ -1,4 +1,4 @@
-"""What the camera's errors amount to: means with intervals over targets, heat beside them, and which law errs least."""
+"""Tracking errors of the camera: means with intervals over targets, copper-loss index, and the best law."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ class Mean:
 
 
 def verdict(found: Tracked, kind: int) -> str:
-    """How least effort stands against each other law at one kind of target, by the differences target by target."""
+    """Error of each other law compared with least effort at one kind of target, by the differences target by target."""
     planned = LAWS.index(PLANNED)
-    words: dict[str, list[str]] = {"more": [], "less": [], "as much": []}
+    words: dict[str, list[str]] = {"more": [], "less": [], "the same": []}
     for law, name in enumerate(LAWS):
         more = Mean.of(found.rms[law, kind] - found.rms[planned, kind])
         if law != planned:
-            words["as much" if abs(more.value) <= more.half else "more" if more.value > 0 else "less"].append(name)
+            words["the same" if abs(more.value) <= more.half else "more" if more.value > 0 else "less"].append(name)
     parts = [
-        f"{', '.join(names)} {'errs' if len(names) == 1 else 'err'} {how}" for how, names in words.items() if names
+        f"{', '.join(names)} {'has' if len(names) == 1 else 'have'} {how}" for how, names in words.items() if names
     ]
-    return f"At a {list(TARGETS)[kind]} target, against least effort: {'; '.join(parts)}."
+    return f"Error at a {list(TARGETS)[kind]} target, compared with least effort: {'; '.join(parts)}."
 
 
 def run(settings: CameraSettings, seed: int, tell: Tell | None = None) -> Outcome:
@@ -73,20 +73,21 @@ def sentences_of(settings: CameraSettings, found: Tracked) -> Outcome:
         title=settings.title,
         said=(
             f"A camera of {settings.payload_mass:g} kg follows {settings.targets} targets of each kind over "
-            f"{settings.span:g} rad for {settings.duration:g} s. It sees where it looks to "
-            f"{MICRO * settings.picture_noise:.0f} µrad; the motors' encoders see finer, but through the teeth, and "
-            f"one drive does better without its own. The target's next {settings.foresight:g} s are known.",
-            f"Least effort by flank torque errs by {MICRO * overall[PLANNED]:.0f} µrad rms over all targets, constant "
-            f"preload by {MICRO * overall[SIZED]:.0f}, one drive by {MICRO * overall[ONE]:.0f}. At the heat of least "
-            f"effort a constant preload errs by {MICRO * overall[WARM]:.0f}, one that falls with the load by "
-            f"{MICRO * overall[SHAPED]:.0f}. Least of all errs: {best}.",
+            f"{settings.span:g} rad for {settings.duration:g} s. Its picture measures the angle to "
+            f"{MICRO * settings.picture_noise:.0f} µrad; the motors' encoders are finer, but behind the backlash, and "
+            f"the error of one drive is smaller without its encoder. The target's next {settings.foresight:g} s are "
+            "known.",
+            f"The error over all targets is {MICRO * overall[PLANNED]:.0f} µrad rms with least effort by flank torque, "
+            f"{MICRO * overall[SIZED]:.0f} with constant preload, {MICRO * overall[ONE]:.0f} with one drive. At the "
+            f"copper loss of least effort it is {MICRO * overall[WARM]:.0f} with a constant preload, and "
+            f"{MICRO * overall[SHAPED]:.0f} with one that falls with the load. Smallest error: {best}.",
             f"The windings take {watts[PLANNED]:.2f} W with least effort, {watts[SIZED]:.2f} W with a constant preload "
-            f"that is enough for the peak, {watts[ONE]:.2f} W with one drive. The teeth never parted with: "
+            f"that is enough for the peak, {watts[ONE]:.2f} W with one drive. Contact was never lost with: "
             f"{', '.join(kept) or 'none'}.",
             *(verdict(found, kind) for kind in range(len(kinds))),
-            "Least effort and a constant preload for the peak both keep the teeth together, and then the motors tell "
-            "where the load is. What a constant preload has more is heat, and friction of gears that are pressed "
-            "harder than they need be; the controller knows the mean friction of each.",
+            "Least effort and a constant preload for the peak both keep contact, and then the motor encoders measure "
+            "the load. A constant preload has more copper loss, and more friction of gears under more load than "
+            "they need be; the controller has the mean friction of each.",
         ),
         comparison=[
             (f"{law}, {kind} target", "", f"{errors[law, kind]}, {heats[law, kind].text('W')}")
@@ -122,9 +123,9 @@ def sentences_of(settings: CameraSettings, found: Tracked) -> Outcome:
         },
         pictures=(
             Picture(
-                caption="Tracking error and heat, a point for each kind of target. In the table ± is the 95 % interval "
-                "of the mean over targets.",
-                x="heat in the windings [W]",
+                caption="Tracking error and copper loss, a point for each kind of target. In the table ± is the 95 % "
+                "interval of the mean over targets.",
+                x="copper loss [W]",
                 y="tracking error [rad rms]",
                 curves=[
                     Curve(

@@ -1,6 +1,6 @@
 """The abstract of the paper: a platform carries a camera that follows a moving target, with one drive and with two.
 
-The same controller asks for the follower torque every time; what differs is how drive and anti-drive share it. The load
+The controller is the same every time; what differs is the torque allocation between drive and anti-drive. The load
 is seen through the camera, coarsely; the motors' encoders see it much finer, but through the teeth. So the price of a
 gap is not only what the teeth do when they meet, but that the motors no longer tell where the load is.
 """
@@ -155,7 +155,7 @@ def experiment(settings: CameraSettings, seed: int, tell: Tell | None = None) ->
 def _sized(
     settings: CameraSettings, rig: Rig, paths: Mapping[tuple[str, int], Array]
 ) -> tuple[PreloadLaws, dict[str, float]]:
-    """The laws for what the targets ask of the machine, and the dry friction that it has under each of them [N m]."""
+    """The laws for the torques that the targets take, and the dry friction that it has under each of them [N m]."""
     rubs = rig.coulomb_friction + float(np.sum(rig.motor_coulomb * rig.motor_ratios))
     model, torques, accelerations = rigid_model(rig), [], []
     for path in paths.values():

@@ -147,7 +147,7 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
     found = experiment(settings, seed)
     error = found.gap / found.true_gap - 1.0
     cycle = found.time >= found.time[-1] - 1.0 / settings.frequency
-    names = [f"gap {1e3 * gap:g} mrad" for gap in found.true_gap]
+    names = [f"backlash {1e3 * gap:g} mrad" for gap in found.true_gap]
     coloured = [(k, name, COLOURS[k % len(COLOURS)]) for k, name in enumerate(names)]
     rig = settings.machines()[0]
     count = 2.0 * np.pi / rig.motor_encoder_counts / rig.motor_ratios[0] * rig.flank_stiffness
@@ -156,23 +156,23 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
     return Outcome(
         title=settings.title,
         said=(
-            f"Free plays of {_list(1e3 * found.true_gap, '.4g')} mrad are measured as {_list(1e3 * found.gap, '.4g')} "
-            f"mrad, from the encoders alone: {100 * np.max(np.abs(error)):.2g} % off at most.",
-            "Equation (6) puts the dead zone into the torque. There the rig falls short as well, by "
-            f"{found.true_friction[0]:.3f} N m, but that is the motor's friction and does not grow with the gap (the "
-            f"encoders say {_list(found.friction)} N m, one count of the motor's being {count:.2g} N m of wind-up).",
-            f"What the gap costs is time: where the torque reverses at {found.rate:.3g} N m/s, nothing is passed for "
-            f"{_list(1e3 * found.crossing, '.0f')} ms; a free rotor needs (6 J gap/rate)^(1/3) = "
+            f"Backlash of {_list(1e3 * found.true_gap, '.4g')} mrad is measured as {_list(1e3 * found.gap, '.4g')} "
+            f"mrad, from the encoders alone: the largest error is {100 * np.max(np.abs(error)):.2g} %.",
+            "Equation (6) puts the dead zone into the torque. The simulated torque is smaller as well, by "
+            f"{found.true_friction[0]:.3f} N m, but that is the motor's friction and does not grow with the backlash "
+            f"(by the encoders {_list(found.friction)} N m; one count of the motor's is {count:.2g} N m of wind-up).",
+            f"Backlash costs time: where the torque reverses at {found.rate:.3g} N m/s, no torque is transmitted for "
+            f"{_list(1e3 * found.crossing, '.0f')} ms; a free rotor needs (6 J backlash/rate)^(1/3) = "
             f"{_list(1e3 * found.flight, '.0f')} ms.",
         ),
         comparison=(
             ("half width gamma [N m]", "0.5 (put into the model)", f"{found.true_friction[0]:.4f} (motor friction)"),
             *(
-                (f"free play of {1e3 * true:g} mrad [mrad]", "", f"{1e3 * gap:.4f} ({100 * off:+.2f} %)")
+                (f"backlash of {1e3 * true:g} mrad [mrad]", "", f"{1e3 * gap:.4f} ({100 * off:+.2f} %)")
                 for true, gap, off in zip(found.true_gap, found.gap, error, strict=True)
             ),
             ("time without torque at a reversal [ms]", "", _list(1e3 * found.crossing, ".0f")),
-            ("stiffness of the teeth [N m/rad]", "", _list(found.stiffness, ".4g")),
+            ("mesh stiffness [N m/rad]", "", _list(found.stiffness, ".4g")),
         ),
         found={
             "true_gaps": found.true_gap.tolist(),
@@ -192,7 +192,7 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
         },
         pictures=(
             Picture(
-                caption="Torque told over twist, by the encoders: the dead zone is the gap.",
+                caption="Commanded torque over twist, by the encoders: the dead zone is the backlash.",
                 x="motor angle less load angle [rad]",
                 y="torque [N m]",
                 curves=[
@@ -201,9 +201,9 @@ def run(settings: DeadZoneSettings, seed: int) -> Outcome:
                 ],
             ),
             Picture(
-                caption="A reversal: the torque that the teeth pass while the rotor crosses the gap, and then hits.",
+                caption="A reversal: torque transmitted while the rotor crosses the backlash, and at the impact.",
                 x="time [s]",
-                y="torque passed [N m]",
+                y="transmitted torque [N m]",
                 curves=[Curve(name=n, colour=c, x=found.time[near], y=found.passed[near, k]) for k, n, c in coloured],
             ),
         ),

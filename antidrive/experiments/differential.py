@@ -77,7 +77,7 @@ class DifferentialSettings:
         if self.greatest_preload < 2.0 * self.least_preload:
             raise BadParameter("greatest_preload must be twice least_preload or more, or the stiffness does not show.")
         if min(self.preloads) <= 0.5 * self.amplitude:
-            raise BadParameter("preloads must be above half the amplitude, or the teeth part in common mode.")
+            raise BadParameter("preloads must be above half the amplitude, or contact is lost in common mode.")
         named = {"backlash", "encoder_counts", "motor_encoder_counts"} & set(self.rig)
         if named:
             raise BadParameter(f"rig.{min(named)} is given by gaps and bits here.")

@@ -31,18 +31,18 @@ def run(settings: DifferentialSettings, seed: int, tell: Tell | None = None) -> 
     return Outcome(
         title=settings.title,
         said=(
-            f"Gaps from {min(settings.gaps) / ARCMIN:.3g} to {max(settings.gaps) / ARCMIN:.3g} arcmin are measured in "
-            f"{duration:g} s at standstill, from motor and load encoders of {min(settings.bits):g} to "
-            f"{max(settings.bits):g} bits: {100 * abs(worst.error):.2g} % off at most, for {worst.gap / ARCMIN:.2g} "
-            f"arcmin with {worst.bits} bits, where the standard error says {100 * worst.std:.2g} %.",
+            f"Backlash from {min(settings.gaps) / ARCMIN:.3g} to {max(settings.gaps) / ARCMIN:.3g} arcmin is measured "
+            f"in {duration:g} s at standstill, from motor and load encoders of {min(settings.bits):g} to "
+            f"{max(settings.bits):g} bits: an error of {100 * abs(worst.error):.2g} % at most, for "
+            f"{worst.gap / ARCMIN:.2g} arcmin with {worst.bits} bits (standard error {100 * worst.std:.2g} %).",
             f"A count of {min(settings.bits):g} bits at the load is {_count(min(settings.bits)):.2g} arcmin. One "
-            f"reading cannot show a lesser gap; {duration:g} s of them can, because the load creeps over "
+            f"sample cannot show less; {duration:g} s of samples can, because the load moves slowly over "
             f"{settings.creep * duration / ARCMIN / _count(min(settings.bits)):.2g} counts and the motors' encoders, "
-            f"finer by the gear ratio of {found.rig.gears.ratio:.1f}, tell where in a count it is. While the load "
-            f"stands the standard error is up to {100 * rough.std:.2g} % of the smallest gap ({rough.bits} bits).",
-            f"Beside the gap: {drive.stiffness.value:.5g} N m/rad of stiffness (true: {found.rig.flank_stiffness:g}), "
-            f"and friction of {drive.friction.value:.3f} N m plus {drive.friction_coefficient.value:.4f} of what the "
-            f"teeth pass (true: {_coulomb(found):.3f} and {found.rig.mesh_friction:g}; the damping of the teeth counts "
+            f"finer by the gear ratio of {found.rig.gears.ratio:.1f}, measure its place in a count. While the load "
+            f"stands the standard error is up to {100 * rough.std:.2g} % of the smallest backlash ({rough.bits} bits).",
+            f"Also found: {drive.stiffness.value:.5g} N m/rad of stiffness (true: {found.rig.flank_stiffness:g}), "
+            f"and friction of {drive.friction.value:.3f} N m plus {drive.friction_coefficient.value:.4f} of the "
+            f"transmitted torque (true: {_coulomb(found):.3f} and {found.rig.mesh_friction:g}; mesh damping counts "
             "with the first).",
             f"In common mode J = {moving['inertia'][0]:.4f}, alpha = {moving['gravity'][0]:.4f}, K = "
             f"{moving['viscous_friction'][0]:.4f} under the least preload (true: {found.rig.total_inertia:.4f}, "
@@ -135,7 +135,7 @@ def _twist(settings: DifferentialSettings, found: Differential) -> Picture:
     twist = 0.5 * (rotors[1] - rotors[0])
     return Picture(
         caption="Two visits of one machine: the rotors against each other over the preload, by the motors' encoders. "
-        "The step is the gap, the slope the stiffness, the width of the loops friction that grows with the load.",
+        "The step is the backlash, the slope the stiffness, the width of the loops friction that grows with the load.",
         x="preload [N m]",
         y="half the difference of the rotors [rad]",
         curves=[Curve(name="rotors", colour=AFTER, x=preload[two], y=twist[two] - np.mean(twist))],
@@ -153,8 +153,8 @@ def _errors(settings: DifferentialSettings, found: Differential) -> Picture:
         curves.append(Curve(name=f"{bits:g} bits, standard error", colour=colour, x=gaps, y=std))
         curves.append(Curve(name=f"{bits:g} bits, error", colour=colour, x=gaps, y=error, points=True))
     return Picture(
-        caption="Error of the gap and the standard error that is said of it, in powers of ten.",
-        x="log10 of the gap [arcmin]",
+        caption="Error of the backlash and its standard error, in powers of ten.",
+        x="log10 of the backlash [arcmin]",
         y="log10 of the error [%]",
         curves=curves,
     )
@@ -164,7 +164,7 @@ def _friction(found: Differential, preloads: Array, moving: dict[str, Array]) ->
     line = np.linspace(0.0, float(np.max(preloads)), 2)
     friction = moving["coulomb_friction.torque"]
     return Picture(
-        caption="Dry friction under preload: measured by moving the load, and foretold without moving it.",
+        caption="Dry friction under preload: measured by moving the load, and predicted without moving it.",
         x="preload [N m]",
         y="friction [N m]",
         curves=[

@@ -46,32 +46,38 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
     heats = found.heat.mean(axis=(0, 2))
     constant = "; ".join(
         f"{settings.strategies[name]:g} N m "
-        + (f"lets them part at {', '.join(f'{f:g}' for f in at)} Hz" if at else "keeps them together")
-        + f" at {heats[names.index(name)] / heats[planned]:.2g} times the heat"
+        + (f"loses contact at {', '.join(f'{f:g}' for f in at)} Hz" if at else "keeps contact")
+        + f" at {heats[names.index(name)] / heats[planned]:.2g} times the copper loss"
         for name, at in parts_at.items()
     )
     return Outcome(
         title=settings.title,
         said=(
             f"Dwell is the most samples of {1e3 * settings.sample_time:.3g} ms in a row that lie within "
-            f"{settings.band:g} rad. It is counted beside that of the same machine without a gap, because a reversal "
-            "and dry friction have dwell of their own.",
+            f"{settings.band:g} rad. It is compared with that of the same machine without backlash, because a "
+            "reversal and dry friction cause dwell too.",
             f"At {settings.frequencies[slow]:g} Hz one drive stands {found.samples[slow, one, 0]:.0f} samples without "
-            f"a gap and {', '.join(f'{n:.0f}' for n in found.samples[slow, one, 1:])} with one of "
+            f"backlash and {', '.join(f'{n:.0f}' for n in found.samples[slow, one, 1:])} with backlash of "
             f"{', '.join(f'{1e3 * g:g}' for g in settings.gaps)} mrad. Its error is {np.max(found.error[:, one]):.2g} "
             f"rad rms at most, {np.max(found.error[:, planned]):.2g} with both drives and a planned preload"
-            + ("; in faster motions the load coasts over the gap, and only the error shows it." if faster else "."),
-            f"With the preload planned by flank torque, dwell differs from that of the twin without a gap by "
-            f"{np.max(np.abs(beyond[:, planned])):.0f} at most, at every gap and speed; the teeth "
-            f"{'parted' if parted else 'never parted'}." + (f" A constant preload of {constant}." if constant else ""),
-            f"The paper's {PAPER[0]} and {PAPER[1]} samples belong to a sample time, a motion and a gap that it does "
-            f"not give. Here one drive stands {found.samples[slow, one, 1 + widest]:.0f} samples and drive/anti-drive "
+            + (
+                "; in faster motions the load coasts over the backlash, and only the error shows it." if faster else "."
+            ),
+            f"With the preload planned by flank torque, dwell differs from that without backlash by "
+            f"{np.max(np.abs(beyond[:, planned])):.0f} at most, at every backlash and speed; contact was "
+            f"{'lost' if parted else 'never lost'}." + (f" A constant preload of {constant}." if constant else ""),
+            f"The paper's {PAPER[0]} and {PAPER[1]} samples belong to a sample time, a motion and a backlash that it "
+            f"does not give. Here one drive stands {found.samples[slow, one, 1 + widest]:.0f} samples and two drives "
             f"{found.samples[slow, planned, 1 + widest]:.0f}, and {found.samples[slow, planned, 0]:.0f} where there is "
-            "no gap at all: what is left of it is the reversal itself.",
-            "All this is of one draw of the encoders' noise. Another moves a dwell by a sample or two.",
+            "no backlash: the rest is the reversal itself.",
+            "All this is with one draw of the encoders' noise. Another changes a dwell by a sample or two.",
         ),
         comparison=(
-            ("samples, one actuator and drive/anti-drive", f"{PAPER[0]} and {PAPER[1]}", "no gap, each gap; heat:"),
+            (
+                "samples, one actuator and drive/anti-drive",
+                f"{PAPER[0]} and {PAPER[1]}",
+                "without, with each backlash; loss:",
+            ),
             *rows,
         ),
         found={
@@ -93,7 +99,7 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
         },
         pictures=(
             Picture(
-                caption=f"The slowest motion, gap {1e3 * settings.gaps[widest]:g} mrad: load less reference.",
+                caption=f"The slowest motion, backlash {1e3 * settings.gaps[widest]:g} mrad: load less reference.",
                 x="time [s]",
                 y="error [rad]",
                 curves=[
@@ -107,8 +113,8 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
                 ],
             ),
             Picture(
-                caption="Dwell beyond that without a gap, at the slowest motion.",
-                x="gap [rad]",
+                caption="Dwell beyond that without backlash, at the slowest motion.",
+                x="backlash [rad]",
                 y="samples",
                 curves=[
                     Curve(name=name, colour=colours[name], x=np.array(settings.gaps), y=beyond[slow, s], points=True)

@@ -1,4 +1,4 @@
-"""Ways to share a follower torque between drive and anti-drive, each sized for what motions ask of the machine."""
+"""Laws of torque allocation between drive and anti-drive, each sized for the motions of the machine."""
 
 from __future__ import annotations
 

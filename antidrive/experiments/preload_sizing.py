@@ -1,6 +1,6 @@
-"""Preload sizing: the least T_min that keeps the teeth together, found on the rig, beside the formulas of statics.
+"""Preload sizing: the least T_min that keeps contact, found on the rig, beside the formulas of statics.
 
-With p the preload of each drive, seen from the load, and a the acceleration, the teeth of stiff gears stay together for
+With p the preload of each drive, seen from the load, and a the acceleration, stiff gears keep contact for
 
     equal split, each motor carrying its own rotor    p >= |J_L a + tau_L|/2 + T_min
     constant slave, the master does the rest          p >= (J_L + n^2 J) |a| + |tau_L| + f + T_min
@@ -108,7 +108,7 @@ class Sizing:
     Attributes:
         meshes, noises, bandwidths: (C,) [N m/rad], [rad], [Hz].
         formula: (2,) preload with T_min = 0 [N m].
-        least: (C, 2) least T_min that kept the teeth together [N m]; infinite where none did.
+        least: (C, 2) least T_min that kept contact [N m]; infinite where none did.
         noise_torque: (C,) standard deviation of the follower torque that the loop makes of the noise [N m].
         time: (T,) [s].
         flanks: (T, 2, 2) lesser flank torque of the middle combination without noise [N m]; strategy, and preload by
@@ -126,7 +126,7 @@ class Sizing:
 
     @property
     def preload(self) -> Array:
-        """(C, 2) least preload that kept the teeth together [N m]."""
+        """(C, 2) least preload that kept contact [N m]."""
         return self.formula + self.least
 
 
@@ -210,7 +210,7 @@ class _Loop:
         return found
 
     def keeps(self, preload: Array) -> NDArray[np.bool_]:
-        """(B,) whether the teeth stay together under preloads (B,) [N m]."""
+        """(B,) whether contact is kept under preloads (B,) [N m]."""
         counted = self.flanks(preload)[self.time > self._from]
         return np.asarray(np.min(counted, axis=(0, 2)) > 0.0)
 

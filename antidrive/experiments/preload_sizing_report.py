@@ -21,24 +21,24 @@ def run(settings: SizingSettings, seed: int, tell: Tell | None = None) -> Outcom
     return Outcome(
         title=settings.title,
         said=(
-            f"At a greatest acceleration of {settings.peak_acceleration:g} rad/s^2 the formulas with T_min = 0 ask for "
-            f"{equal:.1f} N m of preload where both motors share and each carries its own rotor, and for {slave:.1f} "
-            "N m with a constant slave.",
-            f"On the rig, with the least of the noise, {_range(found.preload[quiet, 0])} N m kept the teeth together "
-            f"in equal split and {_range(found.preload[quiet, 1])} N m with a constant slave, over meshes of "
+            f"At a greatest acceleration of {settings.peak_acceleration:g} rad/s^2 the formulas with T_min = 0 give "
+            f"{equal:.1f} N m of preload where both motors share and each carries its own rotor, and {slave:.1f} "
+            "N m with one constant torque.",
+            f"In simulation, with the least noise, {_range(found.preload[quiet, 0])} N m kept contact "
+            f"in equal split and {_range(found.preload[quiet, 1])} N m with one constant torque, over meshes of "
             f"{_list(settings.stiffnesses)} N m/rad and loops of {_list(settings.bandwidths)} Hz: T_min must be "
             f"{_range(found.least[quiet, 0])} and {_range(found.least[quiet, 1])} N m.",
-            "In equal split every motor makes up for its own friction at once. The constant slave does not: where "
-            "acceleration is greatest its friction changes its sense, and elastic teeth ring with that step.",
+            "In equal split every motor compensates its own friction at once. A constant torque does not: where "
+            "acceleration is greatest the friction of its drive changes sign, and the gears vibrate after that step.",
             f"With noise of {max(settings.noises):g} rad at the motors, seen from the load, which the loops make into "
             f"{_range(found.noise_torque[found.noises == np.max(found.noises)])} N m rms of torque, T_min must be "
             f"{_range(found.least[found.noises == np.max(found.noises), 0])} and "
             f"{_range(found.least[found.noises == np.max(found.noises), 1])} N m; the rotors' inertia keeps most of it "
-            f"from the teeth. T_min is found to {settings.resolution:g} N m for one draw of the noise, and contact "
+            f"from the meshes. T_min is found to {settings.resolution:g} N m for one draw of the noise, and contact "
             "counts from the second period on.",
         ),
         comparison=(
-            ("least preload [N m] by the formulas: equal split, constant slave", "", f"{equal:.2f}, {slave:.2f}"),
+            ("least preload [N m] by the formulas: equal split, one constant torque", "", f"{equal:.2f}, {slave:.2f}"),
             *(
                 (
                     f"{mesh:g} N m/rad, noise {noise:g} rad, loop {bandwidth:g} Hz",
@@ -107,7 +107,7 @@ def _least(found: Sizing, strategy: int) -> Picture:
 
 
 def _finite(values: Array) -> list[float | None]:
-    """Numbers as JSON has them: none where no preload kept the teeth together."""
+    """Numbers as JSON has them: none where no preload kept contact."""
     return [float(value) if np.isfinite(value) else None for value in values]
 
 

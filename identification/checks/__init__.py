@@ -1,1 +1,1 @@
-"""What may be wrong with a recording before any model is asked: found, said, and repaired only where that is said."""
+"""Checks of a recording before any fit: each fault is reported, and repaired only where the report says so."""

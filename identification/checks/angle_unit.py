@@ -50,7 +50,7 @@ def unit_of_the_angle(recording: Recording) -> Iterable[Finding]:
 
 
 def in_whole_numbers(values: Array) -> bool:
-    """Whether readings (T,) are many different whole numbers; nobody reads an axis to a radian or a metre."""
+    """Whether readings (T,) are many different whole numbers; no encoder resolves a radian or a metre only."""
     return bool(np.all(values == np.round(values))) and len(np.unique(values)) >= _LEVELS
 
 

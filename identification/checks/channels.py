@@ -25,7 +25,7 @@ _ANGLES = (
 _LENGTHS = ((1e3, "mm", "m"), (1e-3, "m", "mm"), (1e6, "um", "m"), (1e-6, "m", "um"))
 _FOLLOWS = 0.9  # correlation of a servo's output with its goal
 _ANSWERS = 0.5  # [s] in which it does
-_ONE_UNIT = 6.0  # no servo's output moves so many times as far as it asks, and follows
+_ONE_UNIT = 6.0  # no servo follows a set-point so many times as far as it goes
 _TEETH = 0.35  # logarithm of the ratio of two pinions of one gear
 _SLOW_TO_FAST = 3.0  # a reducing gear's load does not move so many times as fast as the motor
 
@@ -71,7 +71,7 @@ def _unit_of(recording: Recording, name: str) -> Finding | None:
         if ratio > 0 and abs(np.log(ratio / factor)) < 0.15:
             option = f"{name}={of_wanted}" if of_output in ("rad", "m") else f"{column}={of_output}"
             text = (
-                f"{recording.label}: '{output}' moves {ratio:.4g} times as far as '{asked}' asks, which is the factor "
+                f"{recording.label}: '{output}' moves {ratio:.4g} times as far as '{asked}', which is the factor "
                 f"of a unit: try --unit {option}, or give the right unit of one of them"
             )
             return Finding(kind=f"unit of {name}", repaired=False, text=text)
@@ -85,7 +85,7 @@ def _unit_of(recording: Recording, name: str) -> Finding | None:
 
 
 def _ratio_to(recording: Recording, name: str) -> float | None:
-    """How far the output moves where a reference or set-point asks for 1, at once or a little later; None if unlike."""
+    """How far the output moves for 1 of a reference or set-point, at once or a little later; None if uncorrelated."""
     wanted, output, sound = recording.others.get(name), recording.output, recording.valid
     if wanted is None:
         return None
@@ -162,7 +162,7 @@ def _ratio(channel: Array, output: Array, recording: Recording, window: int | No
 
 
 def _slope(asked: Array, moved: Array) -> tuple[float, float]:
-    """Correlation of what moved with what was asked for, and how far it moved for 1; zeros where one stands still."""
+    """Correlation of the motion with the wanted one, and how far it moved for 1; zeros where one stands still."""
     if len(asked) < 2 or np.ptp(asked) == 0 or np.ptp(moved) == 0:
         return 0.0, 0.0
     asked, moved = asked - asked.mean(), moved - moved.mean()

@@ -1,4 +1,4 @@
-"""Faults that a measured channel shows by itself: spikes, counter wraps, clipping, freezing.
+"""Faults of a single measured channel: spikes, counter wraps, clipping, freezing.
 
 Each detector takes one channel and its encoder step and says which samples are concerned; none of them changes
 anything. They are built to let motion, steps, stick-slip and noise pass: a fault must stand out from its own

@@ -9,6 +9,7 @@ import numpy as np
 from identification.errors import MalformedLog
 from identification.recording import Finding, Recording
 
+_TURN = 2.0 * np.pi
 SLOWEST_SAMPLING = 0.5  # [s]
 FASTEST_SAMPLING = 1e-6  # [s]
 
@@ -79,5 +80,7 @@ def check_velocity_unit(recording: Recording) -> tuple[Recording, list[Finding]]
         f"{recording.label}: '{output}' moves {ratio:.4g} times as fast as '{velocity}' says, so the velocity is not "
         "used; give --scale velocity=FACTOR if it belongs to another shaft or has another sign"
     )
+    if recording.axis == "rotary" and abs(ratio - _TURN) < 0.02 * _TURN:  # which a gear may have as well
+        text += ", or --unit velocity=turn/s if it is in turns"
     others = {name: values for name, values in recording.others.items() if name != "velocity"}
     return replace(recording, others=others), [Finding(kind="velocity", repaired=True, text=text)]

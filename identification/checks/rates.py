@@ -1,7 +1,7 @@
 """Channels that were sampled more slowly than the rows of the log: cells that are empty or repeat the last sample.
 
-Such cells are no samples, and a model must not be asked to follow them. The samples of the output are the clock of the
-recording. The command holds from one sample to the next; between two samples of the output its mean counts, which
+Such cells are no samples and are masked. The samples of the output are the clock of the recording. The
+command holds from one sample to the next; between two samples of the output its mean counts, which
 gives the load the same impulse.
 """
 
@@ -73,7 +73,7 @@ def join_rows(recording: Recording) -> Recording:
     """Rows of one instant with one channel in each, as one row."""
     if len(recording) == 0:
         return recording
-    instant = np.append(0, np.cumsum(np.diff(recording.time) != 0))
+    instant = np.append(0, np.cumsum(recording.time[1:] != recording.time[:-1]))
     known = (np.isfinite(recording.command), np.isfinite(recording.output))
     twice = any(np.bincount(instant, weights=channel).max() > 1 for channel in known)
     if twice or instant[-1] == len(recording) - 1:

@@ -1,7 +1,7 @@
 """Whether the command drives the motion or runs against it, with one sign or with that of each of two torques.
 
 Torque is inertia times acceleration and terms of angle and speed, so that what these terms leave of the torque goes
-with what they leave of the acceleration. Each filter of several widths is asked; a log is cut into blocks of equal
+with what they leave of the acceleration. Filters of several widths are tried; a log is cut into blocks of equal
 acceleration, so that each may tell as much, and the agreement of the blocks is Student's t. A second witness must not
 contradict: the work that the torque does on the load. In one tone the first is easily deceived, as acceleration then
 goes with the angle, and in a loop that holds against a push the second, as there the load works.

@@ -2,8 +2,8 @@
 
 A torque has to accelerate the load, and to overcome friction before it moves at all. A command that is the speed times
 a constant does neither. Where the constant is that of a unit of speed, a loop that follows its set-point with an error
-is known as well; where it is another, the speed itself was taken. Where somebody gave it the unit of a torque
-that is believed, for a load of viscous friction alone moves like that too.
+is known as well; where it is another, the speed itself was taken. Where it was given the unit of a torque
+that is accepted, for a load of viscous friction alone moves like that too.
 """
 
 from __future__ import annotations

@@ -115,7 +115,7 @@ def trim(recording: Recording) -> Checked:
 
 
 def split_at_gaps(recording: Recording) -> tuple[list[Recording], list[Finding]]:
-    """A gap of more than a second ends an experiment: nobody knows the command in it."""
+    """A gap of more than a second ends an experiment: the command in it is unknown."""
     steps = np.diff(recording.time)
     if len(steps) == 0:
         return [recording], []
@@ -138,8 +138,9 @@ def too_short(recording: Recording) -> Finding | None:
     duration = float(recording.time[-1] - recording.time[0]) if len(recording) else 0.0
     if len(recording) >= MIN_SAMPLES and duration >= MIN_DURATION:
         return None
+    verb = "is" if len(recording) == 1 else "are"
     text = (
-        f"{recording.label}: left out, as {len(recording)} samples in {duration:.3g} s are too short; "
+        f"{recording.label}: left out, as {counted(len(recording), 'sample')} in {duration:.3g} s {verb} too short; "
         f"at least {MIN_SAMPLES} samples and {MIN_DURATION} s are needed"
     )
     return Finding(kind="too short", repaired=True, text=text)
@@ -163,7 +164,7 @@ def mask_gaps(recording: Recording) -> Checked:
 
 
 def clock(recording: Recording) -> Iterable[Finding]:
-    """An uneven sampling is kept as it is: the true times are used. What makes it uneven is said, if it shows."""
+    """An irregular sampling is kept as it is: the true times are used. Its cause is reported, if it shows."""
     steps = np.diff(recording.time)
     even = steps <= GAP * np.median(steps)
     usual = steps[even]
@@ -197,7 +198,7 @@ def _rounding(steps: Array) -> float:
     whole = steps / digit
     low = round(float(whole.min()))
     shares = np.array([np.mean(np.abs(whole - n) < 1e-3) for n in (low, low + 1)])
-    # Rounding keeps the error of each time below half a digit; a random mix of two steps lets it wander.
+    # Rounding keeps the error of each time below half a digit; a random mix of two steps lets it drift.
     error = np.cumsum(whole - whole.mean())
     return float(digit) if low > 0 and shares.sum() == 1 and shares.min() > 0.02 and np.ptp(error) < 1.5 else 0.0
 

@@ -70,6 +70,14 @@ OBJECTS = (
 )
 
 
+_COMMANDED = "6071"  # of two torques the better one: what was measured is filtered, and noisy
+
+
+def _index(column: str) -> str:
+    known = drive_object(column)
+    return known.index if known else ""
+
+
 def drive_object(column: str) -> DriveObject | None:
     """The object that a column of a file holds, if it is one."""
     return next((known for known in OBJECTS if known.is_called(column)), None)
@@ -90,8 +98,9 @@ def find_objects(file: str, names: Collection[str], found: Mapping[str, str], *,
         if known is None or column in found:
             continue
         if column in new:
+            best = next((n for n in (name, new[column]) if _index(n) == _COMMANDED), name)
             raise MalformedLog(
-                f"{file}: both '{new[column]}' and '{name}' could be the {column}, choose with --map {column}='{name}'."
+                f"{file}: both '{new[column]}' and '{name}' could be the {column}, choose with --map {column}='{best}'."
             )
         new[column] = name
     return new

@@ -16,7 +16,7 @@ from identification.reading.units import kind_of
 OWN, SYNONYM, AMONG_OTHERS, ASKED_FOR = 3, 2, 1, 0  # how surely a name says what a column is
 
 _TIMES = (
-    *("times", "timestamps", "stamps", "ts", "secs", "zeitstempel", "x value", "x axis"),
+    *("times", "timestamps", "stamps", "ts", "secs", "zeitstempel", "x value", "x axis", "tout"),
     *("millis", "micros", "nanos", "uptime", "ms today", "temps", "tiempo", "tempo"),
 )
 _SPANS = ("dt", "latency", "period", "duration", "interval", "cycle time", "sample time")  # times, but not of a row

@@ -35,7 +35,7 @@ _STATED = ("time", "torque", "torque_1", "torque_2", "force", "current", "voltag
 class Recorded:
     """Recordings of one table with what they are measured in.
 
-    notes: what limits a result, such as an unknown scale; warnings: what was found, skipped or taken on trust.
+    notes: what limits a result, such as an unknown scale; warnings: what was found, skipped or assumed.
     """
 
     recordings: tuple[Recording, ...]
@@ -113,11 +113,11 @@ def _by_meaning(
 ) -> tuple[str, ...]:
     """A sentence on the columns that were taken by a name which is not quite their own, and for what unit."""
     listed = [
-        f"'{name}' for {column}" + ("" if column in sized or column in _BARE else f" in {si_unit(column, axis)}")
+        f"'{name}' as {column}" + ("" if column in sized or column in _BARE else f" in {si_unit(column, axis)}")
         for column, name in found.items()
-        if known.why.get(column, "").startswith(("by its name", "a torque", "an angle"))
+        if known.why.get(column, "").startswith(("by name", "a torque", "an angle"))
     ]
-    return (f"{table.name}: taken by the meaning of their names are {', '.join(listed)}",) if listed else ()
+    return (f"{table.name}: recognised by name: {', '.join(listed)}",) if listed else ()
 
 
 def _counted(table: Table, found: Mapping[str, str], rate: float) -> tuple[Table, dict[str, str]]:

@@ -1,6 +1,6 @@
 """What drives the load: the follower's torque or force, from whatever the log has in its place.
 
-A current is the torque over the motor's torque constant, a voltage or a duty cycle is it over nobody knows what: then
+A current is the torque over the motor's torque constant, a voltage or a duty cycle is it over an unknown constant: then
 every parameter is told per ampere, per volt or per unit of duty, and no torque in newton metres is claimed. A position
 servo makes its torque of the set-point: kp (setpoint - angle) - kd velocity.
 """
@@ -134,7 +134,7 @@ def _pinions(
 
 
 def _servo(file: str, found: Mapping[str, str], channels: Mapping[str, Array], axis: str, reading: Reading) -> Command:
-    """A position servo's set-point with its gains, or per radian of its error where nobody knows them."""
+    """A position servo's set-point with its gains, or per radian of its error where they are unknown."""
     setpoint, (torque, unit, angle) = channels["setpoint"], _WORDS[axis]
     kp, kd = (_gain(name, channels, reading, len(setpoint)) for name in ("kp", "kd"))
     if kp is not None:
@@ -164,7 +164,7 @@ _WORDS = {"rotary": ("torque", "N m", "radian"), "linear": ("force", "N", "metre
 
 
 def _gain(name: str, channels: Mapping[str, Array], reading: Reading, samples: int) -> Array | None:
-    """(T,) a gain as the user gave it, else as the log has it; None where nobody knows it."""
+    """(T,) a gain as the user gave it, else as the log has it; None where it is unknown."""
     if (value := getattr(reading, name)) is not None:
         return np.full(samples, float(value))
     return channels.get(name)

@@ -1,4 +1,4 @@
-"""What the columns of a file are: name, unit, range, and what each was taken for or may be."""
+"""What the columns of a file are: name, unit, range, and what each is used as or may be."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def _rises(values: NDArray[np.generic]) -> bool:
 def lines(facts: Sequence[ColumnFacts]) -> list[str]:
     """The facts as a table, one column of the file a line."""
     shown = [(one.name, one.unit or one.assumed, one.range, _use(one)) for one in facts]
-    rows = [("column", "unit", "range", "taken for"), *shown]
+    rows = [("column", "unit", "range", "used as"), *shown]
     widths = [max(len(row[place]) for row in rows) for place in range(4)]
     return ["  " + "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
 

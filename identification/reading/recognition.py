@@ -21,13 +21,13 @@ from identification.reading.units import kind_of
 
 COMMANDS = ("torque", "force", "torque_1", "torque_2", "current", "voltage", "duty", "setpoint")
 RESPONSES = ("angle", "position", "velocity")
-AS_YOU_SAY = "as you say"
+AS_GIVEN = "as given"
 _OPTIONAL = ("velocity", "run")  # taken by a name that says nothing else, where something else is the response
 
 
 @dataclass
 class Recognition:
-    """What the columns of a table were taken for.
+    """What the columns of a table are used as.
 
     found: contract column -> the table's column.
     why: contract column -> why it was taken, for people.
@@ -60,17 +60,19 @@ class Recognition:
 def recognise(table: Table, reading: Reading) -> Recognition:
     """What the columns of a table are.
 
-    Raises `MalformedLog` for a mapped column that the table does not have, and where two objects of a drive would do.
+    Raises `MalformedLog` for a mapped column that the table does not have or that is mapped twice, and where two
+    objects of a drive would do.
     """
     known = Recognition()
     for column, wanted in reading.mapping.items():
-        known.take(column, _named(table, column, wanted), AS_YOU_SAY)
+        known.take(column, _named(table, column, wanted), AS_GIVEN)
+    _refuse_twice(table, known)
     left = {name: table.units.get(name, "").strip() for name in table.columns if name not in known.found.values()}
     for name in list(left):
         own = _own_name(name)
         if own is None or own in known.found or (own == "position" and _is_angle(known, name, left)):
             continue
-        known.take(own, name, "its own name")
+        known.take(own, name, "named so")
         del left[name]
     linear = any(column in given for column in ("force", "position") for given in (known.found, reading.units))
     objects = find_objects(table.name, list(left), known.found, linear=linear)
@@ -84,6 +86,17 @@ def recognise(table: Table, reading: Reading) -> Recognition:
     taken = set(known.found.values())
     known.guesses = {name: found.column for name, found in meant.items() if name not in taken}
     return known
+
+
+def _refuse_twice(table: Table, known: Recognition) -> None:
+    """A column that was mapped to the command cannot be the response as well."""
+    names = {known.found[column]: column for column in COMMANDS if column in known.found}
+    for column in RESPONSES:
+        name = known.found.get(column)
+        if name in names:
+            raise MalformedLog(
+                f"{table.name}: '{name}' is mapped to both '{names[name]}' and '{column}'; name another column."
+            )
 
 
 def _named(table: Table, column: str, wanted: str) -> str:
@@ -169,7 +182,7 @@ def _take(known: Recognition, column: str, meant: Mapping[str, Meaning]) -> bool
             if found.column == column and found.grade == grade and name not in taken
         ]
         if len(alike) == 1:
-            known.take(column, alike[0], "by its name" if grade > AMONG_OTHERS else "by its name, the only such one")
+            known.take(column, alike[0], "by name" if grade > AMONG_OTHERS else "by name, the only one")
         if alike:
             return len(alike) == 1
     return False
@@ -208,7 +221,7 @@ def missing(known: Recognition, table: Table, reading: Reading) -> Iterator[str]
         yield "'time' (or, with --rate HZ, none)"
     if not known.has_command:
         yield "the command ('torque', 'torque_1' and 'torque_2', 'current', 'voltage', 'duty' or 'setpoint')"
-    unclear = known.why.get("velocity") != AS_YOU_SAY and {"angle", "position"} & set(known.guesses.values())
+    unclear = known.why.get("velocity") != AS_GIVEN and {"angle", "position"} & set(known.guesses.values())
     if not known.has_response or (unclear and not {"angle", "position"} & set(known.found)):
         yield "the response ('angle', 'position' or 'velocity')"
 

@@ -47,7 +47,7 @@ def sorted_rows(recording: Recording) -> tuple[list[Recording], list[Told]]:
         first = int(np.flatnonzero(steps < 0)[0]) + 1
         raise MalformedLog(
             f"{recording.where(first)}: the time goes back from {time[first - 1] - recording.start:.6g} s, and in "
-            f"{int(np.sum(steps < 0))} of {len(time)} rows, so nobody can tell their order; sort the rows, or number "
+            f"{int(np.sum(steps < 0))} of {len(time)} rows, so their order is unknown; sort the rows, or number "
             "the experiments in a column 'run'."
         )
     told = [

@@ -35,7 +35,7 @@ def _written(label: Any) -> str:
 
 
 def split_runs(whole: Recording, labels: NDArray[np.object_] | None) -> tuple[tuple[Recording, ...], tuple[str, ...]]:
-    """One recording for each label, in the order in which they come, and for each time that begins anew.
+    """One recording for each label, in the order in which they come, and for each restart of the time.
 
     A label that returns later continues its experiment. Beside the recordings, sentences on what was not in order.
 

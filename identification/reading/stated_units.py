@@ -23,7 +23,7 @@ _DISPENSABLE = ("velocity", "angle_1", "angle_2", "reference")  # without them a
 
 @dataclass(frozen=True, kw_only=True)
 class StatedUnits:
-    """Contract column -> unit; columns that are left out as nobody says how large they are; what there is to tell."""
+    """Contract column -> unit; columns that are left out because their size is unknown; notes."""
 
     units: dict[str, str]
     left_out: tuple[str, ...]
@@ -65,10 +65,10 @@ def stated_units(
             left_out.append(column)
             notes.append(f"{table.name}: '{name}' is left out, as {str(error).rstrip('.')}")
     if guessed:
-        listed = ", ".join(f"'{found[column]}' for {column}" for column in guessed if column not in left_out)
-        notes.append(f"{table.name}: taken by the names of CiA 402 are {listed}")
+        listed = ", ".join(f"'{found[column]}' as {column}" for column in guessed if column not in left_out)
+        notes.append(f"{table.name}: recognised as objects of CiA 402: {listed}")
     if told:
-        notes.append(f"{table.name}: units as the file gives them, {', '.join(told)}")
+        notes.append(f"{table.name}: units from the file: {', '.join(told)}")
     return StatedUnits(units=known, left_out=tuple(left_out), notes=tuple(notes))
 
 

@@ -38,7 +38,7 @@ _THIS_CENTURY = (946684800.0, 4102444800.0)  # [s] since 1970: the years 2000 to
 def seconds_of(table: Table, name: str, factor: float | None) -> tuple[Array, tuple[str, ...]]:
     """(T,) times [s], and what is to be said of them. Dates count from the first one.
 
-    factor: seconds in one of the column's numbers; None where nobody says, and numbers are seconds or an epoch.
+    factor: seconds in one of the column's numbers; None where it is unknown, and numbers are seconds or an epoch.
 
     Raises `MalformedLog` for a cell that is no time.
     """
@@ -129,7 +129,7 @@ def _over_its_bits(table: Table, name: str, numbers: Array) -> tuple[Array, tupl
 def _dates(cells: pd.Series[Any]) -> tuple[Array, float] | None:
     """Seconds since the first date, NaN for a cell that is none, and that date since 1970; None if most are none.
 
-    Which number is the day and which the month is not asked: the reading in which the log is shorter is taken.
+    Day and month are not distinguished by their order: the reading in which the log is shorter is taken.
     """
     import pandas as pd
 

@@ -59,6 +59,8 @@ _BARE_NUMBERS = {"count", "percent", "permille", "ppm", "dimensionless", "bit", 
 _ELECTRICAL = "erpm"  # turns of the field a minute; how many of them are one of the shaft, the motor's poles say
 _SHARES = {"percent", "permille", "ppm", "dimensionless"}  # how much these are of a whole is known
 
+_SUCH_AS = {"rad": "deg", "rad/s": "deg/s", "m": "mm", "m/s": "mm/s", "s": "ms", "N m": "mNm", "N": "kN", "A": "mA"}
+
 _WORTH = {
     "rad": "turn/131072",
     "rad/s": "turn/131072/s",
@@ -137,10 +139,10 @@ def si_factor(column: str, unit: str, axis: str) -> float:
     try:
         factor, sized = _factor(unit.strip(), wanted.replace(" ", "*"))
     except Exception as error:  # pint raises a dozen different types on odd text
-        hint = _hint(column, wanted)
+        hint = _hint(column, wanted, unit)
         raise BadParameter(
             f"the unit '{unit[:LONGEST]}' of column '{column}' cannot be converted to {wanted}: "
-            f"use a unit of that kind{hint}."
+            f"use a unit of that kind, such as {_SUCH_AS.get(wanted, wanted)}{hint}."
         ) from error
     if not sized:
         worth = _WORTH.get(wanted)
@@ -153,7 +155,7 @@ def si_factor(column: str, unit: str, axis: str) -> float:
     return factor
 
 
-def _hint(column: str, wanted: str) -> str:
+def _hint(column: str, wanted: str, unit: str) -> str:
     """What else the user may have meant."""
     if wanted in ("N m", "N"):
         return (
@@ -162,10 +164,10 @@ def _hint(column: str, wanted: str) -> str:
         )
     if column == "setpoint":
         return (
-            "; a set-point of the speed says nothing of the torque, which the drive's controller makes of it: log the "
+            "; a set-point of the speed does not determine the torque, which the drive computes from it: log the "
             "torque or the motor's current beside it"
         )
-    return ""
+    return f", or give what one {unit} is worth with --scale {column}=0.5" if is_unit(unit) else ""
 
 
 def _factor(unit: str, wanted: str) -> tuple[float, bool]:

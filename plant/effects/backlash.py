@@ -43,7 +43,7 @@ _NEXT = ((0.5, 1.0), (0.7, 1.0), (0.85, 1.0), (1.2, 1.0), (1.5, 1.0), (1.0, 0.5)
 
 @dataclass(frozen=True, kw_only=True)
 class Backlash(Effect):
-    """A motor with inertia of its own that loses touch with the load, crosses the gap and lands on the other flank.
+    """A motor with inertia of its own that loses contact with the load, crosses the backlash and meets the other flank.
 
     A flank only pushes. It is a spring with a damper (Nordin and Gutman 2002), on which both masses would swing at the
     flank frequency. At first that is so high that the log cannot tell the flank from a hard one, and is not fitted.

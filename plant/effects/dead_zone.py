@@ -1,4 +1,4 @@
-"""Dead zone: the drive swallows small torques (paper, eq. 6)."""
+"""Dead zone: small torque commands have no effect (paper, eq. 6)."""
 
 from __future__ import annotations
 

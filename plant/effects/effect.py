@@ -110,7 +110,7 @@ class Effect:
     chaotic: ClassVar[bool] = False
     """Whether a small error grows without bound in a free simulation, so that only short pieces can be judged."""
     clocked: ClassVar[bool] = False
-    """Whether it depends on the time of the log's clock, which nobody keeps once the log has ended."""
+    """Whether it depends on the time of the log's clock, which ends with the log."""
     needs_angle: ClassVar[bool] = False
     """Whether it depends on where the load is, or changes the reading of that: a log of the speed does not show it."""
     longest_step: ClassVar[float] = 0.005

@@ -15,7 +15,7 @@ from plant.symbolic import one_at_a_time
 
 
 class _Law(Protocol):
-    """What is asked of an effect."""
+    """What an effect must provide."""
 
     @property
     def title(self) -> str: ...

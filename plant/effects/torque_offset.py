@@ -24,7 +24,7 @@ class TorqueOffset(Effect):
     torque: float = parameter("{torque}", "constant bias")
 
     def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
-        """The bias; behind the dead zone it is not swallowed."""
+        """The bias; it acts behind the dead zone, which does not reduce it."""
         return torque + self.torque
 
     def command_for(self, torque: Expression, velocity: Expression) -> Expression:

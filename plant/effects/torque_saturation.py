@@ -34,7 +34,7 @@ class TorqueSaturation(Effect):
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
-        """What a limit would take away, for limits from the middle to the top of what was asked for."""
+        """What a limit would take away, for limits from the middle to the top of the commands."""
         largest = float(np.max(np.abs(motion.torque), initial=0.0))
         shares = (0.3, 0.5, 0.7, 0.8, 0.9, 0.97)
         for limit in (share * largest for share in shares if largest > 0.0):

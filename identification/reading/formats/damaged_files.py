@@ -49,7 +49,7 @@ def guarded(read: Read, content: bytes, name: str, sha256: str, kind: str) -> Ta
         except Exception as error:  # each library raises whatever a damaged file leads it to
             problem = f"not a readable {suffix} file ({type(error).__name__}), export the log again"
         if problem and kind == "MF4":
-            gc.collect()  # what asammdf could not open goes now, while nobody hears its finaliser fail
+            gc.collect()  # what asammdf could not open goes now, while the message of its finaliser is suppressed
     if table is not None and not table.columns:
         problem = "the file holds no numeric columns, export the log again"
     if table is None or problem:

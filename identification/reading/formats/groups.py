@@ -104,7 +104,7 @@ def _with_runs(groups: Groups) -> Groups:
 
 
 def without_objects(table: Table, objects: Sequence[tuple[str, str]]) -> Table:
-    """The table with a word on the objects of MATLAB (name and class) beside it, whose insides nobody else reads.
+    """The table with a word on the objects of MATLAB (name and class) beside it, which only MATLAB reads.
 
     Raises `MalformedLog` where nothing but such objects is there.
     """

@@ -49,7 +49,7 @@ def find_layout(lines: Sequence[str], name: str) -> Layout:
     rest = above[1:] if units else above
     if not rest:
         return Layout(separator=separator, names=(), units=(), start=start)
-    line, names = max(rest, key=lambda found: _likeness(found[1]))  # of equals the first, which is the nearest
+    line, names = max(rest, key=lambda found: _names_score(found[1]))  # of equals the first, which is the nearest
     preamble = [split(text, separator) for text in lines[max(line - SEARCHED_LINES, 0) : line]]
     units = units or units_above(preamble, len(names)) or []
     return Layout(
@@ -173,7 +173,7 @@ def _refuse_names(line: str, separator: str, width: int, where: str) -> None:
         )
 
 
-def _likeness(cells: list[str]) -> tuple[bool, bool, int]:
+def _names_score(cells: list[str]) -> tuple[bool, bool, int]:
     """How much a line looks like names: one is a time's, all differ and are no numbers, most columns have one."""
     filled = [cell for cell in cells if cell]
     distinct = len(set(filled)) == len(filled) and not any(map(_is_value, filled))

@@ -20,7 +20,7 @@ _POINT = re.compile(rf"[+-]?\d*\.(\d{{1,2}}|\d{{4,}}){_EXPONENT}$")  # three dig
 
 @dataclass(frozen=True)
 class _Writing:
-    """One way to write numbers, as patterns: any number in it, and those that nobody would read otherwise."""
+    """One way to write numbers, as patterns: any number in it, and those that are unambiguous."""
 
     thousands: str
     decimal: str
@@ -47,7 +47,7 @@ def has_decimal_comma(cells: Sequence[str]) -> bool:
 def plain_columns(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
     """The columns of a table, as floats where all cells of one are numbers in one way of writing.
 
-    A column needs a number beyond doubt, or another column with separators that has one: these are set in one way.
+    A column needs an unambiguous number, or another column with separators that has one: all are written in one way.
     Any other column is returned as it is.
     """
     found = [plain_numbers(column) for column in columns]
@@ -62,7 +62,7 @@ def plain_columns(columns: Sequence[NDArray[Any]]) -> list[NDArray[Any]]:
 
 
 def plain_numbers(values: NDArray[Any]) -> NDArray[Any]:
-    """The column as floats where all its cells are numbers in one way of writing, at least one of them beyond doubt.
+    """The column as floats where all its cells are numbers in one way of writing, at least one of them unambiguous.
 
     Any other column is returned as it is.
     """
@@ -71,7 +71,7 @@ def plain_numbers(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _writing_of(values: NDArray[Any]) -> _Writing | None:
-    """The way in which all cells of a column are written, at least one beyond doubt; None where there is none."""
+    """The way in which all cells of a column are written, at least one unambiguous; None where there is none."""
     if values.dtype.kind not in "OUT":
         return None
     for writing in (_ENGLISH, _CONTINENTAL):

@@ -17,7 +17,8 @@ from identification.reading.formats.codesys import is_trace, read_trace
 from identification.reading.formats.layout import COMMENT, SEARCHED_LINES, Layout, find_layout, split
 from identification.reading.formats.list_cells import with_lists
 from identification.reading.formats.numerals import has_decimal_comma, plain_columns
-from identification.reading.formats.twincat_scope import find_scope_header, group_starts, read_groups
+from identification.reading.formats.oscilloscopes import oscilloscope
+from identification.reading.formats.twincat_scope import ScopeHeader, find_scope_header, group_starts, read_groups
 from identification.reading.table import Table
 
 _LINES_OF_A_NAME = 8  # names may stand on two lines each: "Time", "(s)"
@@ -37,11 +38,7 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
     if is_trace(lines):
         return read_trace(lines, name, sha256)
     scope = find_scope_header(lines)
-    if scope is None:
-        layout = find_layout(lines, name)
-    else:
-        bare = ("",) * len(scope.names)
-        layout = Layout(separator=scope.separator, names=scope.names, units=bare, start=scope.data_line)
+    lines, layout = _layout(lines, scope, name)
     first = split(lines[layout.start], layout.separator)
     width = len(layout.names) or len(first)
     starts = group_starts(layout.names)
@@ -59,7 +56,7 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
     if grouped and any(np.asarray(column == column).any() for column in columns[width:]):
         raise MalformedLog(
             f"{name}, line {body.first_line}: the data have {len(columns)} columns but the line of names above has "
-            f"{width}, so nobody knows which is whose; make them match."
+            f"{width}, so it is unclear which name belongs to which column; make them match."
         )
     columns = columns[:width]
     if grouped:
@@ -88,6 +85,14 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
         units={column: unit for column, unit in zip(names, layout.units, strict=False) if unit},
         joint_of=spread.joint_of,
     )
+
+
+def _layout(lines: list[str], scope: ScopeHeader | None, name: str) -> tuple[list[str], Layout]:
+    """The layout of a text, and its lines, which are rewritten where an oscilloscope put them down as no table."""
+    if scope is not None:
+        bare = ("",) * len(scope.names)
+        return lines, Layout(separator=scope.separator, names=scope.names, units=bare, start=scope.data_line)
+    return oscilloscope(lines) or (lines, find_layout(lines, name))
 
 
 def decoded(content: bytes, name: str) -> str:

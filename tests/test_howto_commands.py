@@ -1,0 +1,175 @@
+"""The commands of the how-to pages, run on a file of that kind as its own tool writes it."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from front_door import antidrive
+from measurement_logs import scope
+from sample_logs import motion
+from test_codesys import trace
+
+from identification import Log
+from identification.reading.files import read_table
+
+PAGES = Path(__file__).parents[1] / "docs" / "howto"
+SAMPLES = motion()
+TIME, TORQUE, ANGLE, VELOCITY = (SAMPLES[name] for name in ("time", "torque", "angle", "velocity"))
+TURN = 2.0 * np.pi
+HEADER = "builtin_interfaces/Time stamp\nstring frame_id\n"
+JOINTS = (
+    "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
+    f"{'=' * 80}\nMSG: std_msgs/Header\n{HEADER}{'=' * 80}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+)
+
+
+def csv(path: Path, columns: dict[str, np.ndarray]) -> None:
+    pd.DataFrame(columns).to_csv(path, index=False)
+
+
+def bag(path: Path) -> None:
+    """`ros2 bag record -s mcap /joint_states`, of a driver that publishes no velocity."""
+    writer = pytest.importorskip("mcap_ros2.writer")
+    with path.open("wb") as stream:
+        file = writer.Writer(stream)
+        schema = file.register_msgdef("sensor_msgs/msg/JointState", JOINTS)
+        for time, torque, angle in zip(TIME, TORQUE, ANGLE, strict=True):
+            stamp = 1_700_000_000_000_000_000 + round(1e9 * time)
+            header = {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": ""}
+            pair = {"position": [0.1, angle], "velocity": [], "effort": [0.0, torque]}
+            message = {"header": header, "name": ["shoulder", "elbow"], **pair}
+            file.write_message("/joint_states", schema, message, log_time=stamp + 10**5, publish_time=stamp)
+        file.finish()
+
+
+def twincat(path: Path) -> None:
+    names = {"time": TIME, "Axis 1.TorqueCommand": TORQUE, "Axis 1.ActPos": np.degrees(ANGLE)}
+    path.write_text(scope([names]))
+
+
+def codesys(path: Path) -> None:
+    times = np.round(TIME, 3)
+    path.write_text(trace({"Axis.fSetTorque": (times, TORQUE), "Axis.fActPosition": (times, np.degrees(ANGLE))}))
+
+
+def matlab(path: Path) -> None:
+    """Columns, as MATLAB keeps them, and a simulation output in a struct."""
+    from scipy.io import savemat
+
+    if path.name == "out.mat":
+        savemat(path, {"out": {"tout": TIME[:, None], "yout": np.column_stack((TORQUE, ANGLE))}})
+    else:
+        savemat(path, {"t": TIME[:, None], "tau": TORQUE[:, None], "q": ANGLE[:, None]})
+
+
+def drive(path: Path) -> None:
+    counts = np.round(ANGLE / TURN * 131072)
+    csv(path, {"time": TIME, "6071h Target torque": np.round(TORQUE / 2.4e-3), "6064h Position actual value": counts})
+
+
+def oscilloscope(path: Path) -> None:
+    rows = "".join(f"{t:.6e},{u / 0.5:.6g},{a / 0.3:.6g}\n" for t, u, a in zip(TIME - 1.5, TORQUE, ANGLE, strict=True))
+    path.write_text(f"Model,MSO44\nVertical Units,V,V\nSample Interval,0.005\n\nTIME,CH1,CH2\n{rows}")
+
+
+WRITERS = {
+    ("ros", "recording.mcap"): bag,
+    ("twincat", "scope.csv"): twincat,
+    ("twincat", "motion.trace"): codesys,
+    ("matlab", "log.mat"): matlab,
+    ("matlab", "out.mat"): matlab,
+    ("cia402", "drive.csv"): drive,
+    ("oscilloscope", "scope.csv"): oscilloscope,
+}
+
+
+def commands(page: str) -> list[list[str]]:
+    """The words of `antidrive inspect` lines that read a file which is there."""
+    lines = re.findall(r"^antidrive (inspect .*)$", (PAGES / f"{page}.md").read_text("utf-8"), re.MULTILINE)
+    return [shlex.split(line) for line in lines]
+
+
+def read(folder: Path, words: list[str]) -> Log:
+    told = antidrive(*words, "--out", folder / "out")
+    assert told.code == 0, told.err
+    again = antidrive("identify", folder / "out" / "log.toml", "--out", folder / "fit", "--quiet")
+    assert again.code == 0, again.err
+    return told
+
+
+@pytest.mark.parametrize(("page", "file"), WRITERS)
+def test_the_page_reads_a_file_of_its_kind(page, file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    WRITERS[page, file](tmp_path / file)
+    (words,) = [words for words in commands(page) if words[1] == file]
+    told = read(tmp_path, words)
+    assert "used as" in told.out
+    assert "Log(1 run, 600 samples, 200 Hz, 3.00 s, rotary), command in N m" in told.out
+
+
+SERVOS = {
+    "ODrive": {"pos_estimate": ANGLE / TURN, "Iq_setpoint": TORQUE / 0.08, "Iq_measured": TORQUE / 0.08 + 0.01},
+    "moteus": {"position": ANGLE / TURN, "torque": TORQUE},
+    "Dynamixel, current mode": {
+        "present_position": np.round(ANGLE / TURN * 4096),
+        "goal_current": np.round(TORQUE / 0.08 / 2.69e-3),
+    },
+    "Dynamixel, position mode": {
+        "present_position": np.round(ANGLE / TURN * 4096),
+        "goal_position": np.round((ANGLE + 0.05 * TORQUE) / TURN * 4096),
+    },
+}
+
+
+@pytest.mark.parametrize("servo", SERVOS)
+def test_the_options_of_a_small_servo_read_its_log(servo, tmp_path):
+    rows = re.findall(r"^\| ([^|]+) \| [^|]+ \| `([^|]+)` \|$", (PAGES / "small_servos.md").read_text("utf-8"), re.M)
+    options = dict(rows)[servo].replace("KT", "0.08").split()
+    csv(tmp_path / "log.csv", {"time": TIME, **SERVOS[servo]})
+    told = read(tmp_path, ["inspect", str(tmp_path / "log.csv"), *options])
+    assert "recognised as" not in told.err
+    assert "600 samples" in told.out
+
+
+def test_a_velocity_in_turns_is_told_by_its_factor(tmp_path):
+    csv(tmp_path / "log.csv", {"time": TIME, "angle": ANGLE, "torque": TORQUE, "velocity": VELOCITY / TURN})
+    assert "--unit velocity=turn/s" in antidrive("inspect", tmp_path / "log.csv", "--out", tmp_path / "out").out
+
+
+def test_rigol_and_tektronix_write_tables_of_their_own(tmp_path):
+    """Rigol counts the samples; Tektronix writes its settings beside the numbers, a file for each channel."""
+    place = tmp_path / "rigol.csv"
+    lines = [f"{k},{u:.6e},{a:.6e}," for k, (u, a) in enumerate(zip(TORQUE, ANGLE, strict=True))]
+    place.write_text("\n".join(["X,CH1,CH2,Start,Increment,", "Sequence,Volt,Volt,-1.5e+00,5.0e-03", *lines]) + "\n")
+    table = read_table(place)
+    np.testing.assert_allclose(table.columns["Time"], TIME - 1.5, atol=1e-9)
+    np.testing.assert_allclose(table.columns["CH2"], ANGLE, rtol=1e-6, atol=1e-12)
+    assert table.units == {"Time": "s", "CH1": "Volt", "CH2": "Volt"}
+    for name, values in (("CH1", TORQUE), ("CH2", ANGLE)):
+        keys = [("Record Length", "6.0e+02"), ("Source", name), ("Vertical Units", "V"), ("Probe Atten", "1")]
+        keys += [("", "")] * (len(TIME) - len(keys))
+        rows = zip(keys, TIME - 1.5, values, strict=True)
+        text = "".join(f"{key},{value},,{t:.9f},  {number:.9f},\n" for (key, value), t, number in rows)
+        (tmp_path / f"{name}.csv").write_text(text)
+    log = Log.read(
+        [tmp_path / "CH1.csv", tmp_path / "CH2.csv"],
+        mapping={"torque": "CH1", "angle": "CH2"},
+        scales={"torque": 1.0, "angle": 1.0},
+    )
+    np.testing.assert_allclose(log.runs[0].output, ANGLE, atol=1e-6)
+    np.testing.assert_allclose(log.runs[0].time, TIME, atol=1e-6)
+
+
+def test_a_tachometer_in_volts_says_what_to_give(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    oscilloscope(tmp_path / "scope.csv")
+    words = ("inspect", "scope.csv", "--map", "torque=CH1", "--scale", "torque=0.5", "--map", "velocity=CH2")
+    told = antidrive(*words, "--out", "out")
+    assert told.code == 2
+    assert "give what one V is worth with --scale velocity=" in told.err
+    assert antidrive(*words, "--scale", "velocity=10", "--out", "out").code == 0
