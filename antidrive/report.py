@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,20 +18,18 @@ from antidrive.inspection import Inspection, inspection_figures
 from antidrive.provenance import Provenance
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.explanation import Explanation, Reason
+from diagnosis.explanation.posterior_sentences import posterior_sentences, set_title
 from diagnosis.explanation.summary import headline, sentences
 from diagnosis.explanation.wording import (
     effect_of,
-    joined_words,
     measured,
     percent,
     sentence_case,
-    size,
     title_of,
     torque_or_force,
 )
 from diagnosis.holdout import gain_errors
-from diagnosis.model_probability import NONE
-from diagnosis.result import Cause, Gain
+from diagnosis.result import LISTED, Cause, Gain
 from identification.fit_result import Fit, FittedParameter, correlations
 from identification.standard_errors import bandwidth_std
 from plant.effects.effect import Array
@@ -157,7 +155,7 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
     gain = diagnosis.gain
     return {
         "verdict": diagnosis.verdict.replace("_", " "),
-        "sentences": sentences(diagnosis, None if diagnosis.causes else explanation),
+        "sentences": sentences(diagnosis, explanation),
         "lacked": explanation.missing,
         "outcome": explanation.outcome,
         "extended": extended,
@@ -172,36 +170,23 @@ def _diagnosis(diagnosis: Diagnosis, notes: Sequence[str], explanation: Explanat
         "curves": curves,
         "sets": _sets(diagnosis),
         "causes": [_cause(diagnosis, c, r) for c, r in zip(diagnosis.causes, explanation.reasons, strict=False)],
-        "nameless": [] if diagnosis.causes else [_reason(diagnosis, reason) for reason in explanation.reasons],
+        "nameless": [] if diagnosis.causes else [_reason(reason) for reason in explanation.reasons],
         "floor": ""
         if gain is None
         else f"{gain.floor_name} {measured(gain.noise_floor, gain_errors(diagnosis).noise_floor, gain.unit)}",
         "gain_bars": None if gain is None else figures.gain_bars(gain, gain_errors(diagnosis), extended=extended),
         "equations": model_equations(diagnosis.model),
         "parameters": [_parameter(p) for p in diagnosis.extended.parameters],
-        "candidates": [
-            {
-                "round": c.round,
-                "title": title_of(c.effect),
-                "evidence": f"{c.evidence:.1f}",
-                "score": f"{c.score:.1f}",
-                "probability": percent(c.probability),
-                "refitted": c.refitted,
-                "size": size(c.parameters.items()),
-            }
-            for c in sorted(diagnosis.candidates, key=lambda c: (c.round, -c.score))
-        ],
+        "rejected": [(sentence_case(title_of(r.effect, diagnosis)), r.reason) for r in diagnosis.rejected],
         "data": _data(diagnosis.base, diagnosis.warnings, notes),
     }
 
 
-def _sets(diagnosis: Diagnosis) -> Bars | None:
-    """The posterior over sets of effects; None where it is one set alone."""
-    if len(diagnosis.sets) < 2:
-        return None
-    named = [(joined_words([title_of(n, diagnosis) for n in each.effects]), each) for each in diagnosis.sets[:_BARS]]
-    shares = [(title or "no effect", each.probability, percent(each.probability)) for title, each in named]
-    return figures.probability_bars(shares)
+def _sets(diagnosis: Diagnosis) -> tuple[tuple[str, ...], Bars]:
+    """The posterior over sets of effects: sentences, and a bar for each set that is not improbable."""
+    likely = [each for each in diagnosis.sets if each.probability >= LISTED][:_BARS]
+    shares = [(set_title(each, diagnosis), each.probability, percent(each.probability)) for each in likely]
+    return posterior_sentences(diagnosis), figures.probability_bars(shares)
 
 
 def _errors(diagnosis: Diagnosis, gain: Gain, extended: bool) -> list[tuple[str, str]]:
@@ -216,7 +201,7 @@ def _errors(diagnosis: Diagnosis, gain: Gain, extended: bool) -> list[tuple[str,
 
 def _cause(diagnosis: Diagnosis, cause: Cause, reason: Reason) -> dict[str, Any]:
     effect = effect_of(diagnosis, cause.effect)
-    return _reason(diagnosis, reason, odds=dict([(cause.effect, cause.probability), *cause.alternatives])) | {
+    return _reason(reason) | {
         "title": sentence_case(title_of(cause.effect, diagnosis)),
         "stage": effect.stage.value if effect else "",
         "confused": [title_of(name) for name in (effect.confused_with if effect else ())],
@@ -224,16 +209,9 @@ def _cause(diagnosis: Diagnosis, cause: Cause, reason: Reason) -> dict[str, Any]
     }
 
 
-def _reason(diagnosis: Diagnosis, reason: Reason, odds: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """Sentences and pictures of a reason; probabilities as the cause has them, or else as the round had them."""
-    contest = reason.contest
-    drawn: list[tuple[Figure | Bars, str]] = []
-    if contest is not None and contest.rivals:
-        known = {c.effect: c.probability for c in (contest.leader, *contest.rivals)} | dict(odds or {})
-        names = {name: _explanation(diagnosis, name) for name in known}
-        likeliest = sorted(known.items(), key=lambda item: -item[1])[:_BARS]
-        shares = [(names[name], share, percent(share)) for name, share in likeliest]
-        drawn.append((figures.probability_bars(shares), "Posterior probability of each explanation."))
+def _reason(reason: Reason) -> dict[str, Any]:
+    """Sentences and pictures of a reason."""
+    drawn: list[tuple[Figure, str]] = []
     if reason.cumulative_evidence is not None:
         drawn.append(
             (figures.evidence_figure(reason.cumulative_evidence), "Where along the log the evidence comes from.")
@@ -243,10 +221,6 @@ def _reason(diagnosis: Diagnosis, reason: Reason, odds: Mapping[str, float] | No
         told = f"Residual {quantity} without and with this effect: measured means with 95 % errors."
         drawn.append((figures.cause_figure(reason.residual_over_variable), told))
     return {"title": reason.title, "sentences": reason.sentences, "pictures": drawn}
-
-
-def _explanation(diagnosis: Diagnosis, effect: str) -> str:
-    return "no effect more" if effect == NONE else title_of(effect, diagnosis)
 
 
 def _parameter(p: FittedParameter) -> dict[str, str]:

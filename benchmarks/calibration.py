@@ -170,9 +170,6 @@ def hidden(number: int, seed: int) -> dict[str, Any]:
     found = diagnose(log, case.base, held)
     told = answer(found, time.perf_counter() - begin)
     best = oracle(case, size, log)
-    first = [c for c in found.candidates if c.round == 1]
-    own = [c for c in first if c.effect == case.effect]
-    rivals = [c.evidence for c in first if c.effect != case.effect and c.refitted]
     errors = held_out_errors([found.base, found.extended, best], held, window_of(best))
     return {
         "truth": [case.effect],
@@ -180,8 +177,7 @@ def hidden(number: int, seed: int) -> dict[str, Any]:
         "lambda": reached,
         "size": size,
         **told,
-        "own": own[0].evidence if own and own[0].refitted else None,
-        "rival": max(rivals, default=0.0),
+        **evidence_of_sets(found, case.effect),
         "oracle": best.log_likelihood - found.base.log_likelihood,
         "errors": errors,
     }
@@ -290,12 +286,21 @@ def answer(found: Diagnosis, seconds: float) -> dict[str, Any]:
         "causes": [
             {"effect": c.effect, "probability": c.probability, "rivals": dict(c.alternatives)} for c in found.causes
         ],
-        "tried": [[c.round, c.effect, c.evidence, c.score, c.visible] for c in found.candidates if c.refitted],
+        "sets": [[list(each.effects), each.probability, each.log_marginal] for each in found.sets],
         "depends_on": list(found.unexplained.depends_on),
         "unexplained": found.unexplained.share,
         "bandwidth": [found.base.bandwidth, found.extended.bandwidth],
         "seconds": seconds,
     }
+
+
+def evidence_of_sets(found: Diagnosis, effect: str) -> dict[str, float | None]:
+    """Rise of the log-likelihood of the best set that holds an effect, and of the best that does not."""
+    rise = {True: list[float](), False: [0.0]}
+    for each in found.sets:
+        if each.fit is not None:
+            rise[effect in each.effects].append(each.fit.log_likelihood - found.base.log_likelihood)
+    return {"own": max(rise[True], default=None), "rival": max(rise[False])}
 
 
 def window_of(truth: Fit) -> float | None:

@@ -22,7 +22,7 @@ import numpy as np
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
 
-from calibration import answer, held_out_errors, window_of  # noqa: E402
+from calibration import answer, evidence_of_sets, held_out_errors, window_of  # noqa: E402
 from calibration_table import honest, rate, shown, table  # noqa: E402
 from effect_sizes import reaching  # noqa: E402
 from hidden_effects import CASES, Hidden, evidence, oracle, rival_model  # noqa: E402
@@ -53,8 +53,6 @@ def one(key: Key) -> dict[str, Any]:
     found = diagnose(bench.stretched(log), case.base, bench.stretched(held))
     told = answer(found, time.perf_counter() - begin)
     best = oracle(case, size, log)
-    first = [c for c in found.candidates if c.round == 1]
-    own = [c for c in first if c.effect == case.effect and c.refitted]
     window = window_of(best)
     ours = held_out_errors([found.base, found.extended], bench.stretched(held), window and window * bench.slower)
     return {
@@ -65,8 +63,7 @@ def one(key: Key) -> dict[str, Any]:
         "lambda": reached,
         "size": size,
         **told,
-        "own": own[0].evidence if own else None,
-        "rival": max((c.evidence for c in first if c.effect != case.effect and c.refitted), default=0.0),
+        **evidence_of_sets(found, case.effect),
         "oracle": best.log_likelihood - found.base.log_likelihood,
         "errors": [*ours, *held_out_errors([best], held, window)],
     }

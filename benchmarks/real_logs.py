@@ -49,6 +49,8 @@ def told(found: Diagnosis, held_out: Log) -> list[str]:
         lines.append(
             f"  unexplained over {', '.join(found.unexplained.depends_on)}; carried: {', '.join(carried) or 'none'}"
         )
+    lines += [f"  small: {m.effect} {m.probability:.3f}, {m.rms:.3g} rms" for m in found.minor]
+    lines += [f"  set {', '.join(s.effects) or '-'} {s.probability:.3f}" for s in found.sets[:3]]
     error, gain = found.torque_error, found.gain
     lines += [
         f"  inverse error, fitted   {100 * error.estimation_before:6.2f} -> {100 * error.estimation_after:5.2f} %",

@@ -31,7 +31,7 @@ from machine import Machine, chirp, record  # noqa: E402
 from diagnosis import Limits  # noqa: E402
 from diagnosis.experiment.separation import Rival  # noqa: E402
 from diagnosis.experiment.signal_design import Design, Found  # noqa: E402
-from diagnosis.model_probability import CLEAR, schwarz_cost  # noqa: E402
+from diagnosis.verdict import SURE  # noqa: E402
 from identification.fit import fit  # noqa: E402
 from identification.fit_result import Fit  # noqa: E402
 from identification.log import Log  # noqa: E402
@@ -41,7 +41,7 @@ from plant import ServoModel, catalogue  # noqa: E402
 LIMITS = Limits(torque=4.0, speed=5.0, travel=(-4.0, 4.0))
 SAMPLE_TIME = 0.005
 DURATIONS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0, 48.0, 64.0)  # half is two before
-NAMED = float(np.log(CLEAR / (1.0 - CLEAR)))  # log odds
+NAMED = float(np.log(SURE / (1.0 - SURE)))  # log odds
 LOGS, SEEDS = 4, 10  # logs that name neither, and experiments after each
 CASES, SHARE = LOGS * SEEDS, 0.95
 SEEN = 5.0  # rise of the log-likelihood by what is hidden, from which on a log shows it
@@ -126,7 +126,7 @@ class Contest:
 
 
 def evidence(found: Fit) -> float:
-    return found.log_likelihood - schwarz_cost(len(found.free), found.samples)
+    return found.log_likelihood - 0.5 * len(found.free) * float(np.log(found.samples))
 
 
 def contests(number: int) -> list[Contest]:

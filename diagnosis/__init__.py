@@ -8,16 +8,20 @@ from diagnosis.diagnosis import Diagnosis
 from diagnosis.experiment import Experiment, Limits, rivals_of, separating_experiment
 from diagnosis.explanation import Explanation
 from diagnosis.identifiability import blind_spots, standstill
-from diagnosis.result import Cause, Findings, Gain
+from diagnosis.result import Cause, EffectSet, Findings, Gain, Minor, Rejected, Unknown
 
 __all__ = [
     "Cause",
     "Diagnosis",
+    "EffectSet",
     "Experiment",
     "Explanation",
     "Findings",
     "Gain",
     "Limits",
+    "Minor",
+    "Rejected",
+    "Unknown",
     "blind_spots",
     "diagnose",
     "diagnose_all",

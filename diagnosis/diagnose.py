@@ -1,4 +1,4 @@
-"""Diagnose: from a log to what the model gets wrong, by name, with the gain on data that nothing has seen."""
+"""Diagnose: from a log to the effects that a model misses, with the gain on validation data."""
 
 from __future__ import annotations
 
@@ -9,38 +9,35 @@ import numpy as np
 
 from diagnosis.candidates import Choice, chosen
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.effects_against_curves import curves_explain_far_more, supported_effects
+from diagnosis.evidence.explore import explore
+from diagnosis.evidence.marginal import Explanation
+from diagnosis.evidence.posterior import Posterior
 from diagnosis.extrapolation import extrapolation_warning
-from diagnosis.falsification import error_rises, falsified_sentence, squared_innovations, withdrawn_causes
+from diagnosis.falsification import Tenable, tenable
 from diagnosis.formula_suggestion import suggested_formula
-from diagnosis.grading import graded
-from diagnosis.holdout import cut, inverse_errors, measure_gain, parts, remaining
+from diagnosis.holdout import inverse_errors, measure_gain, parts, remaining
 from diagnosis.holdout_refit import holdout_differences
 from diagnosis.identifiability import blind_spots, standstill
-from diagnosis.model_probability import CLEAR, NONE
-from diagnosis.multimodal_likelihood import with_scatter
-from diagnosis.nonparametric_residual import ResidualModel
+from diagnosis.multimodal_likelihood import on_its_best_peak
+from diagnosis.nonparametric_residual import with_curves
 from diagnosis.refit import estimates
+from diagnosis.rejection import rejected
 from diagnosis.repeated_runs import repeats
-from diagnosis.residual_torque import ResidualTorque, effects_over, residual_torque
-from diagnosis.result import MENTIONED, Cause, Verdict
-from diagnosis.state_gaussian_process import beside_gaussian_process, displaced_sentences
-from diagnosis.stepwise_round import Addition
-from diagnosis.stepwise_search import Outcome, forward_selection, reselected
+from diagnosis.residual_torque import effects_over, residual_torque, torque_of
+from diagnosis.result import Cause, EffectSet, Minor, Unknown
+from diagnosis.stretches import stretches
+from diagnosis.verdict import CLEARLY, HARDLY_EVER, LIKELY, Judgement, judged, log_bayes, rivals, variables
 from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable
 from identification.fit import base_model, fit_with_prior, known_of
 from identification.fit_result import Fit
+from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.prior_knowledge import Fixed, Pairs
 from identification.threads import without_blas_threads
 from identification.time_stamp_jitter import evenly_timed
 from plant.effects.effect import Array
-from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
-
-_NOISE = 0.1  # share of the torque up to which a random load may pass for noise
-_TELLING = 0.2  # share of the residual torque's variance from which a variable is said to carry it
 
 
 @without_blas_threads
@@ -73,7 +70,7 @@ def diagnose(
         progress: called with a line of text at each step.
 
     Returns:
-        Verdict, causes, gain and the data of the pictures.
+        Verdict, causes, the posterior over sets of effects, gain and the data of the pictures.
 
     Raises:
         UnusableLog: the log, or the one to measure the gain on, has faults that no model fits.
@@ -85,165 +82,124 @@ def diagnose(
     known = known_of(fixed, bounds, prior, start, effects.values(), stated=base is not None)
     tell = progress or (lambda line: None)
     log, held_out, said = parts(log, None if holdout is None else log_of(holdout).usable(force=force))
+    log, shorter = stretches(log)
     tell("fitting the base model")
     null = fit_with_prior(log, start, known, progress)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
     if null.failed is not None:
         raise Unidentifiable(f"The fit of the base model failed: {null.failed}")
-    log, held_out = null.log, evenly_timed(held_out) if null.log.evenly_timed else held_out
-    warnings = [*log.warnings, *log.repairs, *log.notes, *said]
-    if null.unidentifiable:
-        warnings.append(f"This log does not determine {', '.join(null.unidentifiable)} of the base model.")
-    outcome = forward_selection(null, effects, progress=progress)
-    near = curves_explain_far_more(outcome)
-    outcome = replace(outcome, additions=()) if near else reselected(outcome, progress)
-    null = outcome.base
-    if null.log.colour:
-        warnings.append(
-            f"The measurement noise is coloured, with a memory of about {outcome.fit.noise_memory:.2g} s; "
-            "fits and probabilities account for it."
-        )
-
-    for name in outcome.random_walk_like:
-        warnings.append(
-            f"{effects[name].title.capitalize()} is rejected: a random-walk disturbance torque explains as much. "
-            "To decide, record a longer log or repeat a run."
-        )
-    warnings.extend(
-        f"{effects[name].title.capitalize()} is rejected: it only changes the observer that follows the log, and "
-        "explains no motion."
-        for name in outcome.filters
-    )
-    warnings.extend(
-        f"{effects[name].title.capitalize()} is rejected: parts of the log contradict each other about it. The model "
-        "lacks another effect."
-        for name in outcome.inconsistent
-    )
+    held_out = evenly_timed(held_out) if null.log.evenly_timed else held_out
+    found = tenable(null, explore(null, effects, progress).known.values(), held_out)
     tell("fitting non-parametric curves")
-    surely = beside_gaussian_process(outcome.additions, null, progress)
-    warnings.extend(displaced_sentences(outcome.additions, surely))
-    outcome, beside, doubts = supported_effects(replace(outcome, additions=surely))
-    warnings.extend(doubts)
-    warnings.extend(
-        f"{effects[name].title.capitalize()} is rejected: such a cause hardly ever has the fitted values."
-        for name in outcome.strange
-    )
-    if outcome.fit.model.chaotic:
-        tell("estimating the standard error of the gap from parts of the log")
-        outcome, beside = _with_scatter(outcome, beside)
-    missing = residual_torque(outcome.fit)
-    again = repeats(outcome.fit)
-    depends_on = _depends_on(outcome.fit, missing, beside)
-    unnamed = (
-        bool(beside.path or depends_on or outcome.strange or outcome.refused or outcome.inconsistent)
-        or missing.excess > _NOISE
-        or (again is not None and again.deterministic)
-    )
-    path = [null, *(addition.fit for addition in outcome.additions), *beside.path]
+    found = replace(found, fit=on_its_best_peak(found.fit, found.without))
+    best, named = found.posterior.best, found.fit
+    missing, again = residual_torque(named), repeats(named)
+    final = with_curves(named, null, best.screen.motion, variables(found.posterior, missing))
+    shows = final is not named or (again is not None and again.deterministic)
+    ruled_out = found.likeliest if found.lost > CLEARLY + HARDLY_EVER else None
+    judgement = judged(found.posterior, missing, shows=shows, ruled_out=ruled_out)
     tell("measuring the gain on validation data")
-    gain, squares, replays = measure_gain(held_out, path)
-    final = path[-1]
-    warnings.extend(blind_spots(null, final))
-    further = extrapolation_warning(held_out, log)
-    observer = max(fit.bandwidth for fit in path)
-    predicted = [squared_innovations(held_out, fit, observer) for fit in path]
-    if (refuted := falsified_sentence(predicted[0], predicted[-1])) is not None:
-        warnings.append(" ".join(filter(None, (refuted, further))))
-    found = _causes(outcome, final, squares)
-    # Judged by the fits with effects alone: beside a non-parametric curve the value of an effect is not known.
-    judged = _causes(outcome, outcome.fit, predicted)
-    kept, why_not = withdrawn_causes(
-        judged, log, refuted=further is None and error_rises(predicted[0], predicted[len(outcome.additions)])
-    )
-    causes = tuple(cause for cause in found if cause.effect in {each.effect for each in kept})
-    tell("weighing the effects beside what no effect explains")
-    grades = graded(causes, outcome.fit, null, catalogue=len(effects), depends_on=depends_on)
-    warnings.extend(filter(None, (grades.warning,)))
-    warnings.extend(why_not)
-    left = repeats(final)
-    if left is not None:
-        warnings.append(str(left))
-    if (apart := between_run_differences(final)) is not None:
-        warnings.append(apart)
-    if (formula := suggested_formula(final)) is not None:
-        warnings.append(formula)
-    opinions = holdout_differences(final, held_out)
-    if opinions:
-        warnings.append(f"Fitted to the validation data alone, the model has {'; '.join(map(str, opinions))}.")
+    gain, _, replays = measure_gain(held_out, [null, final])
+    beside = best.discrepancy.posterior
     return Diagnosis(
-        verdict=_verdict(grades.causes, unnamed or len(grades.causes) < len(found)),
-        causes=grades.causes,
-        minor=grades.minor,
-        sets=grades.sets,
-        unknown=grades.unknown,
+        verdict=judgement.verdict,
+        causes=tuple(sorted((_cause(found, judgement, name) for name in judgement.causes), key=lambda c: -c.rms)),
+        minor=tuple(_minor(found, name, p) for name, p in judgement.minor.items()),
+        sets=_sets(found.posterior, judgement),
+        unknown=Unknown(probability=beside.material, depends_on=judgement.depends_on, share=best.weighed.share),
+        without=found.without,
+        rejected=rejected(null, found.posterior, effects, {*judgement.causes, *judgement.minor}, found.falsified),
         gain=gain,
-        torque_error=inverse_errors(log, held_out, null.model, final.model),
-        unexplained=remaining(gain, depends_on),
-        warnings=tuple(warnings),
+        torque_error=inverse_errors(null.log, held_out, null.model, final.model),
+        unexplained=remaining(gain, judgement.depends_on),
+        warnings=(*_of_data(null, [*said, *filter(None, (shorter,))]), *_of_the_end(null, final, held_out)),
         base=null,
         extended=final,
         residual_before=residual_torque(null),
-        residual_after=residual_torque(final),
-        candidates=outcome.candidates,
+        residual_after=missing if final is named else residual_torque(final),
         replays=replays,
         whiteness=predictable_share(final.innovations),
     )
 
 
-def _with_scatter(outcome: Outcome, beside: ResidualModel) -> tuple[Outcome, ResidualModel]:
-    """The same with standard errors that know of the other peaks of a multimodal likelihood."""
-    if outcome.additions:
-        *first, last = outcome.additions
-        outcome = replace(outcome, additions=(*first, replace(last, fit=with_scatter(last.fit))))
-    if beside.path:
-        beside = replace(beside, path=(*beside.path[:-1], with_scatter(beside.path[-1])))
-    return outcome, beside
+def _cause(found: Tenable, judgement: Judgement, name: str) -> Cause:
+    posterior = found.posterior
+    fit = _holder(found, name)
+    rms, share = torque_of(fit, name)
+    gain, gain_std = found.gains.get(name, (0.0, 0.0))
+    return Cause(
+        effect=name,
+        probability=judgement.causes[name],
+        alternatives=rivals(posterior, name),
+        parameters=estimates(fit, name),
+        share=share,
+        rms=rms,
+        gain=gain,
+        gain_std=gain_std,
+        log_bayes=log_bayes(posterior, name),
+    )
 
 
-def _depends_on(final: Fit, missing: ResidualTorque, beside: ResidualModel) -> tuple[str, ...]:
-    """Variables of what is carried without a name, else of what would pay; where much is missing, by the picture."""
-    carried_on = [
-        effect for fit in beside.path[-1:] for effect in fit.model.effects if isinstance(effect, Nonparametric)
-    ]
-    found = carried_on or beside.seen
-    if found or missing.excess <= _NOISE:
-        variables = dict.fromkeys(variable for one in found for variable in one.variables)
-        return tuple(effects_over(name, final.log.axis) for name in variables)
-    return tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
+def _minor(found: Tenable, name: str, probability: float) -> Minor:
+    rms, share = torque_of(_holder(found, name), name)
+    return Minor(effect=name, probability=probability, share=share, rms=rms)
 
 
-def _verdict(causes: Sequence[Cause], unnamed: bool) -> Verdict:
-    if not causes:
-        return "unknown" if unnamed else "nothing_missing"
-    return "named" if all(cause.probability >= CLEAR for cause in causes) else "ambiguous"
+def _holder(found: Tenable, name: str) -> Fit:
+    """The fit to read an effect's numbers from: the extended model if it has it, else the likeliest set that does."""
+    if name in found.without:
+        return found.fit
+    return next(each.fit for each in found.posterior.sets if name in each.names)
 
 
-def _causes(outcome: Outcome, final: Fit, squares: list[Array]) -> tuple[Cause, ...]:
-    """The additions as causes, the one with the largest evidence first."""
-    causes = []
-    for addition, before, after in zip(outcome.additions, squares, squares[1:], strict=False):
-        gain, gain_std = cut(before, after)
-        causes.append(
-            Cause(
-                effect=addition.effect,
-                probability=addition.odds[addition.effect],
-                alternatives=_rivals(addition),
-                parameters=estimates(final, addition.effect),
-                gain=gain,
-                gain_std=gain_std,
-                evidence=addition.evidence,
-            )
+def _sets(posterior: Posterior, judgement: Judgement) -> tuple[EffectSet, ...]:
+    fitted = {each.names: each for each in reversed(posterior.sets)}
+
+    def unknown(each: Explanation | None) -> tuple[str, ...]:
+        if each is posterior.best:
+            return judgement.depends_on
+        if each is None or each.discrepancy.posterior.material <= LIKELY:
+            return ()
+        explained = each.discrepancy.explained_by()
+        return tuple(effects_over(v, each.fit.log.axis) for v in explained if explained[v] == max(explained.values()))
+
+    return tuple(
+        EffectSet(
+            effects=tuple(sorted(names)),
+            unknown=unknown(each),
+            probability=p,
+            log_marginal=None if each is None else each.log_marginal,
+            fit=None if each is None else each.fit,
         )
-    return tuple(sorted(causes, key=lambda cause: -cause.evidence))
+        for names, p in posterior.believed.items()
+        for each in (fitted.get(names),)
+    )
 
 
-def _rivals(addition: Addition) -> tuple[tuple[str, float], ...]:
-    rivals = [(n, p) for n, p in addition.odds.items() if n not in (addition.effect, NONE) and p >= MENTIONED]
-    return tuple(rivals)
+def _of_data(null: Fit, said: Sequence[str]) -> list[str]:
+    """Warnings about the log."""
+    warnings = [*null.log.warnings, *null.log.repairs, *null.log.notes, *said]
+    if null.unidentifiable:
+        warnings.append(f"This log does not determine {', '.join(null.unidentifiable)} of the base model.")
+    if null.log.colour:
+        warnings.append(
+            f"The measurement noise is coloured, with a memory of about {null.noise_memory:.2g} s; "
+            "fits and probabilities account for it."
+        )
+    return warnings
 
 
-def predictable_share(innovations: np.ndarray, lags: int = 10) -> float:
+def _of_the_end(null: Fit, final: Fit, held_out: Log) -> list[str]:
+    """Warnings about what the final model leaves."""
+    further, left, apart = extrapolation_warning(held_out, null.log), repeats(final), between_run_differences(final)
+    found = [*blind_spots(null, final), further, None if left is None else str(left), apart, suggested_formula(final)]
+    if opinions := holdout_differences(final, held_out):
+        found.append(f"Fitted to the validation data alone, the model has {'; '.join(map(str, opinions))}.")
+    return [each for each in found if each is not None]
+
+
+def predictable_share(innovations: Array, lags: int = 10) -> float:
     """Share of the innovations' variance that a linear predictor from their last values explains, less chance [-]."""
     n = innovations.size - lags
     past = np.column_stack([innovations[lags - lag : lags - lag + n] for lag in range(1, lags + 1)])

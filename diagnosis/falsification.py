@@ -1,53 +1,115 @@
-"""What speaks against a name once it is found: the held-out data, or the values that it came out with."""
+"""What rules an effect out, however likely it is: values that no machine has, or validation data.
+
+An effect does not stand where all its sizes are zero within their standard errors, where its torque is larger than any
+in the log, nor where it makes predictions of the validation data worse.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.explanation.wording import change, measured, sentence_case, title_of
-from diagnosis.holdout import bounded, cut
-from diagnosis.model_probability import CLEAR
-from diagnosis.result import Cause, Estimate
+from diagnosis.evidence.marginal import Explanation
+from diagnosis.evidence.posterior import Posterior
+from diagnosis.explanation.wording import measured, percent
+from diagnosis.holdout import bounded, cut, restart_window, squared_errors
+from diagnosis.refit import estimates, is_plausible, settled, without
+from diagnosis.result import Estimate
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem, first_states
 from plant.effects import catalogue
 from plant.effects.effect import Array
 
-_SURELY = 2.0  # standard errors
+SURELY = 3.0
+"""Standard errors from which validation data speak for or against something."""
+_TWICE = 1.0  # rise of an error
 
 
-def falsified_sentence(before: Array, after: Array) -> str | None:
-    """A sentence if held-out data refute what was added: squared one-step errors (T,) significantly larger with it."""
-    if not error_rises(before, after):
-        return None
-    return (
-        f"The validation data contradict the extension: with it the one-step error rises there ("
-        f"{change(*cut(before, after))}). Do not rely on the effects that were added."
-    )
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tenable:
+    """The sets of effects that nothing rules out.
+
+    Attributes:
+        posterior: over them.
+        fit: of the likeliest, behind the observer that it needs without a discrepancy; that of the base model where it
+            has no effects.
+        without: for each of its effects the model less that effect, fitted again.
+        gains: of each of its effects: share by which the validation error is smaller with it, and standard error.
+        falsified: by effect why no set with it is tenable.
+        lost: log Bayes factor of the likeliest set of all over the likeliest that is tenable.
+        likeliest: effects of the likeliest set of all.
+    """
+
+    posterior: Posterior
+    fit: Fit
+    without: Mapping[str, Fit]
+    gains: Mapping[str, tuple[float, float]]
+    falsified: Mapping[str, str]
+    lost: float
+    likeliest: frozenset[str]
 
 
-def error_rises(before: Array, after: Array) -> bool:
-    """Whether squared errors (T,) are surely larger after something was added."""
-    gained, std = cut(before, after)
-    return gained < -_SURELY * std
-
-
-def squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
-    """(T,) squared one-step prediction errors of a fit on runs that it has not seen; their initial states are fitted.
-
-    The error of a simulation over a single run is mostly that of the initial state, found in its first samples, and of
-    parameters known to a few digits; it does not tell a true model from a false one. One-step errors do, where what is
-    compared is corrected by the same observer.
+def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -> Tenable:
+    """The posterior over the explanations that neither their values nor validation data rule out.
 
     Args:
-        log: the runs.
-        fit: of another log.
-        bandwidth: of the observer [rad/s].
+        base: fit of the base model.
+        explanations: all that were weighed.
+        validation: runs that no step has seen.
     """
+    left, falsified = _possible(explanations)
+    while True:
+        posterior = Posterior.over(left)
+        leading = posterior.best
+        names = sorted(leading.names)
+        fit = settled(leading.fit, base.bandwidth) if names else base
+        less = {name: base if len(names) == 1 else without(fit, name, base.bandwidth) for name in names}
+        wrong = {name: worse for name, other in less.items() if (worse := _worsened(other, fit, validation)) > 0.0}
+        worst = max(wrong, key=lambda name: wrong[name], default=None)
+        rest = [each for each in left if worst not in each.names]
+        if worst is None or not rest:
+            first = max(explanations, key=lambda each: each.log_marginal)
+            return Tenable(
+                posterior=posterior,
+                fit=fit,
+                without=less,
+                gains={name: gain_of(other, fit, validation) for name, other in less.items()},
+                falsified=falsified,
+                lost=first.log_marginal - posterior.sets[0].log_marginal,
+                likeliest=first.names,
+            )
+        reason = f"the validation error is larger with it, by {percent(wrong[worst])}"
+        left, falsified = rest, {worst: reason} | falsified
+
+
+def gain_of(less: Fit, fit: Fit, validation: Log) -> tuple[float, float]:
+    """Share by which the error of multi-step prediction falls from one fit to another, and its standard error.
+
+    Errors of a simulation from end to end are one draw: where a run goes astray, all that follows does. Those of pieces
+    that begin anew are many.
+    """
+    window = restart_window(validation)
+    before, after = (squared_errors(validation, each.model, window)[0] for each in (less, fit))
+    return cut(before, after)
+
+
+def _worsened(less: Fit, fit: Fit, validation: Log) -> float:
+    """Share by which prediction errors surely rise from one fit to another; 0 where they do not.
+
+    Those of one step in any way, those of many steps to more than twice: what the log leaves open of a small effect's
+    parameters makes them a little larger too.
+    """
+    bandwidth = max(less.bandwidth, fit.bandwidth)
+    one_step = cut(*(_squared_innovations(validation, each, bandwidth) for each in (less, fit)))
+    tested = ((*one_step, 0.0), (*gain_of(less, fit, validation), _TWICE))
+    return max(-gain if gain + SURELY * std < -least else 0.0 for gain, std, least in tested)
+
+
+def _squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
+    """(T,) squared one-step prediction errors of a fit on runs that it has not seen, from fitted initial states."""
     problem = Problem.of(replace(log, colour=fit.log.colour), fit.model, fixed=fit.model.names)
     begun = problem.pack(fit.model.values, first_states(log))
     values, initial = problem.unpack(problem.minimise(begun, bandwidth, 0.0).point)
@@ -56,52 +118,49 @@ def squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
     return bounded(errors) ** 2
 
 
-def withdrawn_causes(causes: Iterable[Cause], log: Log, *, refuted: bool) -> tuple[tuple[Cause, ...], list[str]]:
-    """The causes that may still be told, and one sentence for each that may not.
-
-    A name is not told where all its sizes are zero within their standard errors, where a torque is beyond what the log
-    commands, nor where it brings nothing on held-out data that refute what was added.
-
-    Args:
-        causes: as they were found, with the share by which the one-step error on held-out data fell as their gain.
-        log: that they were found on.
-        refuted: whether held-out data refute what was added, where the log has been before.
-    """
-    kept, told = [], []
-    for cause in causes:
-        doubted = cause.probability < CLEAR  # it is told with its doubt, and nobody relies on it
-        why = None if doubted else _why_not(cause, log, refuted=refuted)
-        if why is None:
-            kept.append(cause)
-        else:
-            told.append(f"{sentence_case(title_of(cause.effect))} is not told: {why}.")
-    return tuple(kept), told
+def _possible(explanations: Collection[Explanation]) -> tuple[list[Explanation], dict[str, str]]:
+    """The explanations whose values a machine may have, and by name what is wrong with the others."""
+    kept, falsified = [], dict[str, str]()
+    for each in sorted(explanations, key=lambda each: -each.log_marginal):
+        wrong = {name: why for name in sorted(each.names) if (why := _impossible(each, name)) is not None}
+        if not wrong:
+            kept.append(each)
+        falsified = wrong | falsified
+    return kept or list(explanations), falsified
 
 
-def _why_not(cause: Cause, log: Log, *, refuted: bool) -> str | None:
-    torques = {name: value for name, value in cause.parameters.items() if value.unit == log.command_unit}
-    sizes = torques | {name: cause.parameters[name] for name in _sizes(cause)}
+def _impossible(explanation: Explanation, name: str) -> str | None:
+    """Why a fitted effect cannot be there by its values; None if it can."""
+    fit = explanation.fit
+    values = estimates(fit, name)
+    if not np.isfinite(explanation.log_marginal):
+        return "this log does not tell its parameters from those of the others"
+    torques = {key: value for key, value in values.items() if value.unit == fit.log.command_unit}
+    sizes = {key: values[key] for key in {*torques, *_sizes(name)} & values.keys()}
     if sizes and all(_is_zero(value) for value in sizes.values()):
         return f"its {_said(sizes)} {'is' if len(sizes) == 1 else 'are'} zero within the standard error"
-    most = max(float(np.max(np.abs(run.drive))) for run in log.runs)
-    beyond = {name: value for name, value in torques.items() if abs(value.value) > most}
+    if not is_plausible(fit, name):
+        return "such a cause hardly ever has the fitted values"
+    most = max(float(np.max(np.abs(run.drive))) for run in fit.log.runs)
+    beyond = {key: value for key, value in torques.items() if abs(value.value) > most}
     if beyond:
-        return f"its {_said(beyond)} is beyond all that the log commands, {most:.3g} {log.command_unit}"
-    if refuted and cause.gain <= _SURELY * cause.gain_std:
-        return "it brings no gain on the validation data, which contradict the extension"
+        return f"its {_said(beyond)} is larger than any torque in the log, {most:.3g} {fit.log.command_unit}"
     return None
 
 
-def _sizes(cause: Cause) -> list[str]:
+def _sizes(name: str) -> list[str]:
     """Parameters of a known effect that count in torque and may be zero: with all of them zero nothing is there."""
-    kind = catalogue.get(cause.effect)
+    kind = catalogue.get(name)
     specs = () if kind is None else kind.parameters()
-    return [s.name for s in specs if "{torque}" in s.unit and s.lower <= 0.0 and s.name in cause.parameters]
+    return [spec.name for spec in specs if "{torque}" in spec.unit and spec.lower <= 0.0]
 
 
 def _is_zero(value: Estimate) -> bool:
     return value.std is not None and abs(value.value) <= value.std
 
 
-def _said(values: dict[str, Estimate]) -> str:
-    return " and ".join(f"{name.replace('_', ' ')} ({measured(v.value, v.std, v.unit)})" for name, v in values.items())
+def _said(values: Mapping[str, Estimate]) -> str:
+    return " and ".join(
+        f"{name.replace('_', ' ')} ({measured(value.value, value.std, value.unit)})"
+        for name, value in sorted(values.items())
+    )

@@ -17,7 +17,6 @@ from diagnosis.linear import response
 from diagnosis.measured_motion import MeasuredMotion
 from diagnosis.score_test import Screen
 from identification.fit_result import Fit
-from identification.problem import Problem
 from plant.effects import Motion
 from plant.effects.effect import Array
 
@@ -85,7 +84,7 @@ def blind_spots(fit: Fit, extended: Fit | None = None) -> tuple[str, ...]:
     still = standstill(fit)
     if still is not None:
         return (still,)
-    screen = Screen.of(fit, Problem.of(fit.log, fit.model, known=fit.known), bandwidth=fit.bandwidth)
+    screen = Screen.of(fit)
     motion, columns = screen.motion, _columns(screen.motion, fit)
     shown = response(screen.filters, np.column_stack(list(columns.values())), on_reading=False)
     seen = dict(zip(columns, screen.nuisance.beyond_initial_states(shown).T, strict=True))

@@ -140,9 +140,8 @@ def linearised(
     *,
     substeps: int,
     colour: tuple[float, ...] = (),
-    load: Array | None = None,
 ) -> Linear:
-    """A run's predictor linearised along its path, with a torque on the load as its input; `load` (T,) acts besides."""
+    """A run's predictor linearised along its path, with a torque on the load as its input."""
     probe = model.with_effect(GivenLoad(torque=0.0))
     n, samples = len(probe.states), len(run)
     closed_loop, seen = np.empty((samples, n, n)), np.empty((samples, n))
@@ -152,8 +151,7 @@ def linearised(
         rows, values = run_inputs(run, probe, probe.values, bandwidth, 0.0, part)
         gain = rows[:, len(INPUTS) + 1 :] @ moves_with(probe).T
         corrected = prediction.states[:, part].T + gain * prediction.errors[part, None]
-        acting = np.zeros(len(rows)) if load is None else load[part]
-        inputs = np.column_stack((corrected, rows[:, : len(INPUTS)], acting))
+        inputs = np.hstack((corrected, rows[:, : len(INPUTS)]))
         _, (slopes, seen[part]) = _slopes(Structure(probe), substeps, run.positioned, run.response)((), inputs, values)
         transition = slopes[:, n:].reshape(-1, n, n).transpose(0, 2, 1)
         by_torque[part], by_reading[part] = slopes[:, :n], -np.einsum("kij,kj->ki", transition, gain)
@@ -179,10 +177,9 @@ def _slopes(structure: Structure, substeps: int, positioned: bool, response: Res
     n, load = len(probe.states), probe.names.index("given_load.torque")
     step = step_with_slopes(probe, (load,), 1 + n, substeps=substeps, positioned=positioned)
     kind: Any = ca.SX if step.is_a("SXFunction") else ca.MX
-    row, parameters = kind.sym("row", n + len(INPUTS) + 1), kind.sym("parameters", len(probe.names))
+    row, parameters = kind.sym("row", n + len(INPUTS)), kind.sym("parameters", len(probe.names))
     followed = forgetful(probe, kind(np.hstack((np.zeros((n, 1)), np.eye(n)))))
-    given = ca.vertcat(parameters[:load], row[-1], parameters[load + 1 :])
-    _, slopes = step(row[:n], followed, row[n : n + len(INPUTS)], given)
+    _, slopes = step(row[:n], followed, row[n:], parameters)
     state, own = ca.SX.sym("state", n), ca.SX.sym("parameters", len(probe.names))
     shown = ca.densify(ca.jacobian(sample_shown(probe, response)(state, own), state))
     seen = ca.Function("seen", [state, own], [shown])(row[:n], parameters)

@@ -7,13 +7,14 @@ each of them does: their scatter is its standard error, not divided by the root 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from diagnosis.multistart import best_similar_shape
-from diagnosis.refit import refit
+from diagnosis.multistart import best_similar_shape, multistart_refit
+from diagnosis.refit import problem_near
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
 from identification.log import Log
@@ -27,6 +28,19 @@ from plant.servo import ServoModel
 _PARTS = 5
 _FEWEST = 3  # parts whose scatter says something
 _SHORTEST = 100  # samples of a part of a run
+
+
+def on_its_best_peak(fit: Fit, without: Mapping[str, Fit]) -> Fit:
+    """A fit whose chaotic effects stand on the best peak that is found, with standard errors that know of the others.
+
+    Args:
+        fit: of all effects.
+        without: for each effect the fit of the model less that effect.
+    """
+    chaotic = [effect.name for effect in fit.model.effects if effect.chaotic and effect.name in without]
+    for name in chaotic:
+        fit = multistart_refit(without[name], fit, name)
+    return with_scatter(fit) if chaotic else fit
 
 
 def with_scatter(fit: Fit) -> Fit:
@@ -68,7 +82,8 @@ def _alone(rest: ServoModel, effect: Effect, part: Log) -> Array | None:
     """Fitted values of an effect in a part of the log, the rest of the model but for its inertia as it is."""
     try:
         base = Problem.of(part, rest, fixed=[name for name in rest.names if name != "inertia"]).solve()
-        own = best_similar_shape(base, refit(base, effect), effect.name).model.effect(effect.name)
+        begun = problem_near(base, base.model.with_effect(effect)).descend(base)
+        own = best_similar_shape(base, begun, effect.name).model.effect(effect.name)
     except (Unidentifiable, BadParameter):
         return None
     if own is None:

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.model_probability import schwarz_cost
 from diagnosis.refit import most_promising, problem_near
 from identification.fit_result import Fit
 from identification.threads import in_threads
@@ -30,7 +29,7 @@ def multistart_refit(fit: Fit, found: Fit, name: str) -> Fit:
     if not freer:
         return best
     (freed,) = _climbed(fit, best, name, freer, most=1)
-    pays = schwarz_cost(len(freed.free) - len(best.free), fit.samples) + float(np.log(len(freer)))
+    pays = 0.5 * (len(freed.free) - len(best.free)) * float(np.log(fit.samples)) + float(np.log(len(freer)))
     return best_similar_shape(fit, freed, name) if _height(freed) > _height(best) + pays else best
 
 

@@ -6,6 +6,7 @@ correlates, it is not noise; where it does not, nothing deterministic is left to
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -13,7 +14,9 @@ import numpy as np
 
 from identification.fit_result import Fit
 from identification.log import Log
+from identification.noise import colour
 from identification.run import Run
+from plant.effects.effect import Array
 
 _ALIKE = 0.01  # rms by which the commands of repeated runs may differ, of the rms command
 _SHIFTS = 40  # by which one run is moved against the other, to see how far chance makes them correlate
@@ -67,21 +70,38 @@ def _same_command(a: Run, b: Run) -> bool:
 
 
 def repeats(fit: Fit) -> Repeats | None:
-    """What repeated runs of the fitted log say about its innovations; None where no run repeats another."""
+    """What repeated runs say about the innovations of a fit; None where no run repeats another.
+
+    A colour of the noise may have been learnt from what is missing, and then takes a part of it out of the innovations.
+    So it is also asked before that is taken out; what shows more clearly is told.
+    """
     pairs = repeated_pairs(fit.log)
     if not pairs:
         return None
     ends = np.cumsum([len(run) for run in fit.log.runs])
-    pieces = np.split(fit.innovations, ends[:-1])
+    pieces = np.split(fit.innovations, ends[:-1])  # zero where masked
+    ways = [pieces]
+    if fit.log.colour:
+        errors = [colour(piece, np.array(fit.log.colour)) for piece in pieces]
+        ways.append([np.where(run.valid, error, 0.0) for run, error in zip(fit.log.runs, errors, strict=True)])
+    found = [shares for way in ways if (shares := _shares(way, pairs)) is not None]
+    if not found:
+        return None
+    share, chance = max(found, key=lambda shares: shares[0] - _SIGNIFICANT * shares[1])
+    labels = tuple((fit.log.runs[a].label, fit.log.runs[b].label) for a, b in pairs)
+    return Repeats(pairs=labels, share=share, chance=chance)
+
+
+def _shares(pieces: Sequence[Array], pairs: Sequence[tuple[int, int]]) -> tuple[float, float] | None:
+    """The share of the power of some runs that is the same in pairs of them, and what it is by chance."""
     product, power = np.zeros(_SHIFTS + 1), 0.0
     for a, b in pairs:
         count = min(len(pieces[a]), len(pieces[b]))
-        first, second = pieces[a][:count], pieces[b][:count]  # zero where masked
+        first, second = pieces[a][:count], pieces[b][:count]
         steps = np.linspace(0, count, _SHIFTS + 2)[:-1].astype(int)
         product += [float(first @ np.roll(second, step)) for step in steps]
         power += 0.5 * float(first @ first + second @ second)
     if power <= 0.0:
         return None
-    labels = tuple((fit.log.runs[a].label, fit.log.runs[b].label) for a, b in pairs)
     share, *shifted = product / power
-    return Repeats(pairs=labels, share=float(share), chance=float(np.sqrt(np.mean(np.square(shifted)))))
+    return float(share), float(np.sqrt(np.mean(np.square(shifted))))

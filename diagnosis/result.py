@@ -1,4 +1,4 @@
-"""What a diagnosis says: verdict, causes with their odds, the gain, and the pictures' data."""
+"""What a diagnosis says: verdict, causes, the posterior over sets of effects, the gain, and the pictures' data."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 
 from diagnosis.residual_torque import ResidualTorque
 from identification.fit_result import Fit
-from plant.effects.effect import Array, Effect
+from plant.effects.effect import Array
 from plant.servo import ServoModel
 
 SCHEMA = 2
 LISTED = 0.01
-"""Probability from which a set of effects is listed."""
-MENTIONED = 1e-4
-"""... and an alternative to an effect."""
+"""Probability from which a set of effects, or an alternative to an effect, is listed."""
 Verdict: TypeAlias = Literal["named", "nothing_missing", "unknown", "ambiguous"]
 
 
@@ -33,38 +31,34 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """One named effect.
+    """One named effect: probable, and larger than what no effect explains.
 
     Attributes:
         effect: its name in the catalogue.
-        probability: that this effect, and not one of the alternatives or none, is what the data show.
-        alternatives: the rivals with their probabilities, the likeliest first.
+        probability: that it is there, and is no part of what no effect explains.
+        alternatives: what the sets without it have in its place, with their probabilities, the likeliest first.
         parameters: estimates by parameter name.
-        gain: share by which the held-out error fell when the effect was added [-], and gain_std its standard error.
-        evidence: rise of the log-likelihood when the effect was added.
-        rms: of the torque that it explains along the measured motion [N m].
         share: of the power of the residual torque without it that it explains, 0 to 1 [-].
+        rms: of the torque that it explains along the measured motion [N m].
+        gain: share by which the error of multi-step prediction on validation data is smaller with it than without [-],
+            and gain_std its standard error.
+        log_bayes: log marginal likelihood of the best set with it less that of the best set without it.
     """
 
     effect: str
     probability: float
     alternatives: tuple[tuple[str, float], ...]
     parameters: Mapping[str, Estimate]
+    share: float
+    rms: float
     gain: float
-    evidence: float
-    gain_std: float = 0.0
-    rms: float = 0.0
-    share: float = 0.0
-
-    @property
-    def missing(self) -> float:
-        """Probability that it or one of the alternatives is there, and not nothing [-]."""
-        return min(self.probability + sum(share for _, share in self.alternatives), 1.0)
+    gain_std: float
+    log_bayes: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class Minor:
-    """An effect that is probable by its evidence, but smaller than what no effect explains; else as a cause."""
+    """An effect that is probable by its evidence, but no larger than what no effect explains; else as a cause."""
 
     effect: str
     probability: float
@@ -72,29 +66,40 @@ class Minor:
     rms: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class EffectSet:
-    """Effects that explain the log together, what the discrepancy beside them depends on, and their probability."""
+    """Effects that explain the log together.
+
+    Attributes:
+        effects: their names, sorted.
+        unknown: what the unmodelled torque beside them depends on; empty where there is none to speak of.
+        probability: of the set; what is no larger than the unmodelled torque counts for less.
+        log_marginal: its log marginal likelihood.
+        fit: of the model with all of them. Both are None where the set is only what may remain of a larger one.
+    """
 
     effects: tuple[str, ...]
     unknown: tuple[str, ...]
     probability: float
+    log_marginal: float | None
+    fit: Fit | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """The unmodelled torque: probability that it is not nothing, its variables, and its size over all torque [-].
+    """The unmodelled torque: probability that it is not nothing, its variables, and its size over all torque [-]."""
 
-    Probability and size are None where the log was not asked for them (`diagnosis.grading`).
-    """
-
-    probability: float | None
+    probability: float
     depends_on: tuple[str, ...]
-    share: float | None
+    share: float
 
-    def likelier_than(self, probability: float) -> bool:
-        """Whether it is known to be likelier than that."""
-        return self.probability is not None and self.probability > probability
+
+@dataclass(frozen=True, kw_only=True)
+class Rejected:
+    """An effect that was tried and is not named, and the one reason that weighs most."""
+
+    effect: str
+    reason: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,29 +153,6 @@ class Unexplained:
     depends_on: tuple[str, ...]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Candidate:
-    """One effect that was tried in one round of the search.
-
-    `evidence` is the rise in log-likelihood; `score` and `visible` are the same less the charge for parameters and
-    search, in the questions which name it is and whether anything is missing (see `diagnosis.model_probability`);
-    `refitted` is False where the score test alone has judged, and `plausible` where the fitted values are such as its
-    cause hardly ever has, for which it pays. `fitted` is the effect as it was fitted, None where only the score test
-    has judged.
-    """
-
-    round: int
-    effect: str
-    evidence: float
-    score: float
-    visible: float
-    probability: float
-    refitted: bool
-    parameters: Mapping[str, Estimate]
-    plausible: bool = True
-    fitted: Effect | None = None
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Replay:
     """One run measured and simulated freely: arrays (T,) [s; rad or m]."""
@@ -189,10 +171,12 @@ class Findings:
 
     Attributes:
         verdict: "named", "nothing_missing", "ambiguous" or "unknown".
-        causes: what the verdict stands on, the most important first.
+        causes: what the verdict stands on, the largest torque first.
         minor: effects that are probable, but smaller than what no effect explains.
         sets: the joint posterior over sets of effects, the likeliest first.
+        without: for each effect of the extended model, the fit of that model less the effect.
         unknown: what no effect explains, by the likelihood of the log.
+        rejected: every other effect that was tried, the likeliest first.
         gain: on held-out runs.
         torque_error: of the inverse model, before and after, on both parts of the data.
         unexplained: what remains after the causes.
@@ -200,7 +184,6 @@ class Findings:
         base: fit of the base model to the estimation runs.
         extended: fit of the extended model; the same object as `base` when nothing was added.
         residual_before, residual_after: the torque that each of the two models lacks, over the estimation runs.
-        candidates: everything that was tried.
         replays: the held-out runs.
         whiteness: share of the extended model's innovations that are still predictable from their own past [-].
     """
@@ -209,7 +192,9 @@ class Findings:
     causes: tuple[Cause, ...]
     minor: tuple[Minor, ...]
     sets: tuple[EffectSet, ...]
+    without: Mapping[str, Fit]
     unknown: Unknown
+    rejected: tuple[Rejected, ...]
     gain: Gain
     torque_error: TorqueError
     unexplained: Unexplained
@@ -218,7 +203,6 @@ class Findings:
     extended: Fit
     residual_before: ResidualTorque
     residual_after: ResidualTorque
-    candidates: tuple[Candidate, ...]
     replays: tuple[Replay, ...]
     whiteness: float
 
@@ -252,12 +236,14 @@ class Findings:
             "sets": [
                 {"effects": list(s.effects), "unknown": list(s.unknown), "probability": s.probability}
                 for s in self.sets
+                if s.probability >= LISTED
             ],
             "unknown": {
                 "probability": self.unknown.probability,
                 "depends_on": list(self.unknown.depends_on),
                 "share": self.unknown.share,
             },
+            "rejected": [{"effect": r.effect, "reason": r.reason} for r in self.rejected],
             "gain": {
                 "held_out_rms_before": self.gain.held_out_rms_before,
                 "held_out_rms_after": self.gain.held_out_rms_after,

@@ -29,7 +29,6 @@ from identification.run_parameters import own_slopes, own_values
 from plant.discrete import INPUTS, Structure, integration_steps, sample_reading
 from plant.effects import State
 from plant.effects.effect import Array
-from plant.effects.given_load import GivenLoad
 from plant.effects.goal_rate_limit import first_goal
 from plant.recursion import Recursion
 from plant.sensitivity import step_with_slopes
@@ -96,7 +95,6 @@ class Predictor:
         free: (F,) places of the parameters to differentiate for.
         substeps: integration steps in one sample.
         colour: autoregression of the reading's noise, see `identification.coloured_noise`.
-        loads: (T,) torque on the load in each run besides the drive's, held over a sample [N m]; none by default.
     """
 
     model: ServoModel
@@ -104,7 +102,6 @@ class Predictor:
     free: tuple[int, ...]
     substeps: int = 1
     colour: tuple[float, ...] = ()
-    loads: tuple[Array, ...] = ()
 
     def predict(
         self, values: Array, initial: Array, *, bandwidth: float, width: float, sensitivities: bool = True
@@ -130,15 +127,14 @@ class Predictor:
         free = self.free if sensitivities else None
         positioned = any(run.positioned for run in self.runs)
         follow = _prediction(Structure(self.model), free, self.substeps, positioned, self.runs[0].response)
-        loads = self.loads or tuple(np.zeros(len(run)) for run in self.runs)
-        for place, (run, start, load) in enumerate(zip(self.runs, initial, loads, strict=True)):
+        for place, (run, start) in enumerate(zip(self.runs, initial, strict=True)):
             carried = self._beginning(run, values, start, sensitivities)
             whitened = Whitening(self.colour)
             own = own_slopes(run, self.model, values, self.free) if sensitivities else None
             for first in range(0, len(run), PIECE):
                 part = slice(first, min(first + PIECE, len(run)))
                 rows, moved = run_inputs(run, self.model, values, bandwidth, width, part)
-                carried, (errors, jacobian, states) = follow(carried, np.column_stack((rows, load[part])), moved)
+                carried, (errors, jacobian, states) = follow(carried, rows, moved)
                 output = rows[:, len(INPUTS)] - errors[:, 0]
                 if own is not None:
                     jacobian = np.hstack((jacobian[:, :-2] @ own, jacobian[:, -2:]))
@@ -253,23 +249,20 @@ def _prediction(
 ) -> Recursion:
     """(state, slopes), rows of `run_inputs`, parameters -> innovation, its slopes, predicted state, at each sample.
 
-    Without `free` there are no slopes, and where no run is `positioned` there is no servo gain. The rows end with
-    the load.
+    Without `free` there are no slopes, and where no run is `positioned` there is no servo gain.
     """
     model = structure.model
-    moving = model.with_effect(GivenLoad(torque=0.0))
     n, columns = len(model.states), 0 if free is None else len(free) + 2
-    step = step_with_slopes(moving, free or (), columns, substeps=substeps, positioned=positioned)
+    step = step_with_slopes(model, free or (), columns, substeps=substeps, positioned=positioned)
     state, slopes = ca.SX.sym("state", n), ca.SX.sym("slopes", n, columns)
     moved_by = moves_with(model)
-    gains = slice(len(INPUTS) + 1, len(INPUTS) + 1 + moved_by.shape[1])
-    row, parameters = ca.SX.sym("row", gains.stop + 1), ca.SX.sym("parameters", len(model.names))
+    row, parameters = ca.SX.sym("row", len(INPUTS) + 1 + moved_by.shape[1]), ca.SX.sym("parameters", len(model.names))
     shown = sample_shown(model, response)(state, parameters)
     error = row[len(INPUTS)] - shown
     error_slopes = -ca.mtimes(ca.jacobian(shown, state), slopes)
     if free is not None:
         error_slopes -= ca.horzcat(ca.jacobian(shown, parameters[list(free)]), ca.SX(1, 2))
-    correction = ca.mtimes(ca.DM(moved_by), row[gains])
+    correction = ca.mtimes(ca.DM(moved_by), row[len(INPUTS) + 1 :])
     followed = slopes + ca.mtimes(correction, error_slopes)
     corrected = [state + correction * error, forgetful(model, followed)]
     outputs = [ca.densify(value) for value in (*corrected, error, error_slopes, state)]
@@ -278,8 +271,7 @@ def _prediction(
     kind: Any = ca.SX if step.is_a("SXFunction") else ca.MX
     entering = [kind.sym("entering", *value.shape) for value in (state, slopes, row, parameters)]
     *moved, seen, seen_slopes, before = correct(*entering)
-    values = ca.vertcat(entering[3], entering[2][gains.stop :])
-    following = step(*moved, entering[2][: len(INPUTS)], values)
+    following = step(*moved, entering[2][: len(INPUTS)], entering[3])
     outputs = [*following, seen, seen_slopes, before]
     return Recursion(ca.Function("predict", entering, outputs, {"cse": kind is ca.SX}), carried=2)
 

@@ -203,7 +203,7 @@ def _over_angle(model: ServoModel, *, periodic: bool) -> Parts:
     return {
         effect.name: lambda x, effect=effect: -effect.curve(x)  # type: ignore[misc]
         for effect in model.effects
-        if effect.curve_over == "angle" and effect.stage is not Stage.SENSOR and effect.of_lines is periodic
+        if effect.curve_over == "angle" and effect.stage is not Stage.SENSOR and effect.periodic is periodic
     }
 
 

@@ -9,18 +9,22 @@ from front_door import PLAIN, columns
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.residual_torque import residual_torque
 from diagnosis.result import (
-    Candidate,
     Cause,
     EffectSet,
     Estimate,
     Gain,
+    Minor,
+    Rejected,
     Replay,
     TorqueError,
     Unexplained,
     Unknown,
 )
 from identification import Fit, Log, fit
+from plant.effects import catalogue
 
+_SIZES = {"coulomb_friction": ("torque",), "stribeck_friction": ("coulomb", "excess")}
+_SHAPES = {"stribeck_friction": {"velocity": 0.1}}
 HOSTILE = "</script><script>alert(1)</script> & <b>log</b>"
 
 
@@ -36,31 +40,28 @@ def sample_diagnosis(fitted: Fit) -> Diagnosis:
     cause = Cause(
         effect="coulomb_friction",
         probability=0.97,
-        alternatives=(("stribeck_friction", 0.02), ("none", 0.01)),
+        alternatives=(("stribeck_friction", 0.02),),
         parameters={"torque": size},
+        share=0.6,
+        rms=0.35,
         gain=0.8,
-        evidence=321.0,
+        gain_std=0.1,
+        log_bayes=321.0,
     )
-    candidate = Candidate(
-        round=1,
-        effect="coulomb_friction",
-        evidence=321.0,
-        score=311.0,
-        visible=315.0,
-        probability=0.97,
-        refitted=True,
-        parameters={"torque": size},
+    names = (("coulomb_friction",), ("stribeck_friction",), ())
+    sets = tuple(
+        EffectSet(effects=each, unknown=("velocity",), probability=p, log_marginal=-place, fit=_with(fitted, each))
+        for place, (each, p) in enumerate(zip(names, (0.97, 0.02, 0.01), strict=True))
     )
     missing = residual_torque(fitted)
     return Diagnosis(
         verdict="named",
         causes=(cause,),
-        minor=(),
-        sets=(
-            EffectSet(effects=("coulomb_friction",), unknown=("velocity",), probability=0.97),
-            EffectSet(effects=("stribeck_friction",), unknown=("velocity",), probability=0.02),
-        ),
-        unknown=Unknown(probability=0.8, depends_on=("velocity",), share=0.01),
+        minor=(Minor(effect="cogging", probability=0.3, share=0.01, rms=0.002),),
+        sets=sets,
+        without={"coulomb_friction": fitted},
+        unknown=Unknown(probability=0.7, depends_on=("velocity",), share=0.02),
+        rejected=(Rejected(effect="input_delay", reason="it costs more than it explains (log Bayes factor -3.2)"),),
         gain=Gain(
             held_out_rms_before=0.05,
             held_out_rms_after=0.01,
@@ -88,7 +89,6 @@ def sample_diagnosis(fitted: Fit) -> Diagnosis:
         extended=replace(fitted),
         residual_before=missing,
         residual_after=missing,
-        candidates=(candidate,),
         replays=(
             Replay(
                 label=HOSTILE,
@@ -101,3 +101,11 @@ def sample_diagnosis(fitted: Fit) -> Diagnosis:
         ),
         whiteness=0.01,
     )
+
+
+def _with(fitted: Fit, names: tuple[str, ...]) -> Fit:
+    """The fit as if it had effects, which do nothing."""
+    model = fitted.model
+    for name in names:
+        model = model.with_effect(catalogue[name](**dict.fromkeys(_SIZES[name], 0.0), **_SHAPES.get(name, {})))
+    return replace(fitted, model=model)

@@ -75,7 +75,8 @@ def test_base_and_choice_reach_every_log(logs: list[Log]) -> None:
     base = ServoModel(inertia=1.5, gravity=0.4, viscous_friction=0.5)
     (found,) = diagnose_all(logs[1:2], base, fixed=["inertia"], exclude=["torque_offset"], candidates=ASKED)
     assert found.base.fixed == ("inertia",)
-    assert {candidate.effect for candidate in found.candidates} == {"coulomb_friction"}
+    asked = {*(name for each in found.sets for name in each.effects), *(each.effect for each in found.rejected)}
+    assert asked == {"coulomb_friction"}
 
 
 def test_logs_and_diagnoses_survive_pickling(logs: list[Log], alone: list[Diagnosis]) -> None:

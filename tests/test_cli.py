@@ -121,15 +121,16 @@ def test_diagnose_names_what_is_hidden_in_the_contracted_form(diagnosed, log, he
     assert [cause["effect"] for cause in content["causes"]] == ["coulomb_friction"]
     cause = content["causes"][0]
     assert set(cause) == {"effect", "probability", "alternatives", "parameters", "share", "rms", "gain"}
-    assert content["sets"][0]["effects"] == ["coulomb_friction"]
-    assert set(content["unknown"]) == {"probability", "depends_on", "share"}
-    assert content["minor"] == []
     assert cause["parameters"]["torque"]["value"] == pytest.approx(0.4, abs=0.02)
     assert cause["parameters"]["torque"]["unit"] == "N m"
     gain = content["gain"]
     assert set(gain) == {"held_out_rms_before", "held_out_rms_after", "noise_floor", "unit", "window", "runs"}
     assert gain["held_out_rms_after"] < 0.2 * gain["held_out_rms_before"]
     assert set(content["unexplained"]) == {"share", "depends_on"}
+    assert set(content["unknown"]) == {"probability", "depends_on", "share"}
+    assert all(set(each) == {"effects", "unknown", "probability"} for each in content["sets"])
+    assert content["sets"][0]["effects"] == ["coulomb_friction"]
+    assert content["minor"] == []
     assert set(content["data"]) == {"warnings", "read_as"}
     page = (out / "report.html").read_text()
     assert all(hashlib.sha256(file.read_bytes()).hexdigest() in page for file in (log, held))

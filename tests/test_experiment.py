@@ -27,7 +27,6 @@ from identification.problem import Problem
 from identification.reading.files import read_table
 from identification.standard_errors import fit_with_errors
 from plant import BadParameter, ServoModel, catalogue, simulate
-from plant.effects import InputDelay, QuadraticDrag
 from plant.simulation import beginning
 
 LIMITS = Limits(torque=4.0, speed=5.0, travel=(-3.5, 3.5))
@@ -382,35 +381,17 @@ def test_observer_noise_matches_filtered_white_noise() -> None:
     assert noise_factor(0.0, step) == 1.0
 
 
-def test_an_ambiguous_diagnosis_compares_its_two_best_models() -> None:
-    _, extended, alternative = rivals("lag")
-    cause = SimpleNamespace(effect="actuator_lag", probability=0.6, alternatives=(("input_delay", 0.4),), missing=1.0)
-    screened = SimpleNamespace(effect="input_delay", evidence=9.0, fitted=None)
-    tried = SimpleNamespace(effect="input_delay", evidence=5.0, fitted=InputDelay(time=0.003))
-    diagnosis: Any = SimpleNamespace(causes=(cause,), candidates=(screened, tried), extended=extended)
-    found = rivals_of(diagnosis)
-    assert found is not None
-    assert found[0] is extended
-    assert found[1].model.names == alternative.model.names
-    assert found[1].log_likelihood == pytest.approx(alternative.log_likelihood, abs=0.5)
-    cause.probability = 0.99
+def test_rivals_are_the_best_sets_with_and_without_a_cause() -> None:
+    _, lag, delay = rivals("lag")
+    cause = SimpleNamespace(effect="actuator_lag", probability=0.6)
+    one, other = (
+        SimpleNamespace(effects=("actuator_lag",), fit=lag),
+        SimpleNamespace(effects=("input_delay",), fit=delay),
+    )
+    nothing = SimpleNamespace(effects=(), fit=lag)
+    diagnosis: Any = SimpleNamespace(causes=(cause,), sets=(one, other, nothing))
+    assert rivals_of(diagnosis) == (lag, delay)
+    diagnosis.sets = (one, nothing, other)  # against nothing a signal tells no more than a longer log
     assert rivals_of(diagnosis) is None
-    # Where the chief rival is that nothing is missing, a signal tells no more than a longer log.
-    cause.probability, cause.alternatives, cause.missing = 0.75, (("input_delay", 0.1),), 0.85
+    diagnosis.sets, cause.probability = (one, other, nothing), 0.99
     assert rivals_of(diagnosis) is None
-    cause.probability, cause.alternatives, cause.missing = 0.5, (("input_delay", 0.35),), 0.85
-    assert rivals_of(diagnosis) is not None
-
-
-def test_a_rival_may_be_an_effect_of_ones_own() -> None:
-    class Fan(QuadraticDrag):
-        name = "fan"
-
-    _, extended, _ = rivals("lag")
-    cause = SimpleNamespace(effect="actuator_lag", probability=0.6, alternatives=(("fan", 0.4),), missing=1.0)
-    tried = SimpleNamespace(effect="fan", evidence=5.0, fitted=Fan(drag=0.01))
-    diagnosis: Any = SimpleNamespace(causes=(cause,), candidates=(tried,), extended=extended)
-    found = rivals_of(diagnosis)
-    assert found is not None
-    assert "fan.drag" in found[1].model.names
-    assert "actuator_lag.time_constant" not in found[1].model.names

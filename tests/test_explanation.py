@@ -1,8 +1,7 @@
-"""Why a name won: every sentence says what the diagnosis' numbers say, and the pictures show what was hidden."""
+"""Why an effect is named: sentences say what the diagnosis' numbers say, pictures show what was hidden."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
@@ -14,15 +13,13 @@ from machine import Machine, excitation, record
 from test_unknown_causes import Windage
 
 from antidrive.html_page import printed
-from diagnosis import Diagnosis, Experiment, diagnose
+from diagnosis import Diagnosis, EffectSet, Experiment, diagnose
 from diagnosis.experiment.signal_families import Signal
 from diagnosis.explanation.cumulative_evidence import cumulative_evidence, residual_over_variable
 from diagnosis.explanation.detectable import detectable
-from diagnosis.explanation.hypothesis_comparison import AGAIN, NOTICED, HypothesisComparison, comparison_of
 from diagnosis.explanation.wording import measured, percent, strength
 from diagnosis.holdout import gain_errors
-from diagnosis.model_probability import NONE, probabilities
-from diagnosis.result import Candidate
+from diagnosis.verdict import special_cases
 from identification.log import Log
 from plant import ServoModel
 
@@ -57,49 +54,25 @@ def clean() -> Diagnosis:
 
 @lru_cache
 def nameless() -> Diagnosis:
-    return diagnose(log_of(quadratic_drag={"drag": 0.03}), candidates=("coulomb_friction", "asymmetric_friction"))
+    return diagnose(log_of(quadratic_drag={"drag": 0.03}), candidates=("coulomb_friction",))
 
 
-def numbers(text: str) -> list[float]:
-    """The rises of the log-likelihood and the log Bayes factors in a sentence, in order."""
-    return [float(n) for n in re.findall(r"(?:by |log Bayes factor )(-?\d+(?:\.\d+)?)", text)]
+def holds(found: EffectSet, name: str) -> bool:
+    """Whether a set has an effect, or one that contains it."""
+    return any(name in special_cases(other) for other in found.effects)
 
 
-def test_the_margin_is_that_of_the_round() -> None:
-    asked = ("coulomb_friction", "presliding_hysteresis")
-    found = diagnose(log_of(coulomb_friction={"torque": 0.003}), candidates=asked)
-    (reason,) = found.explain().reasons
-    tried = {c.effect: c for c in found.candidates if c.round == 1}
-    first, second = (tried[name] for name in asked)
-    contest = reason.contest
-    assert contest is not None
-    assert [c.effect for c in (contest.leader, *contest.rivals)] == [*asked, "none"]
-    assert found.explain().short == (reason.sentences[0],)
-    said = numbers(reason.sentences[0])
-    assert said == pytest.approx([first.evidence, second.evidence, first.score - second.score], rel=0.01)
-    assert "runner-up, presliding hysteresis" in reason.sentences[0]
-    shares = np.exp([c.score for c in (contest.leader, *contest.rivals)] - np.array(contest.leader.score))
-    told = [c.probability for c in (contest.leader, *contest.rivals)]
-    assert shares / shares.sum() == pytest.approx(told, rel=1e-6)
-
-
-def test_a_lone_effect_is_tested_against_none() -> None:
+def test_evidence_compares_the_best_sets_with_and_without() -> None:
     found = friction()
     (cause,) = found.causes
-    alone = replace(found, candidates=tuple(c for c in found.candidates if c.effect == "coulomb_friction"))
-    said = alone.explain().short[0]
-    assert "no other effect comes near" in said
-    first = next(c for c in alone.candidates if c.round == 1)
-    assert numbers(said) == pytest.approx([first.evidence, first.visible], rel=0.01)
-    rival = replace(first, effect="stribeck_friction", evidence=first.evidence + 3.0, score=first.score - 4.0)
-    said = replace(found, candidates=(first, rival)).explain().short[0]
-    assert numbers(said) == pytest.approx([first.evidence, first.evidence + 3.0, 4.0], rel=0.01)
-    assert said.endswith("for Coulomb friction against Stribeck friction is strong (log Bayes factor 4).")
-    weighed = replace(cause, evidence=123.0, probability=0.8, alternatives=(("stribeck_friction", 0.2),))
-    again = comparison_of(replace(found, causes=(weighed,)), weighed)
-    assert again.round == AGAIN
-    said = replace(found, causes=(weighed,)).explain().short[0]
-    assert numbers(said) == pytest.approx([123.0, np.log(4.0)], rel=0.01)
+    (reason,) = found.explain().reasons
+    with_it, without = (
+        max(each.log_marginal for each in found.sets if holds(each, cause.effect) is there and each.fit)
+        for there in (True, False)
+    )
+    assert cause.log_bayes == pytest.approx(with_it - without)
+    assert strength(cause.log_bayes) in reason.sentences[0]
+    assert f"{measured(cause.rms, None, 'N m')} rms, {percent(cause.share)} of the power" in reason.sentences[1]
 
 
 def test_size_gain_and_rest_are_the_numbers_of_the_diagnosis() -> None:
@@ -123,21 +96,24 @@ def test_size_gain_and_rest_are_the_numbers_of_the_diagnosis() -> None:
 def test_the_evidence_adds_up_and_its_moments_are_told() -> None:
     found = friction()
     (reason,) = found.explain().reasons
-    total = found.extended.log_likelihood - found.base.log_likelihood
+    without = found.without["coulomb_friction"]
+    assert without is found.base
     assert reason.cumulative_evidence is not None
-    assert reason.cumulative_evidence.evidence[-1] == pytest.approx(total, rel=1e-3)
+    assert reason.cumulative_evidence.evidence[-1] == pytest.approx(
+        found.extended.log_likelihood - without.log_likelihood, rel=1e-3
+    )
     assert reason.cumulative_evidence.densest[0] < 0.2
     assert "comes from the whole log" in str(found.explain())
-    extended, base = found.extended, found.base
+    extended, base = found.extended, without
     moment = (reason.cumulative_evidence.time > 9.0) & (reason.cumulative_evidence.time < 10.0)
     lone = replace(base, innovations=np.where(moment, 4.0, 1.0) * extended.innovations, noise_std=extended.noise_std)
     share, when = cumulative_evidence(lone, extended).densest
     assert share > 0.5
     assert when == pytest.approx(9.5, abs=1.5)
-    assert "Look there for a fault in the data" in str(replace(found, base=lone).explain())
+    assert "Look there for a fault in the data" in str(replace(found, without={"coulomb_friction": lone}).explain())
 
 
-def test_the_missing_torque_shows_the_jump_that_was_hidden() -> None:
+def test_the_residual_torque_shows_the_jump_that_was_hidden() -> None:
     found = friction()
     seen = found.explain().reasons[0].residual_over_variable
     assert seen is not None
@@ -160,20 +136,15 @@ def test_what_lags_or_bends_shows_over_no_variable() -> None:
     assert "shows it over no single variable" in " ".join(reason.sentences)
 
 
-def test_each_of_several_causes_is_weighed_beside_the_others() -> None:
+def test_each_of_several_causes_is_told_beside_the_others() -> None:
     found = several()
     together = found.extended.log_likelihood - found.base.log_likelihood
     assert {cause.effect for cause in found.causes} == {"coulomb_friction", "cogging"}
     for cause, reason in zip(found.causes, found.explain().reasons, strict=True):
         assert reason.effect == cause.effect
-        assert reason.contest is not None
-        assert not {c.effect for c in reason.contest.rivals} & {other.effect for other in found.causes}
         assert reason.cumulative_evidence is not None
         assert 100.0 < reason.cumulative_evidence.evidence[-1] < together - 10.0
-        costs = re.search(r"the extended model falls by ([\d.]+)\.", " ".join(reason.sentences))
-        if reason.contest.round != AGAIN:
-            assert costs is not None
-            assert float(costs[1]) == pytest.approx(reason.cumulative_evidence.evidence[-1], rel=0.01)
+    assert "Sure: cogging and Coulomb friction." in found.explain().posterior
 
 
 def test_competing_hypotheses_come_with_signature_and_experiment() -> None:
@@ -199,6 +170,7 @@ def test_competing_hypotheses_come_with_signature_and_experiment() -> None:
     assert "the reading lags by a fixed time" in text
     assert "phase falls with frequency" in text
     assert "the two are known to be confounded" in text
+    assert any(sentence.startswith("Either-or: ") for sentence in explained.posterior)
     assert str(experiment) in text
     assert str(experiment) not in str(found.explain())
     assert "does not tell" not in str(friction().explain())
@@ -206,7 +178,7 @@ def test_competing_hypotheses_come_with_signature_and_experiment() -> None:
 
 def test_hidden_sizes_are_those_at_the_detection_threshold() -> None:
     found = clean()
-    sizes = detectable(found.base, [c for c in found.candidates if c.round == 1])
+    sizes = detectable(found.base, [each.effect for each in found.rejected])
     assert set(sizes) == {"torque_offset", "quadratic_drag"}
     assert f"torque offset {sizes['torque_offset'].value:.2g} N m" in str(found.explain())
     for factor, verdicts in ((0.4, {"nothing_missing"}), (1.8, {"named", "ambiguous"})):
@@ -216,49 +188,25 @@ def test_hidden_sizes_are_those_at_the_detection_threshold() -> None:
 
 
 def test_nothing_is_said_to_hide_where_it_cannot_be_said() -> None:
-    tried = [replace(c, effect="backlash") for c in clean().candidates[:1]]
-    assert detectable(clean().base, tried) == {}
+    assert detectable(clean().base, ["backlash"]) == {}
 
 
-def test_names_that_are_not_believed_are_told_with_their_odds() -> None:
+def test_the_unmodelled_torque_is_told_with_size_and_variable() -> None:
     found = nameless()
     assert found.verdict == "unknown"
     (reason,) = found.explain().reasons
     assert reason.effect is None
-    contest = HypothesisComparison.of_round(found.candidates, 1)
-    assert contest.something == pytest.approx(np.log(1 / contest_none(contest) - 1), rel=1e-6)
-    if contest.something < NOTICED:
-        assert (
-            f"is missing is {strength(contest.something)}; a log Bayes factor of {NOTICED:.3g}" in reason.sentences[0]
-        )
+    assert f"about {percent(found.unknown.share)} of the torque in the log" in reason.sentences[0]
     assert "A curve over velocity raises the log-likelihood" in " ".join(reason.sentences)
-    dearer = tuple(replace(c, score=c.score + 100.0) for c in found.candidates)
-    assert "it is rejected" in replace(found, candidates=dearer).explain().short[0]
+    assert any("depends on velocity" in sentence for sentence in found.explain().posterior)
 
 
-def contest_none(contest: HypothesisComparison) -> float:
-    return next(c.probability for c in (contest.leader, *contest.rivals) if c.effect == NONE)
-
-
-def candidate(effect: str, evidence: float, score: float, **more: object) -> Candidate:
-    given = {"round": 1, "visible": score, "probability": 0.5, "refitted": True, "parameters": {}} | more
-    return Candidate(effect=effect, evidence=evidence, score=score, **given)
-
-
-def test_who_took_part_is_told() -> None:
+def test_every_rejected_effect_has_one_reason() -> None:
     found = friction()
-    (cause,) = found.causes
-    tried = (
-        candidate("stribeck_friction", cause.evidence, 90.0),
-        candidate("asymmetric_friction", 111.0, -np.inf),
-        candidate("cogging", 50.0, 40.0),
-        candidate("input_delay", 7.25, 3.0, refitted=False),
-    )
-    text = str(replace(found, candidates=tried).explain())
-    assert "It was found as Stribeck friction. Beside the effects found later only this special case" in text
-    assert "Asymmetric friction fits no better" in text
-    assert "In round 1 of the search 3 of 4 effects were fitted" in text
-    assert "input delay promised most (+7.25)" in text
+    assert {each.effect for each in found.rejected} == {*FEW} - {"coulomb_friction"}
+    for each in found.rejected:
+        assert each.reason
+        assert "\n" not in each.reason
 
 
 class Ducts(Windage):
@@ -267,12 +215,16 @@ class Ducts(Windage):
     trace = "a roar"
 
 
-def test_an_effect_of_ones_own_has_its_title_and_its_mark() -> None:
+def test_an_effect_of_ones_own_has_its_title_and_its_signature() -> None:
     found = friction()
     model = ServoModel.paper().with_effect(Ducts(drag=0.01))
     cause = replace(found.causes[0], effect="duct_air", parameters={})
-    text = str(replace(found, causes=(cause,), extended=replace(found.extended, model=model)).explain())
-    assert "Why air in the ducts. Air in the ducts raises" in text
+    extended = replace(found.extended, model=model)
+    sets = (replace(found.sets[0], effects=("duct_air",)), *found.sets)
+    text = str(
+        replace(found, causes=(cause,), extended=extended, sets=sets, without={"duct_air": found.base}).explain()
+    )
+    assert "Why air in the ducts. The evidence for air in the ducts is" in text
     assert "Its signature: a roar." in text
 
 
@@ -290,7 +242,7 @@ def test_evidence_in_words(log_bayes: float, said: str) -> None:
     assert strength(log_bayes) == said
 
 
-def test_the_report_explains_the_margin_that_is_printed(monkeypatch, tmp_path) -> None:
+def test_the_command_prints_what_the_report_explains(monkeypatch, tmp_path) -> None:
     found = friction()
     monkeypatch.setattr(import_module("diagnosis.diagnose"), "diagnose", lambda *_, **__: found)
     log = write_csv(tmp_path / "log.csv", columns(duration=4.0))
@@ -298,23 +250,16 @@ def test_the_report_explains_the_margin_that_is_printed(monkeypatch, tmp_path) -
     assert spoken.code == 0, spoken.err
     explained = found.explain()
     lines = [line.strip() for line in spoken.out.splitlines()]
-    assert lines.index(explained.short[0]) == 2  # behind headline and cause
+    (cause,) = found.causes
+    assert cause.probability > 0.9
+    assert lines[1].startswith(
+        f"Coulomb friction: probability {percent(cause.probability)}, evidence {strength(cause.log_bayes)}; torque 0."
+    )
     page = (tmp_path / "out" / "report.html").read_text()
-    for sentence in (*explained.missing, *explained.reasons[0].sentences, *explained.outcome):
+    for sentence in (*explained.missing, *explained.posterior, *explained.reasons[0].sentences, *explained.outcome):
         assert printed(sentence) in page
-    part = page.split("<h2>Missing effects")[1].split("<h2>Validation error")[0]
+    part = page.split("<h2>Explanations</h2>")[1].split("<h2>Validation error")[0]
     bars, *pictures = part.split("application/json")
-    assert "no effect more" in bars.split('class="bars"')[1]
+    assert 'class="bars"' in bars
     assert ["along the log" in pictures[0], "predicted by the extended model" in pictures[1]] == [True, True]
     assert len(pictures) == 2
-
-
-def test_extreme_evidence_is_reported_without_overflow() -> None:
-    found = friction()
-    for score in (5000.0, -5000.0):
-        sure = replace(found.candidates[0], effect="coulomb_friction", evidence=score, score=score, visible=score)
-        contest = HypothesisComparison.of_round((sure,), sure.round)
-        assert contest.leader.effect == ("coulomb_friction" if score > 0 else "none")
-        odds = probabilities({"coulomb_friction": score}, {"coulomb_friction": score})
-        assert odds["coulomb_friction"] == pytest.approx(1.0 if score > 0 else 0.0, abs=1e-12)
-        assert sum(odds.values()) == pytest.approx(1.0)

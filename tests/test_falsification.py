@@ -9,65 +9,14 @@ import pytest
 from front_door import columns
 
 from diagnosis.explanation.wording import change, percent
-from diagnosis.falsification import falsified_sentence, withdrawn_causes
 from diagnosis.holdout import parts, split
 from diagnosis.measured_motion import MeasuredMotion, reading_noise
-from diagnosis.result import Cause, Estimate
 from identification import Log
 
 LOG = Log.from_arrays(**columns())  # its torque is 2 N m at most
 
 
-def cause(value: float, std: float | None, unit: str = "N m", **gain: float) -> Cause:
-    return Cause(
-        effect="coulomb_friction",
-        probability=1.0,
-        alternatives=(),
-        parameters={"torque": Estimate(value=value, std=std, unit=unit)},
-        evidence=50.0,
-        **({"gain": 0.4, "gain_std": 0.1} | gain),
-    )
-
-
-@pytest.mark.parametrize(
-    ("found", "refuted", "why"),
-    [
-        (cause(0.4, 0.01), False, None),
-        (cause(0.4, None), False, None),
-        (cause(0.0005, 0.001), False, "Coulomb friction is not told: its torque (0.0005 ± 0.0010 N m) is zero within"),
-        (cause(18.4, 0.1), False, "is beyond all that the log commands, 2 N m."),
-        (cause(18.4, 0.1, unit="rad"), False, None),  # an angle may be anywhere
-        (
-            cause(0.4, 0.01, gain=-0.2),
-            True,
-            "it brings no gain on the validation data, which contradict the extension.",
-        ),
-        (cause(0.4, 0.01, gain=-0.2), False, None),
-        (cause(0.4, 0.01), True, None),
-    ],
-)
-def test_refuted_effects_are_not_reported(found, refuted, why):
-    kept, told = withdrawn_causes([found], LOG, refuted=refuted)
-    assert kept == (() if why else (found,))
-    assert [why in text for text in told] == ([True] if why else [])
-
-
-@pytest.mark.parametrize(("std", "kept"), [(10.0, 1), (110.0, 0)])
-def test_an_effect_is_zero_only_if_all_its_sizes_are(std, kept):
-    sizes = {
-        "forward": Estimate(value=0.0, std=0.4, unit="N m"),
-        "backward": Estimate(value=0.1, std=0.4, unit="N m"),
-        "viscous_difference": Estimate(value=30.0, std=std, unit="N m s/rad"),
-    }
-    asymmetric = replace(cause(0.4, 0.01), effect="asymmetric_friction", parameters=sizes)
-    assert len(withdrawn_causes([asymmetric], LOG, refuted=False)[0]) == kept
-
-
 def test_a_rise_is_said_by_one_figure():
-    squares = np.random.default_rng(0).chisquare(1, 2000)
-    told = falsified_sentence(squares, 500.0 * squares)
-    assert told is not None
-    assert "rises there (22 times)" in told
     assert change(1.0 - np.sqrt(500.0)) == "22 times"
     assert percent(3.2, 0.1) == "320 ± 10 %"
     assert change(-0.3) == "30 %"

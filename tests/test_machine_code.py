@@ -86,7 +86,6 @@ def test_both_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.Mo
         measured,
         0.1 * constant,
         constant,
-        0.2 * np.cos(5.0 * time),
     )
     begin = (np.resize([0.1, -0.3], len(model.states)), np.eye(6, len(model.states)))
     forms = []

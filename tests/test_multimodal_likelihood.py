@@ -11,7 +11,7 @@ from machine import Machine, excitation, record
 
 from diagnosis import multimodal_likelihood
 from diagnosis.multimodal_likelihood import scatter_over_parts, with_scatter
-from diagnosis.refit import refit
+from diagnosis.refit import problem_near
 from identification.errors import Unidentifiable
 from identification.fit import fit
 from identification.fit_result import Fit
@@ -28,7 +28,8 @@ TRUE = Backlash(gap=0.02, motor_share=0.6)
 @pytest.fixture(scope="module")
 def found() -> Fit:
     hidden = Machine().hiding(backlash={"gap": TRUE.gap, "motor_share": TRUE.motor_share})
-    return refit(fit(record(hidden, excitation(1, duration=6.0)).log(), ServoModel.paper()), TRUE)
+    base = fit(record(hidden, excitation(1, duration=6.0)).log(), ServoModel.paper())
+    return problem_near(base, base.model.with_effect(TRUE)).descend(base)
 
 
 def fitted(fit: Fit) -> Effect:
@@ -91,7 +92,7 @@ def test_a_part_that_cannot_tell_is_left_out(found: Fit, monkeypatch: pytest.Mon
     def cannot(*_: object, **__: object) -> None:
         raise Unidentifiable("nothing moves")
 
-    monkeypatch.setattr(multimodal_likelihood, "refit", cannot)
+    monkeypatch.setattr(multimodal_likelihood, "problem_near", cannot)
     assert scatter_over_parts(found, fitted(found)) == {}
 
 

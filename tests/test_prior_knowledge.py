@@ -10,7 +10,7 @@ import pytest
 from front_door import PLAIN, TRUTH, columns
 
 from diagnosis import diagnose, diagnose_all
-from diagnosis.refit import fitted_near, refit
+from diagnosis.refit import problem_near
 from identification import Fit, Log, fit, fit_report, fit_to_dict
 from identification.fit import fit_with_prior, known_of
 from identification.prior_knowledge import PriorKnowledge
@@ -20,6 +20,10 @@ from plant.effects import CoulombFriction
 
 LOG = Log.from_arrays(**columns(PLAIN, duration=8.0))
 GRAVITY = PLAIN.names.index("gravity")
+
+
+def fitted_near(fit: Fit, model: ServoModel) -> Fit:
+    return problem_near(fit, model).descend(fit)
 
 
 @pytest.fixture(scope="module")
@@ -98,14 +102,15 @@ def test_what_is_known_holds_when_an_effect_comes_to_the_model() -> None:
     said["prior"] = {"viscous_friction": (0.5, 1e-6)}
     known = known_of(**said, start=PLAIN, effects=[CoulombFriction], stated=True)
     base = fit_with_prior(log, PLAIN, known)
-    richer = refit(base, CoulombFriction(torque=0.8))
+    richer = fitted_near(base, base.model.with_effect(CoulombFriction(torque=0.8)))
     for each in (base, richer, fitted_near(richer, PLAIN)):
         assert each.model.gravity == 0.6
         assert 0.7 <= each.model.inertia <= 0.79
         assert each.model.viscous_friction == pytest.approx(0.5, abs=1e-4)
     assert 0.05 <= richer["coulomb_friction.torque"].value <= 0.39
     held = known_of({"coulomb_friction.torque": 0.35}, None, None, PLAIN, [CoulombFriction], stated=True)
-    richer = refit(fit_with_prior(log, PLAIN, held), CoulombFriction(torque=0.8))
+    held_fit = fit_with_prior(log, PLAIN, held)
+    richer = fitted_near(held_fit, held_fit.model.with_effect(CoulombFriction(torque=0.8)))
     assert richer["coulomb_friction.torque"].value == 0.35
 
 

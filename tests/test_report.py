@@ -84,10 +84,11 @@ def test_the_page_reads_from_verdict_to_reproduction(outline):
         "The model lacks Coulomb friction.",
         "Measured and simulated",
         "Residual torque",
+        "Explanations",
         "Missing effects",
         "Validation error",
         "Parameters of the extended model",
-        "All effects that were tried",
+        "Effects that are not named",
         "The data",
         "How to reproduce",
     ]
@@ -147,7 +148,7 @@ def test_a_linear_axis_lacks_a_force(diagnosis):
         assert f"residual {there} [{unit}]" in lives
         assert f"the variance of the residual {there} of the base model" in lives
         assert f"residual {absent}" not in lives
-        assert f"Relative {there} error" in sentences(told)[2]
+        assert f"Relative {there} error" in sentences(told)[4]
 
 
 def test_words_look_as_in_print():
@@ -174,18 +175,16 @@ def sized(fit, size, **flags):
     return replace(fit, parameters=(replace(fit.parameters[0], value=size, **flags), *fit.parameters[1:]))
 
 
+def unbroken(text: str) -> str:
+    """With plain spaces and signs."""
+    return text.replace("\N{NO-BREAK SPACE}", " ").replace("\N{MINUS SIGN}", "-")
+
+
 def test_every_section_shows_its_own_numbers(diagnosis):
-    candidate = diagnosis.candidates[0]
-    tried = (
-        replace(candidate, effect="cogging", score=5.0, round=2),
-        replace(candidate, effect="stribeck_friction", score=7.0),
-        candidate,
-    )
     told = replace(
         diagnosis,
         base=sized(replace(diagnosis.base, log=replace(diagnosis.base.log, repairs=("a repair",))), 11.25),
         extended=sized(diagnosis.base, 22.5),
-        candidates=tried,
         warnings=("a repair", "a warning"),
     )
     found = sections(diagnosis_page(told, Provenance.now(["antidrive"])))
@@ -193,15 +192,14 @@ def test_every_section_shows_its_own_numbers(diagnosis):
     std = diagnosis.base.parameters[0].std
     assert measured(22.5, std, "kg m^2").split(" kg")[0] in parameters.replace("\N{NO-BREAK SPACE}", " ")
     assert "11.25" not in parameters
-    places = [
-        found["All effects that were tried"].index(name)
-        for name in ("Coulomb friction", "Stribeck friction", "cogging")
-    ]
-    assert places == sorted(places)
+    assert "it costs more than it explains (log Bayes factor -3.2)" in unbroken(found["Effects that are not named"])
+    assert "Input delay" in found["Effects that are not named"]
     assert found["The data"].count("a repair") == 1
     assert found["The data"].count("a warning") == 1
-    odds = found["Missing effects"]
-    assert [odds.count(f"|{share} %|") for share in (97, 2, 1)] == [2, 2, 1]  # of the effect and of the sets
+    sets = unbroken(found["Explanations"])
+    assert [sets.count(f"|{share} %|") for share in (97, 2, 1)] == [1, 1, 1]
+    places = [sets.index(f"|{name}|") for name in ("Coulomb friction", "Stribeck friction", "nothing more")]
+    assert places == sorted(places)
 
 
 def test_curves_after_are_drawn_only_if_there_is_an_extension(diagnosis):
@@ -262,7 +260,7 @@ def test_a_page_is_small_whatever_the_length_of_its_log(diagnosis):
 
 @pytest.mark.parametrize("verdict", ["nothing_missing", "unknown"])
 def test_a_page_without_causes_stands_too(diagnosis, verdict):
-    bare = replace(diagnosis, verdict=verdict, causes=(), gain=None, extended=diagnosis.base, candidates=(), replays=())
+    bare = replace(diagnosis, verdict=verdict, causes=(), gain=None, extended=diagnosis.base, replays=())
     text = diagnosis_page(bare, Provenance.now(["antidrive"]))
     assert headline(bare) in text
     assert "Missing effects" not in text
@@ -282,12 +280,17 @@ def test_a_fit_has_its_page(fitted):
 
 
 def test_words_say_how_sure(diagnosis):
-    first, second, torque, third = sentences(diagnosis)
+    cause, minor, unknown, gain, torque, left = sentences(diagnosis)
     floor = measured(0.001, 0.001 / np.sqrt(2 * diagnosis.extended.samples), "rad")
-    assert first == (
-        "Coulomb friction: probability 97 %, torque 0.400 ± 0.010 N m; alternatives: Stribeck friction 2 %, none 1 %."
+    assert cause == (
+        "Coulomb friction: probability 97 %, evidence decisive (log Bayes factor 321); torque 0.400 ± 0.010 N m; "
+        "0.35 N m rms."
     )
-    assert second == (
+    assert minor == (
+        "Minor: cogging (0.002 N m rms), no larger than what no effect explains; it may be a part of that."
+    )
+    assert unknown == "Unexplained: about 2 % of the torque in the log; it depends on velocity."
+    assert gain == (
         "On the validation run the simulation error falls from 0.05 rad to 0.01 rad rms (80 %); "
         f"the noise floor is {floor}."
     )
@@ -295,13 +298,16 @@ def test_words_say_how_sure(diagnosis):
         "Relative torque error of the inverse model (below 5 Hz): "
         "18.0 ± 1.0 % -> 4.00 ± 0.20 % on the estimation data, 19.0 ± 1.0 % -> 6.0 ± 0.4 % on validation data."
     )
-    assert third == "2 % of the error power remains unexplained; it depends on velocity."
-    cause = replace(diagnosis.causes[0], probability=0.6, alternatives=(("stribeck_friction", 0.39), ("none", 0.01)))
+    assert left == "2 % of the error power remains unexplained; it depends on velocity."
+    cause = replace(diagnosis.causes[0], probability=0.6, alternatives=(("stribeck_friction", 0.39),))
     torn = replace(diagnosis, verdict="ambiguous", causes=(cause,))
-    assert headline(torn) == "The model lacks Coulomb friction or Stribeck friction; this log does not tell which."
+    assert headline(torn) == (
+        "The model probably lacks Coulomb friction or Stribeck friction; this log does not tell which."
+    )
     both = replace(torn, causes=(diagnosis.causes[0], replace(cause, effect="cogging")))
     assert headline(both) == (
-        "The model lacks Coulomb friction. It also lacks cogging or Stribeck friction; this log does not tell which."
+        "The model lacks Coulomb friction. It also probably lacks cogging or Stribeck friction; this log does not tell "
+        "which."
     )
     lost = replace(diagnosis, verdict="unknown", causes=())
     assert headline(lost).endswith("explains; it depends on velocity.")

@@ -124,7 +124,7 @@ def test_words_stand_out_by_day_and_by_night(browser, pages, kind):
 def test_on_paper_nothing_is_cut_and_words_keep_their_size(browser, pages, scheme, width):
     with Reader(browser, pages["diagnosis"], color_scheme=scheme, viewport={"width": width, "height": 900}) as reader:
         paper = reader.page.pdf(format="A4")
-        assert len(re.findall(rb"/Type\s*/Page\b", paper)) in (4, 5)
+        assert len(re.findall(rb"/Type\s*/Page\b", paper)) in (4, 5, 6)
         # as a sheet between its margins shows it
         reader.page.emulate_media(media="print")
         reader.ask("dispatchEvent(new Event('beforeprint'))")

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
-from diagnosis import nonparametric_residual, stepwise_search
 from diagnosis.nuisance import Nuisance
-from diagnosis.refit import refit
-from diagnosis.score_test import Screen
 from identification.fit import base_model, fit
 from identification.fit_result import Fit
 from identification.least_squares import Minimum, NormalEquations
 from identification.predictor import Prediction
 from identification.problem import Problem, first_states
-from plant.effects import CoulombFriction, PayloadChange, TorqueOffset, Trace
 from plant.recursion import PATIENCE, Recursion
 
 
@@ -28,32 +22,6 @@ from plant.recursion import PATIENCE, Recursion
 def lacking() -> Fit:
     log = record(Machine().hiding(coulomb_friction={"torque": 0.2}), excitation(1, duration=10.0), noise=1e-3).log()
     return fit(log)
-
-
-@pytest.fixture
-def followed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The last effect of each model that is fitted by a descent."""
-    descended: list[str] = []
-    original = Problem.descend
-
-    def counted(self: Problem, *start: Any) -> Fit:
-        descended.append(self.model.effects[-1].name)
-        return original(self, *start)
-
-    monkeypatch.setattr(Problem, "descend", counted)
-    return descended
-
-
-def test_starts_that_meet_are_followed_once(lacking: Fit, followed: list[str]) -> None:
-    found = refit(lacking, CoulombFriction(torque=0.1), CoulombFriction(torque=0.3))
-    assert followed == ["coulomb_friction"]
-    alone = refit(lacking, CoulombFriction(torque=0.1))
-    assert found["coulomb_friction.torque"].value == alone["coulomb_friction.torque"].value
-
-
-def test_starts_that_do_not_meet_are_both_followed(lacking: Fit, followed: list[str]) -> None:
-    refit(lacking, *(PayloadChange(time=time, inertia=0.1, gravity=0.0) for time in (2.0, 8.0)))
-    assert followed == ["payload_change", "payload_change"]
 
 
 def test_a_minimum_is_where_the_log_tells_no_difference() -> None:
@@ -64,16 +32,6 @@ def test_a_minimum_is_where_the_log_tells_no_difference() -> None:
     assert not here.is_at(np.array([1.01 * apart, 0.0]), 100)
     nowhere = replace(here, equations=replace(equations, cost=np.inf, information=np.full((2, 2), np.inf)))
     assert not nowhere.is_at(np.zeros(2), 100)
-
-
-def test_a_base_that_returns_to_its_optimum_is_not_refitted(lacking: Fit, followed: list[str]) -> None:
-    found: Any = SimpleNamespace(fit=refit(lacking, CoulombFriction(torque=0.1)))
-    followed.clear()
-    assert stepwise_search._better_null(lacking, found) is None
-    assert followed == []
-    # One that was stopped far from its optimum does not.
-    astray = replace(lacking, model=replace(lacking.model, inertia=1.5 * lacking.model.inertia), log_likelihood=0.0)
-    assert stepwise_search._better_null(astray, found) is not None
 
 
 def test_of_a_colour_that_does_not_pay_no_fit_is_made(lacking: Fit) -> None:
@@ -152,33 +110,3 @@ def test_products_of_what_is_beyond_need_no_projection(runs: int) -> None:
     assert not grown[1].any()
     assert pulled[1] == 0.0
     assert pull[3] == 0.0
-
-
-def test_similar_shapes_are_tried_in_their_order() -> None:
-    shapes = [TorqueOffset(torque=torque) for torque in (1.0, 2.0, 3.0)]
-    traces = [Trace(columns=np.zeros((1, 1)), start=lambda c, s=shape: s) for shape in shapes]
-
-    def regress(asked: Any) -> Any:
-        return ((trace, 20.0 + rise, np.ones(1)) for trace, rise in zip(asked, (0.0, 1e-9, -1e-9), strict=False))
-
-    kind: Any = SimpleNamespace(name="any", multimodal=False, traces=lambda motion: traces, parameters=lambda: (None,))
-    screen: Any = SimpleNamespace(regress=regress, motion=None, innovations=[0.0], _sharpened=lambda some: some)
-    suspect = Screen._suspect(screen, kind)
-    assert suspect is not None
-    assert suspect.starts == (shapes[0],)
-
-
-@pytest.mark.parametrize(("busy", "taken"), [((5.0, 0.0, 5.0), 1), ((5.0, 5.0, 5.0), 2), ((0.0, 0.0, 0.0), 0)])
-def test_the_best_curve_is_kept_where_an_observer_remains(
-    monkeypatch: pytest.MonkeyPatch, busy: tuple[float, ...], taken: int
-) -> None:
-    """The first that pays was worth 50, the others 60 and 70."""
-    fit_: Any = SimpleNamespace(free=(), samples=1000, bandwidth=0.0)
-    known: dict[str, Any] = {str(k): SimpleNamespace(place=k, bandwidth=busy[k]) for k in range(3)}
-    monkeypatch.setattr(nonparametric_residual, "may_be_random_walk", lambda at: at.bandwidth > 0.0)
-    monkeypatch.setattr(
-        nonparametric_residual, "is_clearly_likelier", lambda one, other, than, times: one[0].place > other[0].place
-    )
-    found: Any = tuple((SimpleNamespace(name=name), 0.0) for name in known)
-    best: Any = nonparametric_residual._one_more(fit_, found, known)
-    assert best.place == taken

@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
-
-import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import Diagnosis, diagnose
-from diagnosis.backward_elimination import is_far_below
-from diagnosis.refit import evidence_of
-from diagnosis.score_test import excess_of_neighbouring_peaks
-from identification.fit import fit
 from identification.log import Log
-from identification.predictor import HELD
-from identification.problem import Problem
-from plant import BadParameter, ServoModel
-from plant.effects import Backlash, CableStiffness, PayloadChange
+from plant import BadParameter
+from plant.effects import CableStiffness
 
 
 def log_of(seed: int, **hidden: dict[str, float]) -> Log:
@@ -75,15 +65,17 @@ def test_a_law_stays_where_one_of_its_parameters_is_not_needed() -> None:
     assert cause.parameters["backward"].value == pytest.approx(0.2, rel=0.02)
 
 
-def test_a_name_is_weighed_behind_the_observer_of_the_best():
-    """A soft stop was a cable at first, behind a slower observer, and beside it a payload that changes."""
+def test_what_is_softer_than_any_stop_gets_no_other_name():
+    """A stop of 0.03 N m/rad explains the log best by far, but no machine has one; a cable does not take its place."""
     machine = Machine().hiding(end_stop={"angle": 3.0, "stiffness": 0.031})
     log = record(machine, excitation(14000, duration=30.0), seed=7000, noise=1e-3).log()
     held_out = record(machine, excitation(14001, duration=3.0), seed=7001, noise=1e-3).log()
     found = diagnose(log, None, held_out, candidates=["end_stop", "cable_stiffness", "payload_change"])
-    won = {candidate.effect for candidate in found.candidates if candidate.probability > 0.9}
-    assert won == {"end_stop"}
-    assert (found.verdict, [cause.effect for cause in found.causes]) == ("named", ["end_stop"])
+    assert (found.verdict, found.causes) == ("unknown", ())
+    assert (
+        next(each for each in found.rejected if each.effect == "end_stop").reason
+        == "such a cause hardly ever has the fitted values"
+    )
 
 
 @pytest.mark.long
@@ -107,48 +99,15 @@ def test_a_soft_cable_is_fitted_from_the_free_simulation() -> None:
     log = record(machine, excitation(16002, duration=30.0), seed=8001, noise=1e-3).log()
     found = diagnose(log, None, log, candidates=["cable_stiffness", "end_stop", "torque_offset"])
     assert found.causes[0].effect == "cable_stiffness"
-    assert found.causes[0].parameters["cubic"].value == pytest.approx(4.23e-6, rel=0.15)
-
-
-def test_a_loose_model_is_fitted_from_a_fast_observer_down(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In a free simulation its likelihood is a mountain range; no first look there tells what a descent would."""
-    log = record(Machine(), excitation(1, duration=5.0)).log()
-    stiff = fit(log)
-    loose = stiff.model.with_effect(Backlash(gap=0.01, motor_share=0.3))
-    begun: list[float] = []
-
-    def stopped(self: Problem, point: Any, bandwidth: float, width: float, iterations: int) -> Any:
-        begun.append(bandwidth)
-        raise StopIteration
-
-    monkeypatch.setattr(Problem, "minimise", stopped)
-    monkeypatch.setattr(Problem, "glance", lambda *_: 1e9)  # as bad as can be
-    for model in (stiff.model, loose):
-        with pytest.raises(StopIteration):
-            Problem.of(log, model).descend(replace(stiff, bandwidth=0.0))
-    assert begun == pytest.approx([0.0, HELD / 0.005])
-    assert is_far_below(stiff.model, stiff)
-    assert not is_far_below(loose, stiff)
+    cubic = found.causes[0].parameters["cubic"]
+    assert cubic.std is not None
+    assert abs(cubic.value - 4.23e-6) < 2.0 * cubic.std < 6e-6
 
 
 def test_a_cable_that_gives_way_as_it_bends_is_refused() -> None:
     """It would run off once it is bent far enough."""
     with pytest.raises(BadParameter, match="cubic"):
         CableStiffness(stiffness=1.0, cubic=-0.1)
-
-
-def test_a_divergent_hypothesis_is_worth_nothing() -> None:
-    """A payload that takes more inertia than the load behind a gap has: the motion grows without bound."""
-    log = log_of(10004)
-    base = fit(log, ServoModel.paper())
-    light = PayloadChange(time=-1.0, inertia=-0.9 * base.model.inertia, gravity=0.0)
-    model = base.model.with_effect(light).with_effect(Backlash(gap=0.003, motor_share=0.9))
-    fixed = [name for name in model.names if name not in ("gravity", "viscous_friction")]
-    found = Problem.of(log, model, fixed=fixed).descend(base)
-    assert found.runs_off
-    assert evidence_of(found, base) == -np.inf
-    assert excess_of_neighbouring_peaks(found, "backlash") is None
-    assert found["gravity"].value is None
 
 
 def test_a_hardly_touched_end_stop_is_found_at_the_reversal() -> None:

@@ -35,7 +35,7 @@ class Posterior:
         log_likelihood: of the innovations, over amplitudes and functions.
         variance: s^2 of the noise at the likeliest amplitude [rad^2].
         amplitude: posterior mean, as a share of the torque in the log [-].
-        material: probability that it is not nothing [-].
+        material: probability that the torque is not nothing [-].
         likeliest: places in `AMPLITUDES` and among those of the measurement's errors.
         functions: (M + R,) mean of f there.
         weights: (M + R, M + R) W, so that the covariance's inverse is (I - D W D') / s^2.
@@ -162,12 +162,18 @@ def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int)
         log_likelihood=float(scores[best] + np.log(np.mean(weights))),
         variance=variance,
         amplitude=float(weights @ amplitudes / weights.sum()),
-        material=float(weights[amplitudes >= _SCALE].sum() / weights.sum()),
+        material=_material(weights, amplitudes),
         likeliest=places[best],
         functions=functions,
         weights=inverse,
         scale=scales[best],
     )
+
+
+def _material(weights: Array, amplitudes: Array) -> float:
+    """Probability of an unmodelled torque of any size, where that and none are as likely before."""
+    some, none = float(np.mean(weights[amplitudes > 0.0])), float(np.mean(weights[amplitudes == 0.0]))
+    return some / (some + none)
 
 
 def _scale(torque: int, reading: int, columns: int, torques: int) -> Array:
@@ -187,6 +193,8 @@ def _at(gram: Array, pull: Array, power: float, degrees: int, scale: Array) -> t
         variance = max(left / max(degrees - used, 1.0), 1e-12 * power / degrees)
     stiff = values + variance
     quadratic = power - float(along @ (along / stiff))
+    if quadratic <= 0.0:  # rounding is all that is left
+        return -np.inf, variance, np.zeros(len(pull)), np.zeros_like(gram)
     log_determinant = float(np.sum(np.log(stiff / variance)))
     likelihood = -0.5 * (degrees * np.log(2.0 * np.pi * variance) + quadratic / variance + log_determinant)
     basis = scale[:, None] * vectors

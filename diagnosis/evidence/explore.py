@@ -32,7 +32,7 @@ _RETUNED = 3  # sets whose observer is chosen anew
 _MOST = 5  # times that names are added
 _STEP, _STEPS = 4.0, 4  # from bandwidth to bandwidth, and how many below that of the base model alone
 _STAGES = (0, 1, 2, 2)  # of a search among shapes that look alike
-_ITERATIONS = 20
+_ITERATIONS = 60
 
 
 @dataclass(eq=False)
@@ -146,7 +146,7 @@ def with_slower_observers(
     while best.fit.bandwidth:
         bandwidth = best.fit.bandwidth / _STEP
         slower = bandwidth if bandwidth > fastest / _STEP**_STEPS else 0.0
-        moved = weighed(_fitted(best.plain, [best.plain.model], slower))
+        moved = weighed(_fitted(best.fit, [best.fit.model], slower))
         if moved is None:
             return
         yield moved
@@ -156,12 +156,13 @@ def with_slower_observers(
 
 
 def _replace(found: Explored) -> None:
-    """Ask for every name, and for every two that one effect is confounded with, what may stand in their place."""
+    """Ask for every name that is not minor, and two that one effect is confounded with, what may stand there."""
     before = -np.inf
     while (best := found.best).names and best.log_marginal > before + _BELOW:
         before = best.log_marginal
-        places = [{name} for name in sorted(best.names)]
-        for one, other in combinations(sorted(best.names), 2):
+        large = [name for name in sorted(best.names) if best.sizes.effects[name] >= best.sizes.discrepancy]
+        places = [{name} for name in large]
+        for one, other in combinations(large, 2):
             if _confounded(found.effects, one) & _confounded(found.effects, other):
                 places.append({one, other})
         for out in map(frozenset, places):
@@ -175,13 +176,13 @@ def _replace(found: Explored) -> None:
 
 def _narrowed(found: Explored, best: Explanation) -> list[Explanation]:
     """The sets with the special case of an effect in its place."""
-    model, tried = best.plain.model, []
+    model, tried = best.fit.model, []
     for name in sorted(best.names):
         effect = model.effect(name)
         for special in effect.reduced()[:1] if effect is not None else ():
             if special.name in found.effects and not model.without_effect(name).holds(special.name):
                 narrow = model.without_effect(name).with_effect(special)
-                tried.append(found.weighed(_fitted(best.plain, [narrow], best.plain.bandwidth)))
+                tried.append(found.weighed(_fitted(best.fit, [narrow], best.fit.bandwidth)))
     found.add(tried)
     return [found.known[each.names] for each in tried if each is not None]
 
@@ -212,13 +213,13 @@ def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str
 
 def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanation | None:
     """The set without some names, behind the same observer or behind that of the base model, whichever suits it."""
-    names, model = best.names - out, best.plain.model
+    names, model = best.names - out, best.fit.model
     for name in out:
         model = model.without_effect(name)
     observers = {best.fit.bandwidth} if found.held else {best.fit.bandwidth, found.null.bandwidth}
     for bandwidth in sorted(observers):
         if (names, bandwidth) not in found.fits:
-            found.add([found.weighed(_fitted(best.plain, [model], bandwidth))])
+            found.add([found.weighed(_fitted(best.fit, [model], bandwidth))])
     known = [found.fits[names, each] for each in observers if (names, each) in found.fits]
     return max(known, key=lambda each: each.log_marginal, default=None)
 
@@ -273,9 +274,17 @@ def _try(found: Explored, pairs: Sequence[tuple[Explanation, Proposal]], bandwid
 
 
 def _tried(found: Explored, parent: Explanation, proposal: Proposal, bandwidth: float) -> Iterator[Explanation | None]:
-    """One of them, behind the observer of what is there and a slower one; nothing where it says no more than that."""
-    fit = _with(parent.plain, proposal, parent.plain.bandwidth)
-    if fit.log_likelihood <= parent.plain.log_likelihood + _NOTHING:
+    """One of them, behind the observer of what is there and a slower one; nothing where it says no more than that.
+
+    Without an observer a fit may end astray; so where it is no better there, it begins behind that of the base model.
+    """
+    fit = _with(parent.fit, proposal, parent.fit.bandwidth)
+    if fit.log_likelihood <= parent.fit.log_likelihood + _NOTHING:
+        if parent.fit.bandwidth < found.null.bandwidth and not found.held:
+            begun = found.weighed(_with(parent.fit, proposal, found.null.bandwidth))
+            if begun is not None:
+                yield begun
+                yield from with_slower_observers(begun, found.null.bandwidth, found.weighed)
         return
     weighed = found.weighed(fit)
     yield weighed
@@ -292,13 +301,13 @@ def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -
     Where such a set is likelier there than the best of the others, all go on behind that observer.
     """
     bandwidth = max(HELD / found.null.log.sample_time, *(parent.fit.bandwidth for parent, _ in chosen))
-    tried = in_threads(lambda pair: found.weighed(_with(pair[0].plain, pair[1], bandwidth)), chosen)
+    tried = in_threads(lambda pair: found.weighed(_with(pair[0].fit, pair[1], bandwidth)), chosen)
     loose = max((each for each in tried if each is not None), key=lambda each: each.log_marginal, default=None)
     if found.held or loose is None:
         found.add(tried)
         return
     best = found.best
-    rival = found.weighed(_fitted(best.plain, [best.plain.model], loose.fit.bandwidth))
+    rival = found.weighed(_fitted(best.fit, [best.fit.model], loose.fit.bandwidth))
     if rival is None or loose.log_marginal > rival.log_marginal:
         found.held, found.fits = True, {}
         found.add((*tried, rival))

@@ -10,7 +10,6 @@ import numpy as np
 from diagnosis.linear import Linear, linearised
 from diagnosis.nuisance import Nuisance
 from identification.fit_result import Fit
-from identification.log import Log
 from identification.predictor import Prediction
 from identification.problem import Problem
 from plant.effects.effect import Array
@@ -27,50 +26,43 @@ class Linearised:
         told: predictions with their Jacobians: the free parameters, then the initial states.
         innovations: (T,) of all of them.
         filters: what a torque or an error of the measurement does to the innovations.
-        load: (T,) torque that acts on the load besides [N m].
     """
 
     told: Sequence[Prediction]
     innovations: Array
     filters: tuple[Linear, ...]
-    load: Array
 
     @classmethod
-    def at(cls, fit: Fit, bandwidth: float, load: Array) -> Linearised | None:
-        """At a fit, behind an observer of a bandwidth [rad/s], while a torque (T,) acts on the load [N m].
-
-        None where the motion grows without bound.
-        """
-        problem, told = predicted(fit, fit.model, bandwidth, load)
+    def at(cls, fit: Fit, bandwidth: float) -> Linearised | None:
+        """At a fit, behind an observer of a bandwidth [rad/s]; None where the motion grows without bound."""
+        problem, told = predicted(fit, fit.model, bandwidth)
         if not is_bounded(told):
             return None
         substeps, colour = problem.predictor.substeps, problem.log.colour
         filters = tuple(
-            linearised(fit.model, run, p, bandwidth, substeps=substeps, colour=colour, load=own)
-            for run, p, own in zip(problem.log.runs, told, by_run(fit.log, load), strict=True)
+            linearised(fit.model, run, p, bandwidth, substeps=substeps, colour=colour)
+            for run, p in zip(problem.log.runs, told, strict=True)
         )
-        return cls(told=told, innovations=np.concatenate([p.innovations for p in told]), filters=filters, load=load)
+        return cls(told=told, innovations=np.concatenate([p.innovations for p in told]), filters=filters)
 
     def nuisance(self, without: Sequence[int] = ()) -> Nuisance:
         """What the parameters, but for those of some rows, and the initial states can follow."""
         kept = [row for row in range(self.told[0].jacobian.shape[1]) if row not in without]
         return Nuisance.of([replace(p, jacobian=p.jacobian[:, kept]) for p in self.told] if without else self.told)
 
-    def beyond_the_rest(self, rows: Sequence[int]) -> Array:
-        """(T, len(rows)) Jacobian of some parameters beyond all others and the initial states."""
-        return self.nuisance(rows).beyond(np.vstack([p.jacobian[:, list(rows)] for p in self.told]))
+    def slopes(self, rows: Sequence[int]) -> Array:
+        """(T, len(rows)) Jacobian of some parameters."""
+        return np.vstack([p.jacobian[:, list(rows)] for p in self.told])
+
+    def beyond_the_rest(self, rows: Sequence[int], without: Sequence[int] = ()) -> Array:
+        """(T, len(rows)) Jacobian of some parameters beyond all others, but for those `without`, and initial states."""
+        return self.nuisance((*rows, *without)).beyond(self.slopes(rows))
 
 
-def predicted(fit: Fit, model: ServoModel, bandwidth: float, load: Array) -> tuple[Problem, list[Prediction]]:
-    """A model predicted along a fit's log from its initial states, while a torque (T,) acts on the load [N m]."""
+def predicted(fit: Fit, model: ServoModel, bandwidth: float) -> tuple[Problem, list[Prediction]]:
+    """A model predicted along a fit's log from its initial states."""
     problem = Problem.of(fit.log, model, known=fit.known)
-    predictor = replace(problem.predictor, loads=by_run(fit.log, load))
-    return problem, predictor.predict(model.values, fit.initial, bandwidth=bandwidth, width=0.0)
-
-
-def by_run(log: Log, values: Array) -> tuple[Array, ...]:
-    """Values (T,) of all runs, run by run."""
-    return tuple(np.split(values, np.cumsum([len(run) for run in log.runs])[:-1]))
+    return problem, problem.predictor.predict(model.values, fit.initial, bandwidth=bandwidth, width=0.0)
 
 
 def is_bounded(told: Sequence[Prediction]) -> bool:

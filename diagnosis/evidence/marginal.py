@@ -2,7 +2,7 @@
 
     log Z = log p(e | a) + 1/2 log|(J_s' J_s)^-1| + log p(theta_s) - n log(catalogue)
 
-at the mode, with J_s the Jacobian of the effects' parameters beyond all others (Laplace); the discrepancy's functions
+with J_s the Jacobian of the effects' parameters beyond all others (Laplace); the discrepancy's functions
 are integrated out, its amplitude a summed over.
 """
 
@@ -35,8 +35,7 @@ class Explanation:
 
     Attributes:
         names: of the effects beyond the base model.
-        plain: the fit of all of them by least squares, as if there were no discrepancy.
-        weighed: near that, where parameters and discrepancy together are likeliest.
+        weighed: the fit of all of them, beside the discrepancy.
         log_marginal: log Z.
         screen: to ask what more there may be.
         families: that the discrepancy is made of.
@@ -44,7 +43,6 @@ class Explanation:
     """
 
     names: frozenset[str]
-    plain: Fit
     weighed: Weighed
     log_marginal: float
     screen: Screen
@@ -53,7 +51,7 @@ class Explanation:
 
     @property
     def fit(self) -> Fit:
-        """Of the base model with the effects, beside the discrepancy."""
+        """Of the base model with the effects."""
         return self.weighed.fit
 
     @property
@@ -65,29 +63,26 @@ class Explanation:
     def sizes(self) -> Sizes:
         """Of the effects and of the discrepancy."""
         at = self.weighed
-        load = self.families.torque @ at.functions
-        return Sizes.of(at.fit, self.names, self.families, at.noise, at.posterior.functions, load, self.observer)
+        return Sizes.of(at.fit, self.names, self.families, at.noise, at.posterior.functions, self.observer)
 
 
 def weigh(
-    plain: Fit, base: Collection[str], families: Families, *, catalogue: int, observer: float
+    fit: Fit, base: Collection[str], families: Families, *, catalogue: int, observer: float
 ) -> Explanation | None:
     """A fit as an explanation; None where a motion or what depends on it grows without bound.
 
     Args:
-        plain: of a model with effects, by least squares.
+        fit: of a model with effects.
         base: names of those effects that every explanation has.
         families: the same for all that are compared.
         catalogue: number of effects that might be named.
         observer: bandwidth of the observer that the base model needs [rad/s].
     """
-    names = frozenset(effect.name for effect in plain.model.effects) - set(base)
-    noise = float(np.sqrt(np.sum(plain.innovations**2) / plain.samples))  # masked samples are zero and do not count
-    begun = Weighed.at(plain, names, families, np.zeros(len(families.variables)), noise)
-    if begun is None:
+    names = frozenset(effect.name for effect in fit.model.effects) - set(base)
+    found = Weighed.at(fit, names, families)
+    if found is None:
         return None
-    found = begun.at_mode(names, families)
-    fit, here, discrepancy = found.fit, found.here, found.discrepancy
+    here, discrepancy = found.here, found.discrepancy
     torque, reading = score(here.filters, discrepancy.beyond(here.innovations)[:, None])
     problem = Problem.of(fit.log, fit.model, known=fit.known)
     motion = replace(
@@ -97,7 +92,6 @@ def weigh(
     counted = sum(forms(type(effect)) for effect in fit.model.effects if effect.name in names)
     return Explanation(
         names=names,
-        plain=plain,
         weighed=found,
         log_marginal=found.log_likelihood - counted * float(np.log(catalogue)),
         screen=Screen(fit=fit, motion=motion, innovations=here.innovations, nuisance=discrepancy, filters=here.filters),
@@ -108,7 +102,7 @@ def weigh(
 
 def families_along(fit: Fit) -> Families | None:
     """The families along the motion of a fitted model; None where that grows without bound."""
-    here = Linearised.at(fit, fit.bandwidth, np.zeros(len(fit.innovations)))
+    here = Linearised.at(fit, fit.bandwidth)
     if here is None:
         return None
     problem, nothing = Problem.of(fit.log, fit.model, known=fit.known), np.zeros((here.innovations.size, 1))

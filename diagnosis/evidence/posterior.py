@@ -19,6 +19,7 @@ import numpy as np
 from diagnosis.evidence.marginal import Explanation
 
 _NEGLIGIBLE = 1e-4  # probability of a set whose effects are not weighed against the discrepancy
+_EXACT = 0.01  # of an effect: no law is exact to less, so a wider form has to add more to be told
 _SURELY = 1e6  # ratio that is as good as any larger one
 
 
@@ -83,7 +84,7 @@ def beside_discrepancy(explanation: Explanation) -> dict[frozenset[str], float]:
         ways = [(frozenset({name}), whole), (frozenset[str](), 1.0 - whole)]
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
-            wide = whole * kept_share(explanation, more)
+            wide = whole * kept_share(explanation, more, least=_EXACT * explanation.sizes.effects[name])
             ways = [(frozenset({name}), wide), (frozenset({special}), whole - wide), ways[-1]]
         found = _with(found, ways)
     return found
@@ -100,7 +101,7 @@ def _with(
     return both
 
 
-def kept_share(explanation: Explanation, size: float) -> float:
-    """Share of its probability that an effect of such a size [rad] keeps beside the discrepancy [-]."""
-    ratio = min(size / max(explanation.sizes.discrepancy, 1e-300), _SURELY)
+def kept_share(explanation: Explanation, size: float, least: float = 0.0) -> float:
+    """Share of its probability that an effect of such a size [rad] keeps beside the discrepancy, or `least` [-]."""
+    ratio = min(size / max(explanation.sizes.discrepancy, least, 1e-300), _SURELY)
     return float(ratio**2 / (1.0 + ratio**2))

@@ -42,15 +42,11 @@ class Sizes:
         families: Families,
         noise: float,
         functions: Array,
-        load: Array,
         observer: float,
     ) -> Sizes:
-        """Of the effects of a fitted set and of a discrepancy with such coefficients (M + R,), behind an observer.
-
-        While a torque (T,) acts on the load [N m].
-        """
+        """Of the effects of a fitted set and of a discrepancy with such coefficients (M + R,), behind an observer."""
         bandwidth = max(observer, fit.bandwidth)
-        here = Linearised.at(fit, bandwidth, load)
+        here = Linearised.at(fit, bandwidth)
         if here is None:
             return cls(effects=dict.fromkeys(names, np.inf), beyond_special={}, discrepancy=0.0)
         columns = Responses.of(families, here.filters, noise).columns
@@ -62,7 +58,7 @@ class Sizes:
 
 
 def _size(fit: Fit, here: Linearised, name: str, bandwidth: float) -> float:
-    _, without = predicted(fit, fit.model.without_effect(name), bandwidth, here.load)
+    _, without = predicted(fit, fit.model.without_effect(name), bandwidth)
     own = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] == name]
     return _change(without, here, here.nuisance(own))
 
@@ -74,7 +70,7 @@ def _beyond_special(
         for special in effect.reduced()[:1] if effect.name in names else ():
             if fit.model.effect(special.name) is None:
                 narrow = fit.model.without_effect(effect.name).with_effect(special)
-                _, other = predicted(fit, narrow, bandwidth, here.load)
+                _, other = predicted(fit, narrow, bandwidth)
                 yield effect.name, (special.name, _change(other, here, Nuisance.of(other)))
 
 

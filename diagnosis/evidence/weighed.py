@@ -1,9 +1,9 @@
-"""A model weighed beside the discrepancy: linearised where parameters and unmodelled torque together are likeliest."""
+"""A fitted model weighed beside the discrepancy: the likelihood over all that is free, linearised at the fit."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,25 +11,22 @@ import numpy as np
 from diagnosis.evidence.discrepancy import Discrepancy, Posterior, Responses
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.linearised import Linearised
-from diagnosis.evidence.mode import Beside
 from diagnosis.evidence.prior import log_density
 from diagnosis.linear import response
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects.effect import Array
 
-_MOVES = 4  # linearisations on the way to the mode
-_MOVED = 0.5  # rise of the log density that is worth another
+_FOLLOWED = 1e-4  # of a parameter's slopes, to which all others can follow it if it is not determined
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Weighed:
-    """A model with an unmodelled torque acting, linearised: the likelihood over all that is free.
+    """A model with an unmodelled torque beside it, linearised at a fit: the likelihood over all that is free.
 
     Attributes:
         fit: at which it was.
-        here: with the innovations as they would be without it.
-        functions: (M,) its coefficients.
+        here: its predictions.
         noise: as which errors of the measurement are counted [rad].
         responses: of the families.
         discrepancy: beside the model.
@@ -38,31 +35,28 @@ class Weighed:
 
     fit: Fit
     here: Linearised
-    functions: Array
     noise: float
     responses: Responses
     discrepancy: Discrepancy
     log_likelihood: float
 
     @classmethod
-    def at(cls, fit: Fit, names: Collection[str], families: Families, functions: Array, noise: float) -> Weighed | None:
+    def at(cls, fit: Fit, names: Collection[str], families: Families) -> Weighed | None:
         """Of a fit with some effects beyond the base model; None where the motion grows without bound."""
-        here = Linearised.at(fit, fit.bandwidth, families.torque @ functions)
+        here = Linearised.at(fit, fit.bandwidth)
         if here is None:
             return None
+        noise = float(np.sqrt(np.sum(fit.innovations**2) / fit.samples))  # masked samples are zero and do not count
         responses = Responses.of(families, here.filters, noise)
-        acting = responses.columns[:, : len(functions)] @ functions
-        here = replace(here, innovations=here.innovations + acting)
         discrepancy = Discrepancy.learned(here.nuisance(), responses, here.innovations, fit.samples)
         own = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] in names]
         held = _held(fit, here, own, here.innovations - responses.columns @ discrepancy.posterior.functions)
         if held:
             discrepancy = Discrepancy.learned(here.nuisance(held), responses, here.innovations, fit.samples)
-        volume = _volume(fit, here, [row for row in own if row not in held])
+        volume = _volume(fit, here, [row for row in own if row not in held], held)
         return cls(
             fit=fit,
             here=here,
-            functions=functions,
             noise=noise,
             responses=responses,
             discrepancy=discrepancy,
@@ -79,37 +73,25 @@ class Weighed:
         """Size of the unmodelled torque over that of all torque [-]: what each changes in the innovations."""
         torque = np.concatenate([run.drive for run in self.fit.log.runs])
         whole = self.discrepancy.beyond_initial_states(response(self.here.filters, torque[:, None], on_reading=False))
-        torques = len(self.functions)
+        torques = len(self.responses.variables)
         own = self.responses.columns[:, :torques] @ self.posterior.functions[:torques]
         beyond = self.here.nuisance().beyond(own)
         return float(np.linalg.norm(beyond)) / max(float(np.linalg.norm(whole)), 1e-300)
 
-    def at_mode(self, names: Collection[str], families: Families) -> Weighed:
-        """The same where parameters and unmodelled torque together are likeliest, as far as more is explained there.
-
-        Where the log does not tell the two apart the mode lies anywhere, and the evidence does not rise on the way.
-        """
-        at = self
-        for _ in range(_MOVES):
-            if not (at.posterior.scale.any() or at.functions.any()):
-                break  # without discrepancy the least squares are the mode
-            problem = Beside.of_fit(at.fit, families, at.responses, at.posterior)
-            fit, functions = problem.from_fit(at.fit, at.functions)
-            moved = Weighed.at(fit, names, families, functions, float(np.sqrt(at.posterior.variance)))
-            if moved is None or moved.log_likelihood < at.log_likelihood + _MOVED:
-                break
-            at = moved
-        return at
-
 
 def _held(fit: Fit, here: Linearised, own: list[int], remaining: Array) -> list[int]:
-    """Rows of the effects' parameters that their bounds hold, once the discrepancy is taken out of the innovations.
+    """Rows of the effects' parameters that the log does not move: the others can follow, or their bounds hold them.
 
-    There the likeliest value lies beyond the bound, and what would be won there must not count.
+    The latter once the discrepancy is taken out of the innovations. There the likeliest value lies beyond the bound,
+    and what would be won there must not count.
     """
     if not own:
         return []
     beyond = here.beyond_the_rest(own)
+    followed = np.linalg.norm(beyond, axis=0) <= _FOLLOWED * np.linalg.norm(here.slopes(own), axis=0)
+    if followed.any():
+        lost = [row for row, gone in zip(own, followed, strict=True) if gone]
+        return [*lost, *_held(fit, here, [row for row in own if row not in lost], remaining)]
     size = np.maximum(np.linalg.norm(beyond, axis=0), 1e-300)
     step = -np.linalg.lstsq(beyond / size, remaining, rcond=1e-9)[0] / size
     problem = Problem.of(fit.log, fit.model, known=fit.known)
@@ -117,11 +99,11 @@ def _held(fit: Fit, here: Linearised, own: list[int], remaining: Array) -> list[
     return [row for row, end in zip(own, ends, strict=True) if not problem.lower[row] <= end <= problem.upper[row]]
 
 
-def _volume(fit: Fit, here: Linearised, free: list[int]) -> float:
+def _volume(fit: Fit, here: Linearised, free: list[int], held: list[int]) -> float:
     """Log of the volume that the effects' free parameters have left, times their density before."""
     if not free:
         return 0.0
-    beyond = here.beyond_the_rest(free)
+    beyond = here.beyond_the_rest(free, held)
     information = beyond.T @ beyond
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
     sign, log_determinant = np.linalg.slogdet(information / np.outer(scale, scale))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -15,20 +15,18 @@ from diagnosis.experiment.separation import Rival
 from diagnosis.experiment.signal_design import Design, Found, Limits
 from diagnosis.experiment.signal_families import Signal
 from diagnosis.experiment.time_scale import time_scale
-from diagnosis.model_probability import CLEAR
 from diagnosis.result import Findings
+from diagnosis.verdict import SURE
 from identification.fit_result import Fit
-from identification.problem import Problem
 from plant.effects.effect import Array, Axis
 from plant.errors import BadParameter
 
 __all__ = ["Experiment", "Limits", "rivals_of", "separating_experiment"]
 
 _DURATIONS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)  # tried where none is given, at 5 ms [s]
-_WIDE = 30.0  # bandwidth of the observer from which a rival's refit descends, at 5 ms [rad/s]
 _CONVINCING = 5.0  # expected log odds from which an experiment is worth its time
 _TRIALS = 12  # of durations, about
-_SURE = 9.3  # m of which log odds scattered by sqrt(2 m) exceed log(CLEAR / (1 - CLEAR)) in 95 of 100 cases
+_SETTLED = 9.3  # m of which log odds scattered by sqrt(2 m) exceed log(SURE / (1 - SURE)) in 95 of 100 cases
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -192,12 +190,12 @@ def _shortest(lasting: Callable[[float], Design], ladder: tuple[float, ...], see
 
     def settled(length: float) -> bool:
         design = lasting(length)
-        return design.settle(design.promising(), _SURE)
+        return design.settle(design.promising(), _SETTLED)
 
     place = bisect_left(ladder[:-1], True, key=settled)
     for length in ladder[max(place - 2, 0) : place]:
         best = lasting(length).best(seed)
-        if best.log_odds >= _SURE:
+        if best.log_odds >= _SETTLED:
             return best
     return lasting(ladder[place]).best(seed)
 
@@ -207,7 +205,7 @@ def _chirp_duration(lasting: Callable[[float], Design], ladder: tuple[float, ...
 
     def settled(length: float) -> bool:
         design = lasting(length)
-        return design.settle(design.chirps(), _SURE)
+        return design.settle(design.chirps(), _SETTLED)
 
     place = bisect_left(ladder, True, key=settled)
     return ladder[place] if place < len(ladder) else np.inf
@@ -224,23 +222,14 @@ def _names(first: Fit, second: Fit) -> tuple[str, str]:
 
 
 def rivals_of(diagnosis: Findings) -> tuple[Fit, Fit] | None:
-    """The extended model and the best alternative to its first ambiguous cause, both fitted; None if there is none.
+    """The fits of the likeliest set with the first unsure cause and of the likeliest without; None if there is none.
 
-    Where the best alternative is that nothing is missing, no signal tells more than a longer log.
+    Where the latter has nothing in its place, no signal tells more than a longer log.
     """
+    fitted = [(set(each.effects), each.fit) for each in diagnosis.sets if each.fit is not None]
     for cause in diagnosis.causes:
-        if cause.probability >= CLEAR or not cause.alternatives:
-            continue
-        next_best, share = cause.alternatives[0]
-        if share < 1.0 - cause.missing:
-            continue
-        tried = [(c.evidence, c.fitted) for c in diagnosis.candidates if c.effect == next_best and c.fitted is not None]
-        if not tried:
-            continue
-        _, rival = max(tried, key=lambda one: one[0])
-        fit = diagnosis.extended
-        model = fit.model.without_effect(cause.effect).with_effect(rival)
-        # A descent only ever lowers the bandwidth, and a rival may need one where the leader needs none.
-        start = replace(fit, bandwidth=max(fit.bandwidth, _WIDE / time_scale(fit.log.sample_time)))
-        return fit, Problem.of(fit.log, model, known=fit.known).descend(start)
+        holder = next((pair for pair in fitted if cause.effect in pair[0]), None)
+        other = next((pair for pair in fitted if cause.effect not in pair[0]), None)
+        if cause.probability <= SURE and holder is not None and other is not None and not other[0] <= holder[0]:
+            return holder[1], other[1]
     return None

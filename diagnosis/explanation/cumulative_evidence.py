@@ -1,21 +1,19 @@
 """The pictures of one cause: when along the log its evidence was gathered, and over which variable it shows.
 
-Both compare the extended model with the same model less the cause, everything else fitted again.
+Both compare two fits of one log: a set of effects, and the same less the cause.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from diagnosis.residual_torque import residual_torque
 from identification.fit_result import Fit
-from identification.problem import Problem
 from plant.effects.effect import Array
 
 _TELLING = 0.3  # share of a predicted torque that one variable must carry to be the one that tells
-_WIDE = 30.0  # bandwidth [rad/s] from which a fit without the cause descends; it may need one where the other does not
 _PARTS = 10  # of the log, to see whether the evidence rests on one moment
 
 
@@ -68,12 +66,6 @@ class ResidualOverVariable:
     def standing_out(self) -> int:
         """Number of bins in which the predicted torque is larger than the band."""
         return int(np.sum(np.abs(self.predicted) > self.band))
-
-
-def without_cause(fit: Fit, effect: str) -> Fit:
-    """The model less one effect, fitted again to the same log."""
-    model = fit.model.without_effect(effect)
-    return Problem.of(fit.log, model, known=fit.known).descend(replace(fit, bandwidth=max(fit.bandwidth, _WIDE)))
 
 
 def cumulative_evidence(before: Fit, after: Fit) -> CumulativeEvidence:

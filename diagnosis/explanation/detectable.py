@@ -1,52 +1,61 @@
 """How large an effect could be without being noticed: the limit of detection of a log in which nothing is missing.
 
-Beside everything that the fit can absorb, the coefficient of an effect's trace has a standard error s. An effect of
-size c then raises the log-likelihood by c^2 / (2 s^2) on average, from which its charge is taken; it is noticed when
-the rest is at least the log odds from which it is told that something is missing. Said only of effects whose trace has
-one shape and whose only parameter is its size, for there the screen is exact to first order.
+Beside everything that the fit can absorb, the coefficient of an effect's signature has a standard error s. An effect of
+size z s then has a log Bayes factor of z^2 / 2 on average, less its charge: the volume that the estimate leaves open,
+of the three decades where it might have lain (`evidence.prior`), and the catalogue. Said only of effects whose
+signature has one shape and whose only parameter is its size, for there this is exact to first order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection
 
 import numpy as np
+from scipy.optimize import brentq
 
-from diagnosis.explanation.hypothesis_comparison import NOTICED
+from diagnosis.evidence.prior import LOG_UNIFORM
 from diagnosis.linear import response
-from diagnosis.result import Candidate, Estimate
+from diagnosis.result import Estimate
 from diagnosis.score_test import Screen
+from diagnosis.verdict import CLEARLY
 from identification.fit_result import Fit
-from identification.noise import coloured_information
 from plant.effects import Trace, catalogue
 
+_LARGE = 100.0  # standard errors, at which anything is noticed
 
-def detectable(fit: Fit, tried: Iterable[Candidate]) -> dict[str, Estimate]:
+
+def detectable(fit: Fit, asked: Collection[str]) -> dict[str, Estimate]:
     """Size at which each effect would be noticed as often as not, by its name, for the effects of which it can be said.
 
     Args:
         fit: in which nothing is missing.
-        tried: the effects that were asked, with what they were charged.
+        asked: the effects that were asked.
     """
-    screens = [screen for screen, _ in Screen.views(fit)]
+    screen = Screen.of(fit)
     found: dict[str, Estimate] = {}
-    for candidate in tried:
-        kind = catalogue.get(candidate.effect)
+    for name in asked:
+        kind = catalogue.get(name)
         specs = () if kind is None else kind.parameters()
-        traces = [list(kind.traces(screen.motion)) for screen in screens] if kind is not None else []
-        if len(specs) != 1 or any(len(shapes) != 1 or shapes[0].columns.shape[1] != 1 for shapes in traces):
+        traces = list(kind.traces(screen.motion)) if kind is not None else []
+        if len(specs) != 1 or len(traces) != 1 or traces[0].columns.shape[1] != 1:
             continue
-        error = min(_standard_error(screen, trace) for screen, (trace,) in zip(screens, traces, strict=True))
-        size = error * float(np.sqrt(2.0 * max(NOTICED + candidate.evidence - candidate.visible, 0.0)))
-        unit = specs[0].unit_on(fit.model.axis, fit.model.torque_unit)
-        found[candidate.effect] = Estimate(value=size, std=None, unit=unit)
+        (spec,) = specs
+        size = _standard_error(screen, traces[0]) * _noticed(2 if spec.lower < 0.0 else 1, len(asked))
+        found[name] = Estimate(value=size, std=None, unit=spec.unit_on(fit.model.axis, fit.model.torque_unit))
     return found
 
 
+def _noticed(sides: int, catalogue: int) -> float:
+    """Standard errors of an estimate from which its log Bayes factor is enough."""
+
+    def over(z: float) -> float:
+        return float(0.5 * z**2 - np.log(sides * z) - LOG_UNIFORM - np.log(catalogue) - CLEARLY)
+
+    return float(brentq(over, 1.0, _LARGE))
+
+
 def _standard_error(screen: Screen, trace: Trace) -> float:
-    """Of the trace's coefficient, for innovations of the colour that they have."""
+    """Of the signature's coefficient."""
     seen = screen.nuisance.beyond(response(screen.filters, trace.columns, on_reading=trace.acts_on == "reading"))
     information = float((seen**2).sum())
-    if information <= 0.0:
-        return np.inf
-    return float(np.sqrt(coloured_information(seen, screen.innovations).item())) / information
+    return screen.fit.noise_std / float(np.sqrt(information)) if information > 0.0 else np.inf

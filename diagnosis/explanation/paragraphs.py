@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.experiment import Experiment
+from diagnosis.explanation.posterior_sentences import posterior_sentences
 from diagnosis.explanation.reasons import Reason, reason_for, reason_for_none
 from diagnosis.explanation.wording import change, joined_words, measured, percent, torque_or_force
 from diagnosis.holdout import gain_errors
@@ -22,19 +23,20 @@ class Explanation:
 
     Attributes:
         missing: the residual torque, and over which variable it shows.
+        posterior: what is sure, what is either-or, and what no effect explains.
         reasons: why each effect is named, or why none is.
         outcome: the gain on validation data, and what remains.
-        short: the evidence, the first sentence of each reason.
     """
 
     missing: tuple[str, ...]
+    posterior: tuple[str, ...]
     reasons: tuple[Reason, ...]
     outcome: tuple[str, ...]
-    short: tuple[str, ...]
 
     def __str__(self) -> str:
         """Everything, in paragraphs."""
-        parts = [("Residual torque", self.missing), *((r.title, r.sentences) for r in self.reasons)]
+        parts = [("Residual torque", self.missing), ("What explains it", self.posterior)]
+        parts += [(reason.title, reason.sentences) for reason in self.reasons]
         parts.append(("Validation", self.outcome))
         return "\n\n".join(f"{title}. {' '.join(sentences)}" for title, sentences in parts if sentences)
 
@@ -48,8 +50,12 @@ def explain(diagnosis: Findings, experiment: Experiment | None = None) -> Explan
     """
     causes = tuple(reason_for(diagnosis, cause, experiment) for cause in diagnosis.causes)
     reasons = causes or (reason_for_none(diagnosis),)
-    short = tuple(reason.sentences[0] for reason in reasons)
-    return Explanation(missing=_missing(diagnosis), reasons=reasons, outcome=_outcome(diagnosis), short=short)
+    return Explanation(
+        missing=_missing(diagnosis),
+        posterior=posterior_sentences(diagnosis),
+        reasons=reasons,
+        outcome=_outcome(diagnosis),
+    )
 
 
 def _missing(diagnosis: Findings) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Why an effect is named, or none: the evidence, the competing hypotheses, where it shows, what may be hidden."""
+"""Why an effect is named, or none: the evidence, where it shows, and what may be hidden."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ from diagnosis.explanation.cumulative_evidence import (
     ResidualOverVariable,
     cumulative_evidence,
     residual_over_variable,
-    without_cause,
 )
 from diagnosis.explanation.detectable import detectable
-from diagnosis.explanation.hypothesis_comparison import AGAIN, NOTICED, HypothesisComparison, comparison_of
 from diagnosis.explanation.wording import (
+    change,
     effect_of,
     joined_words,
+    measured,
     percent,
     rise,
-    sentence_case,
     size,
     strength,
     title_of,
     torque_or_force,
 )
-from diagnosis.model_probability import CLEAR, NONE
-from diagnosis.result import Cause, Findings
+from diagnosis.refit import without
+from diagnosis.result import Cause, Findings, Rejected
+from diagnosis.verdict import SURE
+from identification.fit_result import Fit
 
 _ONE_MOMENT = 0.5  # share of the evidence from one tenth of the log that calls for a look at it
 _OPEN = 0.01  # probability from which a rival is named among those that the log cannot tell apart
@@ -40,7 +41,6 @@ class Reason:
         title: what is explained.
         effect: its name; None where no effect is named.
         sentences: the explanation, the evidence first.
-        contest: its competing hypotheses; None where they are not on record.
         cumulative_evidence: where along the log its evidence comes from; None where nothing was added.
         residual_over_variable: where the residual torque shows it; None where it does not.
     """
@@ -48,7 +48,6 @@ class Reason:
     title: str
     effect: str | None
     sentences: tuple[str, ...]
-    contest: HypothesisComparison | None = None
     cumulative_evidence: CumulativeEvidence | None = None
     residual_over_variable: ResidualOverVariable | None = None
 
@@ -61,77 +60,42 @@ def reason_for(diagnosis: Findings, cause: Cause, experiment: Experiment | None)
         cause: one of its causes.
         experiment: that has been designed to tell its rivals apart, if any.
     """
-    contest, extended = comparison_of(diagnosis, cause), diagnosis.extended
-    alone = len(extended.model.effects) - len(diagnosis.base.model.effects) == 1
-    other = diagnosis.base if alone else without_cause(extended, cause.effect)
-    grown, seen = cumulative_evidence(other, extended), residual_over_variable(other, extended)
-    lines = [_margin(diagnosis, cause, contest), *_field(diagnosis, cause, contest)]
-    if not alone and contest.round != AGAIN:
-        lost = rise(extended.log_likelihood - other.log_likelihood)
-        lines.append(f"Without it, all else fitted again, the log-likelihood of the extended model falls by {lost}.")
+    after, before = _with_and_without(diagnosis, cause.effect)
+    bounded = not before.runs_off
+    grown = cumulative_evidence(before, after) if bounded else None
+    seen = residual_over_variable(before, after) if bounded else None
+    name, residual = title_of(cause.effect, diagnosis), diagnosis.residual_before
+    lines = [
+        f"The evidence for {name} is {strength(cause.log_bayes)}: the best set of effects with it against the best "
+        "without it.",
+        f"It explains a {torque_or_force(residual.unit)} of {measured(cause.rms, None, residual.unit)} rms, "
+        f"{percent(cause.share)} of the power of the residual without it.",
+    ]
+    if cause.gain_std:
+        went = "smaller" if cause.gain >= 0.0 else "larger"
+        by = change(cause.gain, cause.gain_std)
+        lines.append(f"On validation data the error of multi-step prediction is {by} {went} with it.")
     if cause.parameters:
         lines.append(f"Its parameters: {size(cause.parameters.items())}.")
     lines += [_over(diagnosis, cause, seen), _along(grown)]
-    if cause.probability < CLEAR:
+    if cause.probability <= SURE:
         lines += _torn(diagnosis, cause, experiment)
     return Reason(
-        title=f"Why {title_of(cause.effect, diagnosis)}",
+        title=f"Why {name}",
         effect=cause.effect,
         sentences=tuple(lines),
-        contest=contest,
         cumulative_evidence=grown,
         residual_over_variable=seen,
     )
 
 
-def _margin(diagnosis: Findings, cause: Cause, contest: HypothesisComparison) -> str:
-    """The evidence for an effect, against the runner-up where there is one."""
-    name, lead, second = title_of(cause.effect, diagnosis), contest.leader, contest.runner_up
-    raised = f"{sentence_case(name)} raises the log-likelihood by {rise(lead.evidence)}"
-    if contest.round == AGAIN:
-        if second is None:
-            return f"Beside all other effects found, {name} raises the log-likelihood by {rise(lead.evidence)}."
-        return (
-            f"Beside all other effects found, {name} raises the log-likelihood by {rise(lead.evidence)}. The evidence "
-            f"against the runner-up, {title_of(second.effect, diagnosis)}, is {strength(lead.score - second.score)}."
-        )
-    if second is None or second.effect == NONE:
-        return (
-            f"{raised}; no other effect comes near. Less a charge of {lead.evidence - lead.visible:.3g} for its "
-            f"parameters and the search, the evidence that it is missing is {strength(contest.something)}."
-        )
-    rival = title_of(second.effect, diagnosis)
-    return (
-        f"{raised}, the runner-up, {rival}, by {rise(second.evidence)}. Less the charges for parameters and the "
-        f"search, the evidence for {name} against {rival} is {strength(lead.score - second.score)}."
-    )
-
-
-def _field(diagnosis: Findings, cause: Cause, contest: HypothesisComparison) -> list[str]:
-    """The competing hypotheses."""
-    lines = []
-    if contest.leader.effect != cause.effect:
-        won = title_of(contest.leader.effect, diagnosis)
-        lines.append(f"It was found as {won}. Beside the effects found later only this special case is still needed.")
-    alike = [title_of(name, diagnosis) for name in contest.alike if name != cause.effect]
-    if alike:
-        fit = "fits" if len(alike) == 1 else "fit"
-        lines.append(
-            f"{sentence_case(joined_words(alike))} {fit} no better: the parameters that make the difference are zero "
-            "or undetermined."
-        )
-    if strange := [title_of(name, diagnosis) for name in contest.strange]:
-        lines.append(
-            f"{sentence_case(joined_words(strange))}: such a cause hardly ever has the fitted values, "
-            "so its probability is lowered."
-        )
-    if contest.screened:
-        best = contest.screened[0]
-        lines.append(
-            f"In round {contest.round} of the search {contest.fitted} of {contest.asked} effects were fitted. Of those "
-            f"that the score test ruled out, {title_of(best.effect, diagnosis)} promised most ({best.evidence:+.3g})."
-        )
-    return lines
+def _with_and_without(diagnosis: Findings, effect: str) -> tuple[Fit, Fit]:
+    """The likeliest set that holds an effect, and the same less the effect, both fitted."""
+    if effect in diagnosis.without:
+        return diagnosis.extended, diagnosis.without[effect]
+    holders = (each.fit for each in diagnosis.sets if effect in each.effects and each.fit is not None)
+    holder = next(holders, diagnosis.extended)
+    return holder, without(holder, effect, diagnosis.base.bandwidth)
 
 
 def _over(diagnosis: Findings, cause: Cause, seen: ResidualOverVariable | None) -> str:
@@ -148,8 +112,10 @@ def _over(diagnosis: Findings, cause: Cause, seen: ResidualOverVariable | None) 
     )
 
 
-def _along(grown: CumulativeEvidence) -> str:
+def _along(grown: CumulativeEvidence | None) -> str:
     """Whether the evidence rests on one moment."""
+    if grown is None:
+        return "Without it the motion of the model grows without bound."
     share, moment = grown.densest
     if share < _ONE_MOMENT:
         return f"The evidence comes from the whole log; no tenth of it gives more than {percent(share)}."
@@ -164,21 +130,16 @@ def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> l
     kind = effect_of(diagnosis, cause.effect)
     rivals = [name for name, share in cause.alternatives if share > _OPEN]
     names = joined_words([title_of(name, diagnosis) for name in (cause.effect, *rivals)])
-    needed = percent(CLEAR)
     lines = []
     if rivals:
         lines.append(
-            f"This log does not tell {names} apart. An effect is named alone if its probability is above {needed}."
+            f"This log does not tell {names} apart. An effect is named alone if its probability is above "
+            f"{percent(SURE)}."
         )
-    if cause.missing < CLEAR and diagnosis.unknown.likelier_than(1.0 - CLEAR):
+    else:
         lines.append(
-            f"What no effect explains is about as large as {title_of(cause.effect, diagnosis)}, which may be a part of "
-            "that. A motion in which the effect shows more would decide."
-        )
-    elif cause.missing < CLEAR:
-        lines.append(
-            f"The probability that no effect is missing is {percent(1.0 - cause.missing)}. A longer log would decide, "
-            "or a motion in which the effect shows more."
+            f"What no effect explains is about as large as {names}, which may be a part of that. A longer log would "
+            "decide, or a motion in which the effect shows more."
         )
     for other in (effect_of(diagnosis, name) for name in rivals):
         if kind is not None and other is not None:
@@ -190,14 +151,18 @@ def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> l
 
 def reason_for_none(diagnosis: Findings) -> Reason:
     """Why a diagnosis gives no name."""
-    rounds = sorted({c.round for c in diagnosis.candidates})
-    if not rounds:
-        return Reason(title="Why no effect is named", effect=None, sentences=("No effect was tried.",))
-    first = HypothesisComparison.of_round(diagnosis.candidates, rounds[0])
+    title = "Why no effect is named"
+    asked = len(diagnosis.rejected) + len(diagnosis.minor)
+    nearest = next((f" The nearest, {_rejected(diagnosis, each)}" for each in diagnosis.rejected), "")
     if diagnosis.verdict == "nothing_missing":
-        lines = [_not_needed(diagnosis, first), *_could_hide(diagnosis, first)]
-        return Reason(title="Why no effect is named", effect=None, sentences=tuple(lines), contest=first)
-    lines = [_not_believed(diagnosis, first)]
+        lines = [f"{asked} effects were tried. None explains more than it costs.{nearest}", *_could_hide(diagnosis)]
+        return Reason(title=title, effect=None, sentences=tuple(lines))
+    unknown, acts = diagnosis.unknown, torque_or_force(diagnosis.residual_before.unit)
+    lines = [
+        f"{asked} effects were tried. None is both probable and larger than what no effect explains: about "
+        f"{percent(unknown.share)} of the {acts} in the log, with a probability of {percent(unknown.probability)}."
+        f"{nearest}"
+    ]
     grown = seen = None
     if diagnosis.extended is not diagnosis.base:
         base, extended = diagnosis.base, diagnosis.extended
@@ -205,30 +170,22 @@ def reason_for_none(diagnosis: Findings) -> Reason:
         more = rise(extended.log_likelihood - base.log_likelihood)
         grown, seen = cumulative_evidence(base, extended), residual_over_variable(base, extended)
         lines += [f"A {joined_words(carried)} raises the log-likelihood by {more}.", _along(grown)]
-    title = "Why no effect is named"
     return Reason(
         title=title,
         effect=None,
         sentences=tuple(lines),
-        contest=first,
         cumulative_evidence=grown,
         residual_over_variable=seen,
     )
 
 
-def _not_needed(diagnosis: Findings, contest: HypothesisComparison) -> str:
-    best = contest.best
-    if best is None:
-        return f"{contest.asked} effects were tried, and none explains more than the model does."
-    return (
-        f"{contest.asked} effects were tried. The best, {title_of(best.effect, diagnosis)}, raises the log-likelihood "
-        f"by {best.evidence:.3g}; its parameters and the search cost {best.evidence - best.visible:.3g}."
-    )
+def _rejected(diagnosis: Findings, each: Rejected) -> str:
+    return f"{title_of(each.effect, diagnosis)}: {each.reason}."
 
 
-def _could_hide(diagnosis: Findings, contest: HypothesisComparison) -> list[str]:
+def _could_hide(diagnosis: Findings) -> list[str]:
     """How large an effect could have gone unnoticed."""
-    sizes = detectable(diagnosis.base, (*contest.effects, *contest.screened))
+    sizes = detectable(diagnosis.base, [each.effect for each in diagnosis.rejected])
     told = [f"{title_of(name, diagnosis)} {e.value:.2g} {e.unit}".removesuffix(" -") for name, e in sizes.items()]
     if not told:
         return []
@@ -236,18 +193,3 @@ def _could_hide(diagnosis: Findings, contest: HypothesisComparison) -> list[str]
         f"Smaller effects may be hidden. This log would show {joined_words(told, 'or')} one time in two; "
         "half as much hardly ever."
     ]
-
-
-def _not_believed(diagnosis: Findings, contest: HypothesisComparison) -> str:
-    best = contest.best
-    if best is None:
-        return "No effect that was tried explains the residual torque."
-    led = f"The best effect, {title_of(best.effect, diagnosis)}, raises the log-likelihood by {rise(best.evidence)}"
-    if contest.something < NOTICED:
-        return (
-            f"{led}; its parameters and the search cost {best.evidence - best.visible:.3g}. The evidence that any "
-            f"effect is missing is {strength(contest.something)}; a log Bayes factor of {NOTICED:.3g} is needed."
-        )
-    return (
-        f"{led}, but it is rejected: in validation the model with it is no better, or something else explains as much."
-    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from diagnosis.explanation.paragraphs import Explanation
+from diagnosis.explanation.posterior_sentences import open_sentences
 from diagnosis.explanation.wording import (
     change,
     joined_words,
@@ -10,13 +11,14 @@ from diagnosis.explanation.wording import (
     percent,
     sentence_case,
     size,
+    strength,
     title_of,
     torque_or_force,
 )
 from diagnosis.holdout import gain_errors
-from diagnosis.model_probability import CLEAR
 from diagnosis.repeated_runs import repeated_pairs
 from diagnosis.result import Cause, Findings
+from diagnosis.verdict import SURE
 
 
 def headline(diagnosis: Findings) -> str:
@@ -33,27 +35,29 @@ def headline(diagnosis: Findings) -> str:
         where = ", ".join(diagnosis.unexplained.depends_on)
         lives = f"; it depends on {where}" if where else ""
         return f"The model has an error that no effect of the catalogue explains{lives}."
-    if len(causes) == 1 and causes[0].missing < CLEAR:
-        names = " or ".join(map(title_of, _likeliest_first(causes[0], _close(causes[0]))))
-        if diagnosis.unknown.likelier_than(causes[0].probability):
-            return f"The model probably lacks {names}; what no effect explains is about as large."
-        return (
-            f"The model probably lacks {names}. The probability that any effect is missing is "
-            f"{percent(causes[0].missing)}."
-        )
-    named = [title_of(cause.effect) for cause in causes if cause.probability >= CLEAR]
-    open_ones = [" or ".join(map(title_of, _likeliest_first(c, _rivals(c)))) for c in causes if c.probability < CLEAR]
+    named = [title_of(cause.effect) for cause in causes if cause.probability > SURE]
+    unsure = [cause for cause in causes if cause.probability <= SURE]
+    open_ones = list(dict.fromkeys(title_of(name) for cause in unsure for name in _likeliest_first(cause)))
+    torn = any(_close(cause) for cause in unsure)
     known = f"The model lacks {joined_words(named)}" if named else ""
-    unclear = f"lacks {joined_words(open_ones)}; this log does not tell which" if open_ones else ""
+    which = "; this log does not tell which" if torn else "; what no effect explains is about as large"
+    unclear = f"probably lacks {joined_words(open_ones, 'or')}{which}" if open_ones else ""
     if known and unclear:
         return f"{known}. It also {unclear}."
     return f"{known}." if known else f"The model {unclear}."
 
 
 def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> list[str]:
-    """What stands below the headline: causes with odds and sizes, their margins if explained, the gain, the rest."""
-    lines = [*map(_cause, diagnosis.causes), *_minor(diagnosis)]
-    lines += explanation.short if explanation is not None else ()
+    """What stands below the headline: causes with probabilities and sizes, the gain, and what remains.
+
+    Args:
+        diagnosis: to be told.
+        explanation: of it, for the reason where no effect is named.
+    """
+    lines = [_cause(diagnosis, cause) for cause in diagnosis.causes]
+    if explanation is not None and not diagnosis.causes:
+        lines.append(explanation.reasons[0].sentences[0])
+    lines += open_sentences(diagnosis)
     gain = diagnosis.gain
     if gain is not None:
         runs = "the validation run" if len(gain.runs) == 1 else f"{len(gain.runs)} validation runs"
@@ -86,36 +90,20 @@ def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> li
     return lines
 
 
-def _cause(cause: Cause) -> str:
+def _cause(diagnosis: Findings, cause: Cause) -> str:
+    """Probability, evidence, parameters and torque of a cause."""
     sizes = size(cause.parameters.items())
-    rivals = ", ".join(f"{title_of(name)} {percent(p)}" for name, p in cause.alternatives[:2])
+    torque = measured(cause.rms, None, diagnosis.residual_before.unit)
     return (
-        f"{sentence_case(title_of(cause.effect))}: probability {percent(cause.probability)}"
-        f"{f', {sizes}' if sizes else ''}{f'; alternatives: {rivals}' if rivals else ''}."
+        f"{sentence_case(title_of(cause.effect, diagnosis))}: probability {percent(cause.probability)}, evidence "
+        f"{strength(cause.log_bayes)}{f'; {sizes}' if sizes else ''}; {torque} rms."
     )
 
 
-def _minor(diagnosis: Findings) -> list[str]:
-    """What is probable but small, in one sentence."""
-    unit = diagnosis.residual_before.unit
-    told = [
-        f"{title_of(each.effect, diagnosis)}{f' ({measured(each.rms, None, unit)} rms)' if each.rms else ''}"
-        for each in diagnosis.minor
-    ]
-    if not told:
-        return []
-    return [f"Minor: {joined_words(told)}, no larger than what no effect explains; it may be a part of that."]
-
-
-def _likeliest_first(cause: Cause, rivals: list[str]) -> list[str]:
-    """It and some of its alternatives."""
+def _likeliest_first(cause: Cause) -> list[str]:
+    """A cause and its alternatives that cannot be put aside."""
     known = dict(cause.alternatives) | {cause.effect: cause.probability}
-    return sorted((cause.effect, *rivals), key=lambda name: -known[name])
-
-
-def _rivals(cause: Cause) -> list[str]:
-    """The alternatives that cannot be put aside."""
-    return _close(cause) or [name for name, _ in cause.alternatives[:1]]
+    return sorted((cause.effect, *_close(cause)), key=lambda name: -known[name])
 
 
 def _close(cause: Cause) -> list[str]:

@@ -8,10 +8,10 @@ import numpy as np
 
 from diagnosis.result import Estimate, Findings
 from plant.effects import Effect, catalogue
+from plant.units import printed
 
 _PREFIXED = ("rad", "m")
 _PREFIXES = {-9: "n", -6: "µ"}
-_PRINTED = {"rad/rad": "cycles/rev"}  # a number of waves in a turn
 _ROUNDING = 1e-9  # relative: a smaller standard error is one of rounding
 
 
@@ -42,7 +42,7 @@ def measured(value: float, std: float | None, unit: str = "") -> str:
     The standard error has one digit, or two if the first is a 1 or a 2; far from one the unit has a prefix, or both
     share a power of ten. Without a standard error the number has three digits.
     """
-    unit = _PRINTED.get(unit, unit)
+    unit = printed(unit)
     if std is None or not (_ROUNDING * abs(value) < std < np.inf):
         return f"{value:.3g} {unit}".rstrip()
     most = int(np.floor(np.log10(max(abs(value), std))))
@@ -60,6 +60,8 @@ def measured(value: float, std: float | None, unit: str = "") -> str:
 
 def strength(log_bayes: float) -> str:
     """How strong evidence is (Kass and Raftery 1995), with its number: decisive (log Bayes factor 48.3)."""
+    if np.isinf(log_bayes):
+        return "decisive (no set without it is tenable)" if log_bayes > 0.0 else "against it"
     grades = ((5.0, "decisive"), (3.0, "strong"), (1.0, "positive"), (-1.0, "weak"), (-np.inf, "against it"))
     grade = next(word for least, word in grades if log_bayes >= least)
     return f"{grade} (log Bayes factor {rise(log_bayes)})"

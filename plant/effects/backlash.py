@@ -33,7 +33,6 @@ _DAMPING = 0.5  # of that swing on a flank that counts as hard
 _STEPS = 4.0  # integration steps in a radian of that swing
 _SHARES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the inertia, to start from
 _WIDTHS = (0.7, 1.0, 1.4)  # by which the gap is wider than what a first descent ended at, tried with each share
-_FEW_SHARES = (0.2, 0.45, 0.75)
 
 # Other flanks, by the frequency over a hard one's and the damping, which is never that of a hard one; and from there on
 # by both over those of the flank before.
@@ -143,10 +142,6 @@ class Backlash(Effect):
             damping=within(self.flank_damping, Compliance, "damping"),
             motor_share=self.motor_share,
         )
-
-    def elsewhere(self, noise: float) -> tuple[Effect, ...]:
-        """Gaps that hardly show: from one that is far too wide no descent leads back."""
-        return tuple(replace(self, gap=times * noise, motor_share=own) for times in (0.5, 1.5) for own in _FEW_SHARES)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

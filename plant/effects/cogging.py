@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.spectral_lines import as_wave, closer, eight_periods, lines_over_angle, neighbouring, waves
+from plant.effects.effect import TURN, Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.spectral_lines import as_wave, closer, eight_periods, is_wave, lines_over_angle, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +23,7 @@ class Cogging(Effect):
     trace = "order lines over angle, constant in torque"
     confused_with = ("encoder_eccentricity", "gravity_offset")
     multimodal = True
-    of_lines = True
+    periodic = True
 
     amplitude: float = parameter("{torque}", "amplitude A", lower=0.0)
     order: float = parameter("rad/{angle}", "periods per turn n", lower=0.0)
@@ -32,6 +32,14 @@ class Cogging(Effect):
     def load_torque(self, at: Moment, state: Expression) -> Expression:
         """The ripple."""
         return self.amplitude * ca.sin(self.order * at.angle + self.phase)
+
+    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
+        """Once a turn or more often, or two periods were seen: a slower wave is an offset, or the bend of something.
+
+        One that keeps step with the turn itself, all over the travel, is gravity with its offset.
+        """
+        as_gravity = turn > 0.0 and abs(self.order - TURN / turn) * (high - low) < 0.5 * TURN
+        return is_wave(self.order, high - low, turn) and not as_gravity
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
@@ -50,11 +58,6 @@ class Cogging(Effect):
             start=lambda c: cls(amplitude=as_wave(c)[0], order=order, phase=as_wave(c)[1]),
             searched=searched,
         )
-
-    def neighbours(self, motion: Motion) -> Iterator[Trace]:
-        """Sine and cosine at orders beside its own."""
-        for rate in neighbouring(motion.angle, self.order):
-            yield Trace(columns=waves(motion.angle, rate), start=lambda c: self)
 
     @classmethod
     def typical(cls, motion: Motion) -> Effect | None:

@@ -105,8 +105,8 @@ class Effect:
     """Whether it puts a motor of its own motion before the load; it then has the states ANGLE, VELOCITY of it."""
     multimodal: ClassVar[bool] = False
     """Whether its likelihood has many peaks over its shape, so that a fit should start from several of them."""
-    of_lines: ClassVar[bool] = False
-    """Whether its shapes are lines of a spectrum, of which each is a chance of its own."""
+    periodic: ClassVar[bool] = False
+    """Whether it repeats over the angle or over time."""
     chaotic: ClassVar[bool] = False
     """Whether a small error grows without bound in a free simulation, so that only short pieces can be judged."""
     clocked: ClassVar[bool] = False
@@ -268,14 +268,6 @@ class Effect:
         """Shapes of which what this one states is fitted too, as `freed` says: tried once its own values are found."""
         return ()
 
-    def elsewhere(self, noise: float) -> tuple[Effect, ...]:
-        """Shapes to begin from where this one and its like have come out no better than no effect at all.
-
-        Args:
-            noise: standard deviation of the readings [rad].
-        """
-        return ()
-
     def vanishes(self, speed: float, sample_time: float) -> bool:
         """Whether nothing shows that a simpler effect would not show too.
 
@@ -286,7 +278,7 @@ class Effect:
         return False
 
     def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
-        """Whether the values are such as the cause can well have; with others it has to explain much more to be named.
+        """Whether the values are such as the cause can well have; with others it is not named.
 
         Args:
             low: least angle of the load in the log [rad].
@@ -303,13 +295,6 @@ class Effect:
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """Traces of the effect over a motion, one for each shape worth trying."""
         raise NotImplementedError(f"{cls.__name__} does not say how its trace looks.")
-
-    def neighbours(self, motion: Motion) -> Iterator[Trace]:
-        """Traces of shapes beside its own that chance would favour as much; none where no shape is searched for.
-
-        What they explain beside the effect itself says how high the peaks are that mean nothing.
-        """
-        return self.traces(motion) if self.multimodal else iter(())
 
     def closer(self, motion: Motion) -> Iterator[Trace]:
         """Traces of shapes between its own and the next that `traces` has, where a peak may be narrower than that."""

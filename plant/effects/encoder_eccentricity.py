@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import TURN, Effect, Expression, Motion, Stage, Trace, parameter
-from plant.effects.spectral_lines import as_wave, closer, lines_over_angle, neighbouring, waves
+from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
+from plant.effects.spectral_lines import as_wave, closer, is_wave, lines_over_angle, waves
 
 _FIRST = (1.0, 2.0)  # orders of a disc off its centre, and of one that is not round
-_ONCE = 0.9  # order below which it is not once a turn, as well as a short travel tells
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +26,7 @@ class EncoderEccentricity(Effect):
     trace = "order lines in the position error that no torque explains"
     confused_with = ("cogging", "gravity_offset")
     multimodal = True
-    of_lines = True
+    periodic = True
 
     amplitude: float = parameter("{angle}", "amplitude a", lower=0.0)
     order: float = parameter("rad/{angle}", "periods per turn n", lower=0.0)
@@ -38,8 +37,8 @@ class EncoderEccentricity(Effect):
         return angle + self.amplitude * ca.sin(self.order * angle + self.phase)
 
     def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
-        """Once a turn or more often, or two periods were seen: a slower wave is the bend of another effect."""
-        return bool(self.order * turn >= _ONCE * TURN or self.order * (high - low) >= 2.0 * TURN)
+        """Once a turn or more often, or two periods were seen: a slower wave is the bend of something else."""
+        return is_wave(self.order, high - low, turn)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
@@ -64,11 +63,6 @@ class EncoderEccentricity(Effect):
             searched=searched,
             acts_on="reading",
         )
-
-    def neighbours(self, motion: Motion) -> Iterator[Trace]:
-        """Sine and cosine at orders beside its own."""
-        for rate in neighbouring(motion.angle, self.order):
-            yield Trace(columns=waves(motion.angle, rate), start=lambda c: self, acts_on="reading")
 
     @classmethod
     def typical(cls, motion: Motion) -> Effect | None:

@@ -29,6 +29,10 @@ class LoadDependentFriction(Effect):
         level = self.coefficient * ca.fabs(at.torque)
         return level, level
 
+    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
+        """A gear that takes more than half of the torque locks itself: the load cannot drive it."""
+        return self.coefficient <= 0.5
+
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """The size of the torque, against the motion."""

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
-from plant.effects.spectral_lines import as_wave, closer, eight_periods, lines_over_time, neighbouring, waves
+from plant.effects.spectral_lines import as_wave, closer, eight_periods, lines_over_time, waves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +26,7 @@ class PeriodicDisturbance(Effect):
     trace = "a line in time, not in angle"
     confused_with = ("cogging",)
     multimodal = True
-    of_lines = True
+    periodic = True
     clocked = True
 
     amplitude: float = parameter("{torque}", "amplitude A", lower=0.0)
@@ -54,12 +54,6 @@ class PeriodicDisturbance(Effect):
             start=lambda c: cls(amplitude=as_wave(c)[0], frequency=rate / (2.0 * np.pi), phase=as_wave(c)[1]),
             searched=searched,
         )
-
-    def neighbours(self, motion: Motion) -> Iterator[Trace]:
-        """Sine and cosine at frequencies beside its own."""
-        middle = motion.time + 0.5 * motion.sample_time
-        for rate in neighbouring(middle, 2.0 * np.pi * self.frequency):
-            yield Trace(columns=waves(middle, rate), start=lambda c: self)
 
     @classmethod
     def typical(cls, motion: Motion) -> Effect | None:

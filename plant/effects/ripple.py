@@ -14,7 +14,7 @@ import numpy as np
 
 from plant.effects.effect import Array, Expression, Moment, Motion, Stage, Trace, parameter
 from plant.effects.nonparametric_curve import Nonparametric
-from plant.effects.spectral_lines import lines_over_angle, lines_over_time, neighbouring, waves
+from plant.effects.spectral_lines import lines_over_angle, lines_over_time, waves
 
 HARMONICS = 4
 _PRIOR = np.diag(np.repeat(1.0 / np.arange(1, HARMONICS + 1) ** 2, 2))  # higher ones are smaller
@@ -27,7 +27,7 @@ class Ripple(Nonparametric):
     equation = r"f = \sum_{k=1}^{4} a_k \sin(k n s) + b_k \cos(k n s)"
     trace = "order lines and their harmonics"
     multimodal = True
-    of_lines = True
+    periodic = True
 
     rate: float = parameter("-", "fundamental n [rad per unit of the variable]", lower=0.0)
     s1: float = parameter("{size}", "sine of the fundamental", default=0.0)
@@ -54,16 +54,6 @@ class Ripple(Nonparametric):
     def lines(cls, motion: Motion) -> tuple[list[float], int]:
         """Rates of the fundamental worth a try, and how many were looked at."""
         return lines_over_angle(motion)
-
-    def neighbours(self, motion: Motion) -> Iterator[Trace]:
-        """Sine and cosine at rates beside its fundamental."""
-        place = self.along(motion)
-        for rate in neighbouring(place, self.rate):
-            yield Trace(
-                columns=waves(place, rate),
-                start=lambda c: self,
-                acts_on="reading" if self.stage == Stage.SENSOR else "torque",
-            )
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

@@ -6,15 +6,15 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from plant.effects.motion import Array, Motion, Place
+from plant.effects.motion import TURN, Array, Motion, Place
 from plant.effects.recurrence import returns_to_its_states
 
 _BY_POWER, _BY_MEASURE = 16, 12  # lines that are tried for their power, and for it in the measure of white noise's
 _ROUNDED = 0.2  # share of the covariance of sine and cosine that is taken to be the same for both
-_BESIDE = 16  # lines on each side of one by which it is told what chance, or a poor model, makes there
 _BETWEEN = (-0.25, -0.125, 0.125, 0.25)  # of a resolvable line
 _EVEN = 1e-9  # what rounding does to a place on an even grid
 _LONGEST = 4000  # lines that a search may reach
+_ONCE = 0.9  # order below which it is not once a turn, as well as a short travel tells
 _RETURNS = 0.7  # mean agreement of a wave's phases between visits to a state, from which it is taken for the state's
 
 
@@ -42,15 +42,9 @@ def lines_over_time(motion: Motion) -> tuple[list[float], int]:
     ], searched
 
 
-def neighbouring(place: Array, rate: float) -> Array:
-    """Rates beside one, as far apart as lines can be told apart over a variable (T,), on both sides.
-
-    None outside what a search looks at: of a rate to which a fit has run off there is no telling.
-    """
-    apart = 2.0 * np.pi / max(float(np.ptp(place)), 1e-300)
-    steps = np.arange(2.0, 2.0 + _BESIDE)
-    rates = rate + apart * np.concatenate((-steps[::-1], steps))
-    return np.asarray(rates[(rates >= 2.0 * apart) & (rates <= _LONGEST * apart)])
+def is_wave(order: float, travel: float, turn: float) -> bool:
+    """Whether a wave over the angle comes once a turn or more often, or two periods were seen; else it is a bend."""
+    return bool(order * turn >= _ONCE * TURN or order * travel >= 2.0 * TURN)
 
 
 def closer(place: Array, rate: float) -> Array:

@@ -11,7 +11,7 @@ from machine import Machine, excitation, record
 from test_evidence import FEW as ASKED
 from test_evidence import log_of, with_smooth_torque
 
-from diagnosis import Diagnosis, diagnose, grading
+from diagnosis import Diagnosis, diagnose
 from diagnosis.evidence.families import Families
 from diagnosis.motion import motion_of
 from diagnosis.result import Minor
@@ -63,16 +63,6 @@ def test_the_sets_are_a_distribution_that_agrees_with_the_causes() -> None:
         for cause in found.causes:
             own = sum(each.probability for each in found.sets if cause.effect in each.effects)
             assert own == pytest.approx(cause.probability, abs=0.02)
-
-
-def test_a_log_that_is_too_long_is_not_compared(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(grading, "LONGEST", 100)
-    found = diagnose(log_of(8, coulomb_friction={"torque": 0.5}), candidates=["coulomb_friction"])
-    assert (
-        "Effects were not compared with what no effect explains: the log has more than 100 samples." in found.warnings
-    )
-    assert (found.unknown.probability, found.unknown.share) == (None, None)
-    assert [cause.effect for cause in found.causes] == ["coulomb_friction"]
 
 
 def test_minor_effects_are_told_as_such() -> None:

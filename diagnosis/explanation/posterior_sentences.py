@@ -1,0 +1,65 @@
+"""The posterior over sets of effects as a person reads it: what is sure, what is either-or, what no effect explains."""
+
+from __future__ import annotations
+
+from diagnosis.explanation.wording import joined_words, measured, percent, title_of, torque_or_force
+from diagnosis.result import EffectSet, Findings
+from diagnosis.verdict import SURE
+
+NOTHING = "nothing more"
+"""What a set without effects is called."""
+_SAID = 0.05  # probability from which an alternative is said in a sentence
+_MOST = 4  # alternatives in a sentence
+
+
+def posterior_sentences(diagnosis: Findings) -> tuple[str, ...]:
+    """Each thought in a sentence."""
+    sure = [title_of(name, diagnosis) for name in sorted(_settled(diagnosis))]
+    return (*([f"Sure: {joined_words(sure)}."] if sure else []), *open_sentences(diagnosis))
+
+
+def open_sentences(diagnosis: Findings) -> tuple[str, ...]:
+    """Of what is not sure."""
+    lines = _either_or(diagnosis, _settled(diagnosis) | {each.effect for each in diagnosis.minor})
+    lines += _minor(diagnosis)
+    unknown = diagnosis.unknown
+    if unknown.depends_on:
+        acts = torque_or_force(diagnosis.residual_before.unit)
+        lines.append(
+            f"Unexplained: about {percent(unknown.share)} of the {acts} in the log; it depends on "
+            f"{joined_words(unknown.depends_on)}."
+        )
+    return tuple(lines)
+
+
+def set_title(each: EffectSet, diagnosis: Findings, besides: set[str] | frozenset[str] = frozenset()) -> str:
+    """The effects of a set, but for some, as people write them."""
+    return joined_words([title_of(name, diagnosis) for name in each.effects if name not in besides]) or NOTHING
+
+
+def _settled(diagnosis: Findings) -> set[str]:
+    return {cause.effect for cause in diagnosis.causes if cause.probability > SURE}
+
+
+def _either_or(diagnosis: Findings, settled: set[str]) -> list[str]:
+    """The alternatives among what is neither sure nor small."""
+    shares: dict[str, float] = {}
+    for each in diagnosis.sets:
+        title = set_title(each, diagnosis, settled)
+        shares[title] = shares.get(title, 0.0) + each.probability
+    told = sorted((item for item in shares.items() if item[1] >= _SAID), key=lambda item: -item[1])[:_MOST]
+    if len(told) < 2 or told[0][0] == NOTHING:
+        return []
+    return [f"Either-or: {joined_words([f'{title} ({percent(share)})' for title, share in told], 'or')}."]
+
+
+def _minor(diagnosis: Findings) -> list[str]:
+    """What is probable but small, in one sentence."""
+    unit = diagnosis.residual_before.unit
+    told = [
+        f"{title_of(each.effect, diagnosis)}{f' ({measured(each.rms, None, unit)} rms)' if each.rms else ''}"
+        for each in diagnosis.minor
+    ]
+    if not told:
+        return []
+    return [f"Minor: {joined_words(told)}, no larger than what no effect explains; it may be a part of that."]

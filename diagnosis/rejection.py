@@ -1,0 +1,74 @@
+"""Why an effect that was asked is not named: the one reason that weighs most."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from diagnosis.evidence.marginal import Explanation
+from diagnosis.evidence.posterior import Posterior
+from diagnosis.explanation.wording import joined_words, percent, title_of
+from diagnosis.result import Rejected
+from diagnosis.verdict import special_cases
+from identification.fit_result import Fit
+from plant.effects import Effect
+
+_EQUAL = float(np.log(10.0))  # log Bayes factor within which two sets explain a log alike
+
+
+def rejected(
+    base: Fit,
+    posterior: Posterior,
+    effects: Mapping[str, type[Effect]],
+    named: Collection[str],
+    falsified: Mapping[str, str],
+) -> tuple[Rejected, ...]:
+    """One sentence for each effect that was asked and is not named, the likeliest first.
+
+    Args:
+        base: fit of the base model.
+        posterior: over the sets.
+        effects: all that were asked, by name.
+        named: what is told as a cause or a minor effect.
+        falsified: by name why it is ruled out.
+    """
+    asked = sorted((name for name in effects if name not in named), key=lambda name: -posterior.of(name))
+    return tuple(
+        Rejected(effect=name, reason=_no_more(name, named) or _reason(base, posterior, effects[name], falsified))
+        for name in asked
+    )
+
+
+def _no_more(name: str, named: Collection[str]) -> str | None:
+    """Why a wider form of an effect that is named is not."""
+    special = [title_of(each) for each in special_cases(name) if each in named]
+    return f"it explains no more than {joined_words(special)}" if special else None
+
+
+def _reason(base: Fit, posterior: Posterior, kind: type[Effect], falsified: Mapping[str, str]) -> str:
+    holder = next((each for each in posterior.sets if kind.name in each.names), None)
+    if holder is not None:
+        return _behind(posterior, holder, kind.name)
+    if kind.name in falsified:
+        return falsified[kind.name]
+    if base.model.holds(kind.name):
+        return "the base model has it"
+    if not base.log.shows(kind):
+        return "this log cannot show it"
+    return "it promised too little to be fitted"
+
+
+def _behind(posterior: Posterior, holder: Explanation, name: str) -> str:
+    """Why the best set that holds a name is not the one that is told."""
+    less = next((each for each in posterior.sets if each.names == holder.names - {name}), None)
+    worth = holder.log_marginal - (posterior.best if less is None else less).log_marginal
+    if worth < 0.0:
+        return f"it costs more than it explains (log Bayes factor {worth:.1f})"
+    behind = posterior.best.log_marginal - holder.log_marginal
+    others = joined_words([title_of(other) for other in sorted(posterior.best.names - holder.names)])
+    if not others:
+        return f"its probability is only {percent(posterior.of(name))}"
+    if behind < _EQUAL:
+        return f"{others} explains as much; its probability is {percent(posterior.of(name))}"
+    return f"{others} explains more (log Bayes factor {behind:.1f})"

@@ -1,0 +1,30 @@
+"""Of a log too long for the search: stretches of it, spread over its runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from identification.log import Log
+from identification.run import Run
+
+LONGEST = 50_000
+"""Samples that are searched at most: each takes about 5 kB and 1 ms."""
+_PIECES = 5  # each long enough for slow motions, and enough of them for what changes in time
+
+
+def stretches(log: Log) -> tuple[Log, str | None]:
+    """A log, or stretches of one that is too long, as runs of their own; and the sentence that says so."""
+    samples = sum(map(len, log.runs))
+    if samples <= LONGEST:
+        return log, None
+    length, starts = LONGEST // _PIECES, [(samples - LONGEST // _PIECES) * k // (_PIECES - 1) for k in range(_PIECES)]
+    first, found = 0, list[Run]()
+    for run in log.runs:
+        for start in starts:
+            begin, end = max(start - first, 0), min(start + length - first, len(run))
+            if end - begin >= length // 10:  # the rest of a stretch that reaches into the next run is there
+                found.append(replace(run.slice(begin, end), label=f"{run.label} from {run.time[begin]:.4g} s"))
+        first += len(run)
+    used = sum(map(len, found))
+    sentence = f"The log has {samples:,} samples. {len(found)} stretches of it are used, {used:,} samples in all."
+    return replace(log, runs=tuple(found)), sentence

@@ -1,0 +1,131 @@
+"""The verdict: what may be said of each name, given the posterior over sets of effects.
+
+A name that is probable and larger than the discrepancy (`Posterior.told`) is a cause. One that is probable by the
+evidence alone (`Posterior.of`), but smaller, is a minor effect, on which no verdict rests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.evidence.posterior import Posterior
+from diagnosis.residual_torque import ResidualTorque, effects_over
+from diagnosis.result import LISTED, Verdict
+from plant.effects import catalogue
+
+SURE = 0.9
+"""Probability from which a name stands alone."""
+LIKELY = 0.5
+"""... and from which it is told."""
+CLEARLY = float(np.log(SURE / (1.0 - SURE)))
+"""Log Bayes factor to the same odds."""
+HARDLY_EVER = float(np.log(1000.0))
+"""Log odds against values that a cause hardly ever has."""
+_CARRIES = 0.8  # of what the most telling variable explains, from which another is told too
+_NOISE = 0.1  # share of the torque up to which a random load may pass for noise
+_TELLING = 0.2  # share of the missing torque's variance from which a variable is said to carry it
+_CONSTANT = "nothing"  # what a constant torque depends on
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """What a posterior says.
+
+    Attributes:
+        verdict: "named", "nothing_missing", "ambiguous" or "unknown".
+        causes: probability of each cause.
+        minor: probability of each minor effect.
+        depends_on: variables of the unmodelled torque; empty where there is none to speak of.
+    """
+
+    verdict: Verdict
+    causes: Mapping[str, float]
+    minor: Mapping[str, float]
+    depends_on: tuple[str, ...]
+
+
+def judged(
+    posterior: Posterior, missing: ResidualTorque, *, shows: bool, ruled_out: frozenset[str] | None
+) -> Judgement:
+    """The verdict of a posterior.
+
+    Args:
+        posterior: over the sets.
+        missing: torque that the likeliest set lacks; an observer has to follow it.
+        shows: whether more than the size of the unmodelled torque speaks for it: a residual model predicts validation
+            data better, or runs that repeat one another leave the same.
+        ruled_out: names of a set that was ruled out, but is clearly likelier than all others. Then nothing missing is
+            no answer, and a name that is not among them only takes the place of what was.
+    """
+    beside = posterior.best.discrepancy.posterior
+    probable = {name: p for name, p in posterior.names().items() if p > LIKELY}
+    fitted = frozenset[str]().union(*(each.names for each in posterior.sets))
+    told = {name: posterior.told(name) for name in posterior.names() if name in fitted}
+    causes = {name: p for name, p in told.items() if p > LIKELY and (ruled_out is None or name in ruled_out)}
+    unnamed = beside.material > SURE or missing.excess > _NOISE or shows
+    minor = {name: told[name] for name in probable if not special_cases(name) & causes.keys()}
+    verdict = _verdict(posterior, causes, unnamed or bool(minor) or ruled_out is not None)
+    if verdict == "ambiguous" and not causes:
+        causes = _leading(posterior)
+    return Judgement(
+        verdict=verdict,
+        causes=dict(sorted(causes.items(), key=lambda item: -item[1])),
+        minor={name: p for name, p in minor.items() if name not in causes},
+        depends_on=variables(posterior, missing) if unnamed else (),
+    )
+
+
+def variables(posterior: Posterior, missing: ResidualTorque) -> tuple[str, ...]:
+    """Variables of the unmodelled torque: by the discrepancy, else by the picture of the missing torque."""
+    best = posterior.best
+    explained = best.discrepancy.explained_by()
+    most = max(explained.values(), default=0.0)
+    ranked = sorted(explained, key=lambda variable: -explained[variable])
+    found = tuple(variable for variable in ranked if explained[variable] >= _CARRIES * most)
+    found = found or tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
+    each = dict.fromkeys(variable for several in found for variable in several.split(" and "))
+    return tuple(effects_over(variable, best.fit.log.axis) for variable in each if variable != _CONSTANT)
+
+
+def rivals(posterior: Posterior, name: str) -> tuple[tuple[str, float], ...]:
+    """Names that the sets without it have in its place, with the probability of those sets."""
+    found: dict[str, float] = {}
+    for names, p in posterior.believed.items():
+        if name not in names:
+            for other in names - posterior.best.names:
+                found[other] = found.get(other, 0.0) + p
+    return tuple(sorted(((n, p) for n, p in found.items() if p >= LISTED), key=lambda item: -item[1]))
+
+
+def log_bayes(posterior: Posterior, name: str) -> float:
+    """Log marginal likelihood of the best set that holds an effect, or a wider form of it, less that of the others."""
+    best = {True: -np.inf, False: -np.inf}
+    for each in posterior.sets:
+        holds = any(name in special_cases(other) for other in each.names)
+        best[holds] = max(best[holds], each.log_marginal)
+    return float(best[True] - best[False])
+
+
+def special_cases(name: str) -> set[str]:
+    """An effect and those that it contains."""
+    kind = catalogue.get(name)
+    return {name, *(() if kind is None else kind.contains)}
+
+
+def _verdict(posterior: Posterior, causes: Mapping[str, float], unnamed: bool) -> Verdict:
+    if causes:
+        return "named" if all(p > SURE for p in causes.values()) else "ambiguous"
+    if unnamed:
+        return "unknown"
+    nothing = posterior.believed.get(frozenset(), 0.0)
+    return "nothing_missing" if nothing > 1.0 - SURE or not posterior.names() else "ambiguous"
+
+
+def _leading(posterior: Posterior) -> dict[str, float]:
+    """The name that is told with the highest probability."""
+    told = {name: posterior.told(name) for each in posterior.sets for name in each.names}
+    best = max(told, key=lambda name: told[name])
+    return {best: told[best]}
