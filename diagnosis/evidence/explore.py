@@ -212,7 +212,10 @@ def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str
 
 
 def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanation | None:
-    """The set without some names, behind the same observer or behind that of the base model, whichever suits it."""
+    """The set without some names, behind the same observer or behind that of the base model, whichever suits it.
+
+    From the latter it goes on behind slower ones: straight there a fit may end astray.
+    """
     names, model = best.names - out, best.fit.model
     for name in out:
         model = model.without_effect(name)
@@ -221,7 +224,10 @@ def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanatio
         if (names, bandwidth) not in found.fits:
             found.add([found.weighed(_fitted(best.fit, [model], bandwidth))])
     known = [found.fits[names, each] for each in observers if (names, each) in found.fits]
-    return max(known, key=lambda each: each.log_marginal, default=None)
+    best_one = max(known, key=lambda each: each.log_marginal, default=None)
+    if best_one is not None and best_one.fit.bandwidth > best.fit.bandwidth and not found.held:
+        found.add(with_slower_observers(best_one, found.null.bandwidth, found.weighed))
+    return None if best_one is None else found.known[names]
 
 
 def _without_each(found: Explored, best: Explanation) -> None:
