@@ -48,13 +48,18 @@ class Peer:
 
     def __post_init__(self) -> None:
         self.sample_time, K = self.axis.sample_time, self.feedback
-        self._state = np.zeros(K.nstates)
         self._K = (np.array(K.A), np.array(K.B)[:, 0], np.array(K.C)[0], float(K.D.item()))
         self._reach = self.bounds.reachable()
         forward, _ = self._friction(0.0, 1.0)
         limit = max(0.85 * (GREATEST - forward), 0.1 * GREATEST) / self.model.inertia
         jerk = FLOOR / (4 * self.model.inertia * self.sample_time)
         self._limits, self._governor = (limit, limit), Governor(sample_time=self.sample_time, jerk=jerk)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was before."""
+        self._state = np.zeros(self.feedback.nstates)
+        self._governor.path[:] = 0.0
         self._last_speed = self._rubs = 0.0
 
     def _friction(self, angle: float, velocity: float) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.controller import Controller
-from mpc.linear_loop import LinearPlant, filter_gain, law, with_disturbance
+from mpc.linear_loop import LinearPlant, feedback, filter_gain, law
 from plant.errors import BadParameter
 from plant.simulation import beginning
 
@@ -32,7 +32,7 @@ class LoopAnalysis:
         gain_margin: by how much L may grow until the loop oscillates [-]; inf if it never does.
         phase_margin: [deg].
         crossover: at which |L| = 1 for the last time [Hz].
-        delay_margin: dead time that takes the phase margin [s].
+        delay_margin: least dead time that makes the loop oscillate [s].
         peak_sensitivity: max |S| [-]; below 2 is comfortable.
         bandwidth: at which |T| falls below -3 dB for the last time [Hz].
         torque: that holds the operating point, behind the drive [N m].
@@ -82,7 +82,6 @@ def analyse_loop(controller: Controller, *, angle: float = 0.0, velocity: float 
     n = state.size
     seen = np.asarray(predictor.sensor(state, predictor.parameters)[1])[:, 0]
     linear = LinearPlant(A=A, B=B, row=seen, late=late, sample_time=dt)
-    row, F = np.append(seen, 0.0), with_disturbance(linear)
 
     # Plant: state z and the torques u[k-1], ..., u[k-late-1].
     P, Pu = np.zeros((n + late + 1, n + late + 1)), np.zeros((n + late + 1, 1))
@@ -95,25 +94,12 @@ def analyse_loop(controller: Controller, *, angle: float = 0.0, velocity: float 
     Pu[n, 0] = 1.0
     plant = control.ss(P, Pu, np.append(seen, np.zeros(late + 1))[None, :], 0, dt)
 
-    # Controller: the last estimate (z, d) and the torques u[k-1], ..., u[k-late-2].
     variance, torque_noise, wander = controller.estimator.levels[:3]
     kick = dt / predictor.model.inertia * torque_noise
     gain = filter_gain(linear, variance=variance, kick=kick, wander=wander)
     weights = controller._rate_weight, controller._terminal_weight
     acting, _ = law(linear, controller.horizon, *weights)
-    predict = np.zeros((n + 1, n + late + 3))
-    predict[:, : n + 1], predict[:n, -2:] = F, B
-    estimate = predict - np.outer(gain, row @ predict)
-    C = np.zeros((1, n + late + 3))
-    C[0] = acting[: n + 1] @ estimate
-    C[0, n + 1 : -1] += acting[n + 1 :]
-    D = np.array([[acting[: n + 1] @ gain]])
-    K, Ky = np.zeros((n + late + 3, n + late + 3)), np.zeros((n + late + 3, 1))
-    K[: n + 1], Ky[: n + 1, 0] = estimate, gain
-    K[n + 1], Ky[n + 1] = C[0], D[0]
-    K[n + 2 :, n + 1 : -1] = np.eye(late + 1)
-    feedback = control.ss(K, Ky, C, D, dt)
-    return _assessed(plant, feedback, torque)
+    return _assessed(plant, control.ss(*feedback(linear, gain, acting), dt), torque)
 
 
 def _holding(controller: Controller, angle: float, velocity: float) -> tuple[float, Array]:
@@ -157,7 +143,7 @@ def _assessed(plant: Any, feedback: Any, torque: float) -> LoopAnalysis:
         gain_margin=float(np.min(gains[gains > 1.0], initial=np.inf)),
         phase_margin=phase,
         crossover=crossover,
-        delay_margin=float(np.radians(phase) / (2 * np.pi * crossover)),
+        delay_margin=float(np.min(np.radians(np.mod(phases, 360.0)) / crossings, initial=np.inf)),
         peak_sensitivity=float(1.0 / np.min(distances)),
         bandwidth=_last_above(frequencies, np.abs(np.asarray(complementary(at))), float(np.sqrt(0.5))),
         torque=torque,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mpc.drive import DriveInverse
 from mpc.estimator import Estimator
 from mpc.filter import covariance_of, motor_place, place_of_covariance
+from mpc.slots import Told
 from plant.effects import State
 from plant.servo import ServoModel
 
@@ -59,7 +60,7 @@ def hand_over(old: Running, new: Running) -> None:
     if old.model != new.model or old.sample_time != new.sample_time:
         theirs["fed"][:] = 0.0  # by another model, or in other steps
     if old.sample_time != new.sample_time:
-        theirs["numbers"][0] = 0.0  # the wanted angles were so far apart in time
+        theirs["told"][Told.COUNT] = 0.0  # the wanted angles were so far apart in time
     if old.model.effects != new.model.effects:
         theirs["learnt"][:] = 0.0  # of another friction
     if old.model != new.model or mine["belief"].size != theirs["belief"].size:

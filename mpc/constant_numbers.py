@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from mpc.corridor import moved, prices
 from mpc.encoder_faults import numbers as watching
 from mpc.friction import friction_numbers
-from mpc.governor import governed
 from mpc.prepared import prepared
 from mpc.split import reach, split
+from mpc.time_optimal_law import governed
 from mpc.tuning import quiet
 
 Array = NDArray[np.float64]

@@ -11,25 +11,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from allocation import Bounds, PerDrive
+from mpc.arguments import take_elapsed, take_motor_angles, take_reference
 from mpc.attributes import check
-from mpc.bumpless_transfer import Running
 from mpc.compiled import CompiledStep
 from mpc.constant_numbers import constant_numbers
 from mpc.control import Control
 from mpc.controller_state import Remembering
-from mpc.corridor import SoftLimits, corridor, enter
+from mpc.corridor import SoftLimits
 from mpc.drive import DriveInverse
-from mpc.encoder_faults import watch, watched_of
-from mpc.estimator import NO_ANGLES, Estimator, MotorEncoders
-from mpc.feed_forward import demand, ease
-from mpc.friction import Frictionless, learn, rigid_contacts, rub
-from mpc.governor import Governor, early, followable, governed, hurry, jump
+from mpc.encoder_faults import watched_of
+from mpc.estimator import Estimator, MotorEncoders
+from mpc.friction import Frictionless, rigid_contacts
+from mpc.governor import Governor
 from mpc.layout import laid_out
 from mpc.prediction import Predictor
-from mpc.prepared import prepared
-from mpc.preview import preview
-from mpc.riccati import ALL_ROWS, TORQUE_ALONE, backward, forward, slope
-from mpc.split import machine, reach, split
+from mpc.quadratic_program import ROUNDS
+from mpc.riccati import ALL_ROWS, TORQUE_ALONE
+from mpc.split import machine
+from mpc.stages import Stages
 from mpc.step import InterpretedStep
 from mpc.tuning import Tuning, observer_rate
 from mpc.weights import rate_weight, terminal_weight
@@ -39,10 +38,6 @@ from plant.servo import ServoModel
 from plant.simulation import whole_samples
 
 Array = NDArray[np.float64]
-
-_ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
-"""Bound on the sweeps of each method of the quadratic program; two are usual, 20 where other intervals are active."""
-
 
 _CHOSEN: Any = None
 """Of what is left out and then chosen by `mpc.tuning`."""
@@ -165,14 +160,13 @@ class Controller(Remembering):
         behind = rigid_contacts(behind)
         smooth = Frictionless.of(behind)
         predictor = Predictor(model=smooth, sample_time=self.sample_time, switch=max(switch, 0.0))
-        self._friction = rub(behind), learn(behind, self.motor_resolution is not None), demand(behind)
         self.estimator = Estimator(
             predictor=predictor,
             resolution=self.encoder_resolution,
             noise=self.encoder_noise,
             torque_noise=self.torque_noise,
             disturbance_rate=self.disturbance_rate,
-            motors=None if self.motor_resolution is None else self._motor_encoders(self.motor_resolution),
+            motors=MotorEncoders.of(self.gears, self.motor_resolution, self.motor_noise),
             surprise=self._greatest / self.model.inertia / self._observer**2,
         )
         limits = SoftLimits(angle=self.angle_limits, speed=self.speed_limit)
@@ -192,20 +186,14 @@ class Controller(Remembering):
             "horizon": self.horizon,
             "late": self._whole_delay,
             "passes": self.sqp_iterations,
-            "rounds": _ROUNDS[self._rows],
+            "rounds": ROUNDS[self._rows],
         }
         preload_step = self.preload_rate * self.sample_time / (abs(float(self.gears.null_vector[0])) or 1.0)
         self._arrays = self._all_arrays(machine(self.bounds, drive, preload_step))
         self._answer = np.asarray(self._arrays["outcome"].base)  # and behind it torques and angles
         self._wanted, self._ahead, self._drives = self._arrays["wanted"], (self.horizon + 1,), self.gears.drives
-        n = len(behind.states)
-        self._watch = watch(predictor, self.estimator.motors is not None)
-        filters = (predictor.along.function, self._watch, *self.estimator.functions, *self._friction)
-        govern = prepared(governed(limits.any)).function
-        aims = (ease(), preview(), jump(), hurry(), early(), followable(), govern, enter(), corridor())
-        sweeps = (backward(n, self._rows), forward(n), slope(n, self._rows))
-        splits = (prepared(reach()).function, prepared(split()).function)
-        self._machine_code = CompiledStep((*filters, *aims, *sweeps, *splits), self._sizes, self._arrays)
+        self._stages = Stages.of(behind, self.estimator, self.governor, self._rows)
+        self._machine_code = CompiledStep(self._stages.every, self._sizes, self._arrays)
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
 
     def _tune(self) -> None:
@@ -231,18 +219,6 @@ class Controller(Remembering):
                 f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."
             )
 
-    @property
-    def _running(self) -> Running:
-        return Running(
-            model=self.model,
-            sample_time=self.sample_time,
-            late=self._whole_delay,
-            greatest=float(np.max(np.abs(self.bounds.reachable()))),
-            estimator=self.estimator,
-            arrays=self._arrays,
-            remembered=self._remembered,
-        )
-
     def _all_arrays(self, machine: Array) -> dict[str, Array]:
         """Everything that a step reads and writes, by name."""
         remembered = {"belief": self.estimator.belief, "path": self.governor.path}
@@ -252,15 +228,10 @@ class Controller(Remembering):
         self._remembered = tuple(remembered)
         return constant_numbers(self, machine) | remembered
 
-    def _motor_encoders(self, resolution: float) -> MotorEncoders:
-        turns = np.copysign(self.gears.motor_ratios, -self.gears.angle_map).tolist()
-        first, second = turns if len(turns) > 1 else turns * 2
-        return MotorEncoders(ratios=(first, second), resolution=resolution, noise=self.motor_noise)
-
     @cached_property
     def _interpreted(self) -> InterpretedStep:
         """The step without machine code."""
-        return InterpretedStep(self._sizes, self._arrays, self.estimator, self.governor, self._friction, self._watch)
+        return InterpretedStep(self._sizes, self._arrays, self.estimator, self.governor, self._stages)
 
     @property
     def compiled(self) -> bool:
@@ -314,34 +285,11 @@ class Controller(Remembering):
         if isinstance(reference, np.ndarray) and reference.shape == self._ahead:
             self._wanted[:], previewed = reference, True
         else:
-            previewed = self._take(reference)
+            previewed = take_reference(reference, self._wanted)
         if motor_angles is not None or self.motor_resolution is not None:
-            self._arrays["readings"][1:] = self._pair(motor_angles)
+            angles = take_motor_angles(motor_angles, self.motor_resolution, self._drives)
+            self._arrays["readings"][1:] = angles
         if elapsed is not None:
-            if not (np.isfinite(elapsed) and elapsed > 0):
-                raise BadParameter(f"elapsed must be a time above zero since the last step, not {elapsed!r}.")
-            self._arrays["elapsed"][0] = elapsed
+            self._arrays["elapsed"][0] = take_elapsed(elapsed)
         trouble = self._step(angle, previewed)
         return Control(self._answer.copy(), trouble, self._drives)
-
-    def _take(self, reference: ArrayLike) -> bool:
-        """Note what is wanted; whether that is more than a number."""
-        wanted = np.asarray(reference, dtype=np.float64)
-        if wanted.shape not in ((), self._ahead):
-            raise BadParameter(
-                f"The reference must be a number or {self.horizon + 1} samples, not an array of shape {wanted.shape}."
-            )
-        self._wanted[: wanted.size] = wanted
-        return wanted.ndim == 1
-
-    def _pair(self, angles: ArrayLike | None) -> ArrayLike:
-        """(2,) measured angles, that of a motor which is not there being none."""
-        if self.motor_resolution is None:
-            raise BadParameter("Give the controller a motor_resolution, or no motor angles.")
-        if angles is None:
-            return NO_ANGLES
-        given, drives = np.asarray(angles, dtype=np.float64), self.gears.drives
-        if given.shape != (drives,):
-            count = "two angles" if drives > 1 else "one angle"
-            raise BadParameter(f"motor_angles must be {count}, not an array of shape {given.shape}.")
-        return given if drives > 1 else np.append(given, np.nan)

@@ -80,4 +80,13 @@ class Remembering:
     @property
     def _running(self) -> Running:
         """What of it goes on in another."""
-        raise NotImplementedError
+        itself: Any = self
+        return Running(
+            model=itself.model,
+            sample_time=itself.sample_time,
+            late=itself._whole_delay,
+            greatest=float(np.max(np.abs(itself.bounds.reachable()))),
+            estimator=itself.estimator,
+            arrays=self._arrays,
+            remembered=self._remembered,
+        )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from mpc.filter import beginning, belief_of, estimation
 from mpc.kernel import Kernel
 from mpc.prediction import Predictor
 from mpc.trouble import sentence
+from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
 
 Array = NDArray[np.float64]
@@ -39,6 +40,15 @@ class MotorEncoders:
     resolution: float
     noise: float
     wander: float = 1e-5
+
+    @classmethod
+    def of(cls, gears: DriveTrain, resolution: float | None, noise: float) -> Self | None:
+        """Those of a drive train, none without a resolution; a single motor counts as a pair."""
+        if resolution is None:
+            return None
+        turns = np.copysign(gears.motor_ratios, -gears.angle_map).tolist()
+        first, second = turns if len(turns) > 1 else turns * 2
+        return cls(ratios=(first, second), resolution=resolution, noise=noise)
 
     def __post_init__(self) -> None:
         """Check the numbers."""

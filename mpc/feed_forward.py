@@ -12,7 +12,8 @@ from typing import Any
 
 import casadi as ca
 
-from mpc.friction import RUBBING
+from mpc.filter import finite
+from mpc.slots import Belief, Fed, Rubbing
 from plant.effects import Moment
 from plant.servo import ServoModel
 
@@ -46,8 +47,41 @@ def ease() -> Any:
     Done forward and backward in time, the mean is neither early nor late; done with that once more it is what is fed,
     also where a jump was not seen ahead.
     """
-    before, taken, rubbing = ca.SX.sym("before", 2), ca.SX.sym("taken"), ca.SX.sym("rubbing", RUBBING)
-    (torque, change), most, quiet = ca.vertsplit(before), rubbing[4], rubbing[8]
+    before, taken, rubbing = ca.SX.sym("before", 2), ca.SX.sym("taken"), ca.SX.sym("rubbing", len(Rubbing))
+    (torque, change), most, quiet = ca.vertsplit(before), rubbing[Rubbing.MOST_CHANGE], rubbing[Rubbing.QUIET]
     up, down = ca.fmin(ca.fmax(change, 0) + quiet, most), ca.fmax(ca.fmin(change, 0) - quiet, -most)
     more = ca.fmax(ca.fmin(taken - torque, up), down)
     return ca.Function("ease", [taken, before, rubbing], [ca.vertcat(torque + more, more)], {"cse": True})
+
+
+def fed_forward(
+    demand: Any, late: int, ahead: Any, speeds: Any, fed: Any, past: Any, belief: Any, model: Any, rubbing: Any
+) -> dict[str, Any]:
+    """The torque that the governed reference takes and what of it is fed, as expressions; see feed_forward in step.c.
+
+    Before the first it is what acts.
+    """
+    path, rates, N = ahead[late:], speeds[late:], ahead.numel() - late - 2
+    bend = rates[1] - rates[0]
+    known = ca.logic_and(fed[Fed.KNOWN] == 1, finite(fed[Fed.BEND :]))
+    first, _ = demand(path[0], rates[:2], -bend, model)
+    anew = ca.vertcat(bend, first, 0, first, 0)
+    before = ca.if_else(known, fed[Fed.BEND :], anew)
+    acts = past[late + 1] + belief[Belief.DISTURBANCE]
+    bends = [before[0], *(rates[k] - rates[k - 1] for k in range(1, N))]
+    taken = [demand(path[k], rates[k : k + 2], bends[k], model)[0] for k in range(N)]
+    there = _eased(taken, before[1:3], rubbing)
+    back = _eased(taken[::-1], ca.vertcat(taken[-1], taken[-2] - taken[-1]), rubbing)[::-1]
+    both = [(forward[0] + backward[0]) / 2 for forward, backward in zip(there, back, strict=True)]
+    eased = _eased(both, before[3:5], rubbing)
+    feed = ca.vertcat(ca.if_else(known, fed[Fed.TORQUE], acts), *(torque[0] for torque in eased))
+    return {"fed": ca.vertcat(1, bend, there[0], eased[0]), "feed": feed, "taken": ca.vertcat(*taken)}
+
+
+def _eased(torques: list[Any], before: Any, rubbing: Any) -> list[Any]:
+    """Torque and its change (2,) of each sample."""
+    found = []
+    for torque in torques:
+        before = ease()(torque, before, rubbing)
+        found.append(before)
+    return found

@@ -16,20 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.filter import belief_of, finite
-from mpc.weights import TUNING
+from mpc.slots import Belief, Learnt, Rubbing, Tuning
 from plant.effects import Moment, State
 from plant.effects.effect import parameters_of
 from plant.servo import ServoModel
 
 Array = NDArray[np.float64]
-
-LEARNT = 11
-"""What is remembered: whether anything is, a constant torque and the scale of friction, their covariance (3,), the
-direction in which friction is compensated, for how long the load has slid that way, its angle as a first-order lag of
-1/w follows it, its velocity, and whether it is still short of the reference in that direction."""
-
-RUBBING = 10
-"""Numbers of friction, see `friction_numbers`."""
 
 _KEPT = 200.0
 """Periods of the loop over which what was learnt is forgotten."""
@@ -76,13 +68,10 @@ def friction_numbers(
     quiet: float,
     jerk: float,
 ) -> Array:
-    """(10,) numbers of friction.
+    """The numbers of friction, see `mpc.slots.Rubbing`.
 
-    Speed below which a reference stands, relative error of friction, memory [1/s], deaf band [rad], largest change in a
-    sample [N m], distance at which a load has arrived [rad], largest torque [N m], samples that the estimate of the
-    disturbance has in common with the one before; `quiet` and `jerk`. A reference stands that passes less than the
-    sensor's noise within the time of the loop. While it does, an innovation within half a count is none, less three
-    standard deviations of the noise that would show what is inside.
+    A reference stands that passes less than the sensor's noise within the time of the loop. While it does, an
+    innovation within half a count is none, less three standard deviations of the noise that would show what is inside.
 
     Args:
         std: standard error of the friction in the model, as a share of it.
@@ -116,17 +105,18 @@ def rub(model: ServoModel) -> Any:
     faster than the teeth bear.
     """
     way, torque, before = ca.SX.sym("way", 2), ca.SX.sym("torque"), ca.SX.sym("before")
-    learnt, rubbing = ca.SX.sym("learnt", LEARNT), ca.SX.sym("rubbing", RUBBING)
+    learnt, rubbing = ca.SX.sym("learnt", len(Learnt)), ca.SX.sym("rubbing", len(Rubbing))
     p = ca.SX.sym("p", len(model.names) + 1)
     wanted = (way[1] - way[0]) / p[-1]
-    goes_on = ca.logic_or(learnt[10], ca.fabs(wanted) < rubbing[0])
-    sense = ca.if_else(goes_on, learnt[6], ca.sign(wanted))
-    speed = ca.fmax(sense * wanted, sense * learnt[9])
+    goes_on = ca.logic_or(learnt[Learnt.SHORT], ca.fabs(wanted) < rubbing[Rubbing.STANDS])
+    sense = ca.if_else(goes_on, learnt[Learnt.SENSE], ca.sign(wanted))
+    speed = ca.fmax(sense * wanted, sense * learnt[Learnt.VELOCITY])
     forward, backward = _levels(model.bound(p[:-1]), way[0], sense * speed, torque)
-    sure = ca.fmax(learnt[2] - ca.sqrt(ca.fmax(learnt[5], 0)), 0)
+    sure = ca.fmax(learnt[Learnt.SCALE] - ca.sqrt(ca.fmax(learnt[Learnt.VAR_SCALE], 0)), 0)
     against = sure * sense * ca.if_else(sense > 0, forward, backward)
-    last = ca.fmax(ca.fmin(before, rubbing[6]), -rubbing[6])
-    against = ca.fmax(ca.fmin(against, last + rubbing[4]), last - rubbing[4])
+    greatest, most = rubbing[Rubbing.GREATEST], rubbing[Rubbing.MOST_CHANGE]
+    last = ca.fmax(ca.fmin(before, greatest), -greatest)
+    against = ca.fmax(ca.fmin(against, last + most), last - most)
     return ca.Function("rub", [way, before, torque, learnt, p, rubbing], [against], {"cse": True})
 
 
@@ -144,13 +134,14 @@ def learn(model: ServoModel, motors: bool) -> Any:
     """
     n = len(model.states)
     m, belief = n + 1 + 2 * motors, belief_of(n, motors)
-    learnt, now, tuning = ca.SX.sym("learnt", LEARNT), ca.SX.sym("now", 5), ca.SX.sym("tuning", TUNING)
-    p, rubbing = ca.SX.sym("p", len(model.names) + 1), ca.SX.sym("rubbing", RUBBING)
-    dt, wave, bound = p[-1], tuning[6], model.bound(p[:-1])
-    d, angle, d_variance = belief[2], belief[3], belief[2 + m + n * (n + 1) // 2 + n]
-    doubt, most = rubbing[1] ** 2, tuning[5] ** 2
+    learnt, now, tuning = ca.SX.sym("learnt", len(Learnt)), ca.SX.sym("now", 5), ca.SX.sym("tuning", len(Tuning))
+    p, rubbing = ca.SX.sym("p", len(model.names) + 1), ca.SX.sym("rubbing", len(Rubbing))
+    dt, wave, bound, stands = p[-1], tuning[Tuning.WAVE], model.bound(p[:-1]), rubbing[Rubbing.STANDS]
+    d, angle, velocity = belief[Belief.DISTURBANCE], belief[Belief.ANGLE], belief[Belief.VELOCITY]
+    d_variance = belief[2 + m + n * (n + 1) // 2 + n]
+    doubt, most = rubbing[Rubbing.STD] ** 2, tuning[Tuning.GREATEST] ** 2
 
-    known = ca.logic_and(learnt[0], finite(learnt))
+    known = ca.logic_and(learnt[Learnt.KNOWN], finite(learnt))
     first: tuple[Any, ...] = (0, 0, 1, most, 0, doubt, 0, 0, angle, 0, 0)
     kept = [ca.if_else(known, learnt[i], value) for i, value in enumerate(first)]
     _, b, s, P_bb, P_bs, P_ss, before, slid, followed, *_ = kept
@@ -158,19 +149,19 @@ def learn(model: ServoModel, motors: bool) -> Any:
     followed += dt * shown
 
     speed = (now[3] - now[2]) / dt
-    short = before * (now[4] - angle) > rubbing[5]
-    wanted = ca.if_else(short, before, ca.if_else(ca.fabs(speed) < rubbing[0], 0, ca.sign(speed)))
-    sense = ca.if_else(ca.fabs(shown) > _CLEAR * rubbing[0], ca.sign(shown), 0)
+    short = before * (now[4] - angle) > rubbing[Rubbing.ARRIVED]
+    wanted = ca.if_else(short, before, ca.if_else(ca.fabs(speed) < stands, 0, ca.sign(speed)))
+    sense = ca.if_else(ca.fabs(shown) > _CLEAR * stands, ca.sign(shown), 0)
     slides = ca.logic_and(sense != 0, sense == before)
     slid = ca.if_else(slides, slid + dt, 0)
     forward, backward = _levels(bound, angle, shown, now[1])
     friction = ca.if_else(sense > 0, forward, -backward)
 
     # Learn.
-    fades = rubbing[2] * dt
+    fades = rubbing[Rubbing.FADES] * dt
     Q_bb, Q_ss = ca.fmin(P_bb + fades * friction**2, most), ca.fmin(P_ss + fades * doubt, doubt)
     towards_b, towards_s = Q_bb - friction * P_bs, P_bs - friction * Q_ss
-    expected = towards_b - friction * towards_s + d_variance * rubbing[7]
+    expected = towards_b - friction * towards_s + d_variance * rubbing[Rubbing.MEMORY]
     miss = d - now[0] - (b - s * friction)
     believed = ca.logic_and(slid > 1 / wave, expected > 0)
     gain_b, gain_s = (ca.if_else(believed, towards / expected, 0) for towards in (towards_b, towards_s))
@@ -186,6 +177,22 @@ def learn(model: ServoModel, motors: bool) -> Any:
     turns = ca.logic_and(wanted != 0, wanted != before)
     fitting = ca.fmax(ca.fmin(b, d - now[0] + greatest), d - now[0] + least)
     b = ca.if_else(turns, fitting, b)
-    memory = ca.vertcat(1, b, s, P_bb, P_bs, P_ss, wanted, slid, followed, belief[4], short)
+    memory = ca.vertcat(1, b, s, P_bb, P_bs, P_ss, wanted, slid, followed, velocity, short)
     inputs = [belief, learnt, now, p, rubbing, tuning]
     return ca.Function("learn", inputs, [memory, ca.if_else(turns, fitting, d)], {"cse": True})
+
+
+def known_by_now(
+    learn: Any, late: int, belief: Any, learnt: Any, rubs: Any, past: Any, plan: Any, ahead: Any, **numbers: Any
+) -> dict[str, Any]:
+    """What is known of friction by now, as expressions; see rubbed in step.c.
+
+    A disturbance that had a part of a friction that is over loses it; as much goes from what the torques did against
+    friction to what they did besides.
+    """
+    total, N = past[late + 1] + rubs[late + 1], plan.numel() - 1
+    now = ca.vertcat(rubs[1], total, ahead[late], ahead[late + 1], ahead[N])
+    known, d = learn(belief, learnt, now, numbers["model"], numbers["rubbing"], numbers["tuning"])
+    more = belief[Belief.DISTURBANCE] - d
+    moved = {"past": past + more, "rubs": rubs - more, "plan": ca.vertcat(plan[0], plan[1:] + more)}
+    return {"learnt": known, "d": d, "total": total} | moved

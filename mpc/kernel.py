@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import casadi as ca
@@ -48,6 +49,51 @@ def _array(size: int, given: Array | None) -> Array:
     if given.size != size or given.dtype != np.float64 or not given.flags.c_contiguous:
         raise ValueError(f"A kernel needs a contiguous array of {size} numbers, not one of {given.size}.")
     return given.ravel()
+
+
+def fused(
+    name: str,
+    arrays: Mapping[str, Array],
+    reads: str,
+    build: Callable[..., dict[str, Any]],
+    *,
+    operations: int,
+    in_place: tuple[str, ...] = (),
+) -> Kernel:
+    """A kernel that reads arrays by their names and writes others, with what is between them as one list of operations.
+
+    Args:
+        name: of the function.
+        arrays: by name.
+        reads: which of them are arguments, with blanks between.
+        build: their symbols, by name -> expressions, by the name of the array that each is written to. What is an
+            argument too, or no array, has an output of its own.
+        operations: about how many it takes; see `unrolled`.
+        in_place: arguments that are written nevertheless, each place as soon as it has been read for the last time.
+    """
+    given = reads.split()
+    symbols = {each: ca.MX.sym(each, arrays[each].size) for each in given}
+    with _as_written():
+        made = build(**symbols)
+        function = ca.Function(name, list(symbols.values()), [ca.densify(expression) for expression in made.values()])
+        function = function.expand() if operations <= _UNROLLED else function
+    written = arrays.keys() - (set(given) - set(in_place))
+    return Kernel(
+        function,
+        {place: arrays[each] for place, each in enumerate(given)},
+        {place: arrays[each] for place, each in enumerate(made) if each in written},
+    )
+
+
+@contextmanager
+def _as_written() -> Iterator[None]:
+    """No operation is simplified, also across functions: that would round otherwise than C does."""
+    simplifies = ca.GlobalOptions.getSimplificationOnTheFly()
+    ca.GlobalOptions.setSimplificationOnTheFly(False)
+    try:
+        yield
+    finally:
+        ca.GlobalOptions.setSimplificationOnTheFly(simplifies)
 
 
 def unrolled(loop: Any, stages: int, *functions: Any) -> Any:

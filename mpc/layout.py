@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.control import OUTCOME
-from mpc.friction import LEARNT
-from mpc.slots import Fed
+from mpc.slots import Fed, Learnt, Told
 
 Array = NDArray[np.float64]
 
@@ -22,7 +21,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
     """
     n, N, samples = states, horizon, late + horizon
     remembered = {
-        "numbers": 4,  # how many wanted angles are known, and the last three
+        "told": len(Told),  # the last wanted angles, of a reference that is told one number a sample
         "past": late + 3,  # torques under way, oldest first: those of a delay, and the two around the last sample
         "plan": N + 1,  # whether there is one, and its torques
         "pressed": rows * N,  # which other numbers are held at an end (1, -1) or given up to their price (2, -2)
@@ -30,7 +29,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
         "bounds": 3 * N,  # which of them holds, and both, at each stage
         "preload": 1,  # lambda of the last sample
         "load": 1,  # torque that the load takes without accelerating
-        "learnt": LEARNT,  # see `mpc.friction`
+        "learnt": len(Learnt),  # of friction
         "watched": watched,  # see `mpc.encoder_faults`
         "astray": 1,  # mean square of what the load is off its reference, in units of what is admitted
         "rubs": late + 3,  # torques against friction, beside those of past
@@ -48,6 +47,7 @@ def laid_out(states: int, horizon: int, late: int, rows: int, watched: int) -> d
     }
     work = {
         "ahead": N + late + 2,
+        "steps": N,  # changes of the wanted angle from sample to sample
         "speeds": N + late + 2,  # of what is ahead
         "guess": N,
         "states": (samples + 1) * n,

@@ -128,7 +128,9 @@ class Assessment:
     Attributes:
         peak_sensitivity: max |1/(1 + L)|; inf if the loop is not stable.
         delay_margin: least dead time that makes it oscillate [s]; inf if none does.
-        chatter: standard deviation of the change of the torque from sample to sample that noise makes [N m].
+        chatter: standard deviation of the change of the torque from sample to sample that noise makes [N m], of a load
+            that moves or of one that its friction holds, whichever is more; inf if the controller is not stable by
+            itself. What its friction holds answers nothing, and leaves the controller alone.
         error: root of the integral of the squared error after a step of the load's torque of 1 N m [rad sqrt(s)].
     """
 
@@ -148,13 +150,41 @@ def assess(plant: LinearPlant, gain: Array, law: tuple[Array, float], noise: flo
     share = np.log(np.abs(L[crossings])) / np.log(np.abs(L[crossings] / L[crossings + 1]))
     lags = np.mod(np.angle(-L), 2 * np.pi)  # up to the point -1
     lag, at = (each[crossings] + share * (each[crossings + 1] - each[crossings]) for each in (lags, w))
-    change = np.abs(controller * S * (z - 1.0)) ** 2
+    change = np.abs(controller * (z - 1.0)) ** 2
+    loud = max(np.trapezoid(change * np.abs(S) ** 2, f), np.trapezoid(change, f))
     return Assessment(
         peak_sensitivity=float(np.max(np.abs(S))) if law[1] < 1.0 else np.inf,
         delay_margin=float(np.min(lag / at, initial=np.inf)),
-        chatter=float(noise * np.sqrt(2.0 * np.trapezoid(change, f))),
+        chatter=float(noise * np.sqrt(2.0 * loud)) if _stable_alone(plant, gain, law[0]) else np.inf,
         error=float(np.sqrt(np.trapezoid(np.abs(turned * S / w) ** 2, w) / np.pi)),
     )
+
+
+def _stable_alone(plant: LinearPlant, gain: Array, law: Array) -> bool:
+    """Whether the controller settles while the reading stands; beside its integrator, whose pole is one."""
+    poles = np.linalg.eigvals(feedback(plant, gain, law)[0])
+    poles[np.argmin(np.abs(poles - 1.0))] = 0.0
+    return bool(np.max(np.abs(poles)) < 1.0)
+
+
+def feedback(plant: LinearPlant, gain: Array, law: Array) -> tuple[Array, Array, Array, Array]:
+    """A, B, C and D from the reading to the torque, with its sign.
+
+    The state is the last estimate (z, d) and the torques u[k-1], ..., u[k-late-2].
+    """
+    n, late = plant.row.size, plant.late
+    predict = np.zeros((n + 1, n + late + 3))
+    predict[:, : n + 1], predict[:n, -2:] = with_disturbance(plant), plant.B
+    estimate = predict - np.outer(gain, np.append(plant.row, 0.0) @ predict)
+    C = np.zeros((1, n + late + 3))
+    C[0] = law[: n + 1] @ estimate
+    C[0, n + 1 : -1] += law[n + 1 :]
+    D = np.array([[law[: n + 1] @ gain]])
+    K, Ky = np.zeros((n + late + 3, n + late + 3)), np.zeros((n + late + 3, 1))
+    K[: n + 1], Ky[: n + 1, 0] = estimate, gain
+    K[n + 1], Ky[n + 1] = C[0], D[0]
+    K[n + 2 :, n + 1 : -1] = np.eye(late + 1)
+    return K, Ky, C, D
 
 
 def responses(plant: LinearPlant, gain: Array, law: Array, z: Complex) -> tuple[Complex, Complex]:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from mpc.active_set import find_active_set
 from mpc.interior_point import solve_from_inside
-from mpc.riccati import TORQUE_ALONE
+from mpc.riccati import ALL_ROWS, TORQUE_ALONE
 from mpc.sweeps import CERTIFIED, Sweeps
+
+ROUNDS = {TORQUE_ALONE: 25, ALL_ROWS: 50}
+"""Bound on the sweeps of each method; two are usual, 20 where other intervals than those of the torque are active."""
 
 
 class QuadraticProgram(Sweeps):

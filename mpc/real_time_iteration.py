@@ -6,13 +6,15 @@ See the functions of the same names in step.c.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from mpc.corridor import corridor, enter
-from mpc.estimator import Estimator
-from mpc.kernel import Kernel, unrolled
+from mpc.kernel import fused
+from mpc.prediction import Predictor
 from mpc.prepared import prepared
 from mpc.quadratic_program import QuadraticProgram
 from mpc.riccati import TORQUE_ALONE
@@ -33,23 +35,17 @@ class RealTimeIteration:
         program: the quadratic program.
     """
 
-    def __init__(self, sizes: Mapping[str, int], arrays: Mapping[str, Array], estimator: Estimator) -> None:
+    def __init__(self, sizes: Mapping[str, int], arrays: Mapping[str, Array], predictor: Predictor) -> None:
         """On the arrays of a controller."""
-        N, late = sizes["horizon"], sizes["late"]
-        n = len(estimator.predictor.model.states)
-        self._late, self._passes, self._dt = late, sizes["passes"], float(arrays["model"][-1])
-        self._a, self._belief = arrays, estimator.belief
+        N, self._late, self._passes = sizes["horizon"], sizes["late"], sizes["passes"]
+        self._a, self._stage, self._n = arrays, predictor.along.function, len(predictor.model.states)
         self.program = QuadraticProgram(arrays, sizes["rounds"])
-        self._states, self._range = arrays["states"].reshape(-1, n), arrays["range"].reshape(N, 2)
-        stage = estimator.predictor.along.function
-        along = unrolled(stage.mapaccum(late + N), late + N, stage)
-        outputs = {0: arrays["states"][n:], 1: arrays["A"], 2: arrays["B"]}
-        self._along = Kernel(along, {0: arrays["states"][:n], 2: np.tile(arrays["stage_numbers"], late + N)}, outputs)
-        to_reach, reaching = prepared(reach()).function, {2: np.tile(arrays["reach_numbers"], N)}
-        self._reach = Kernel(unrolled(to_reach.map(N), N, to_reach), reaching, {0: arrays["range"]})
-        self._enter = Kernel(enter(), {0: arrays["states"][late * n : late * n + 2], 1: arrays["soft"]})
-        confined = {0: self._enter.outputs[0], 2: np.tile(arrays["soft"], N), 3: np.full(N, self._dt)}
-        self._corridor = Kernel(unrolled(corridor().mapaccum(N), N, corridor()), confined)
+        self._range = arrays["range"].reshape(N, 2)
+        self._least, self._most = self._range.T
+        reads = "belief past guess rubs rub ahead feed bounds tuning stage_numbers reach_numbers soft model"
+        work = (self._late + N) * self._stage.n_instructions() + 100 * N
+        own = ("bounds",)
+        self._linearise = fused("linearise", arrays, reads, self._linearised, operations=work, in_place=own)
 
     def optimise(self) -> float:
         """Linearise, solve, and go on with the torques found; the residual."""
@@ -66,55 +62,75 @@ class RealTimeIteration:
                 program.bounds[:, 1] = np.clip(0.0, program.bounds[:, 1], program.bounds[:, 2])
                 program.bounds[:, 2] = program.bounds[:, 1]
                 program.sweep()
-            a["plan"][1:] = np.clip(a["guess"] + program.e, self._range[:, 0], self._range[:, 1])
-            if not np.max(np.abs(program.e)) > CONVERGED * a["unit"][0]:
+            np.minimum(np.maximum(a["guess"] + program.e, self._least), self._most, out=a["plan"][1:])
+            if self._passes == 1 or not np.max(np.abs(program.e)) > CONVERGED * a["unit"][0]:
                 break
         return residual
 
-    def _linearise(self) -> None:
+    def _linearised(self, past: Any, guess: Any, rubs: Any, rub: Any, **known: Any) -> dict[str, Any]:
         """The program around the course of the model under the guess."""
-        a, late, program = self._a, self._late, self.program
-        N, guess, past = a["guess"].size, a["guess"], a["past"]
-        a["states"][: self._states.shape[1]] = self._belief[3 : 3 + self._states.shape[1]]
-        held = np.concatenate((past[1 : late + 2], guess)) + self._belief[Belief.DISTURBANCE]
-        self._along.inputs[1][0::2], self._along.inputs[1][1::2] = held[1:], held[:-1]
-        self._along()
-        states, ahead = self._states[late:], a["ahead"][late:]
-        pace = states[:, 1]
-        self._reach.inputs[0][:] = pace[:-1]
-        self._reach.inputs[1][:] = (pace[1:] - pace[:-1]) / self._dt
-        self._reach()
-        steps = np.full(N, np.inf)
-        if a["tuning"][Tuning.TORQUE_STEP] < np.inf:
-            self._range[:], steps = within_rate(
-                self._range, past[late + 1] + a["rubs"][late + 1], a["tuning"][Tuning.TORQUE_STEP]
-            )
-        a["unit"][0] = np.abs(a["range"]).max()
-        self._range[:] -= a["rub"][:, None]  # what is left to the net torque
-        program.bounds[:, 1:] = self._range - guess[:, None]
-        program.data[1:, 0] = states[1:-1, 0] - ahead[1:N]
-        changes = np.diff(guess, prepend=past[late + 1])
-        program.data[:, 1] = changes - np.diff(a["feed"])
-        if program.rows > TORQUE_ALONE:
-            rubs = np.diff(a["rub"], prepend=a["rubs"][late + 1])
-            program.fence[:, 1] = np.stack((-steps, steps), axis=-1) - changes[:, None] - rubs[:, None]
-            self._enter()
-            for place in range(3):
-                self._corridor.inputs[1][place::3] = ahead[place : place + N]
-            _, ends = self._corridor()
-            program.fence[:, 2:] = ends.reshape(N, 2, 2) - states[1:, :2, None]
-        program.end[0] = states[-1, 0] - ahead[N]
-        program.end[1] = pace[-1] - (ahead[N + 1] - ahead[N - 1]) / (2 * self._dt)
+        late, N, n, dt = self._late, guess.numel(), self._n, known["model"][-1]
+        belief, ahead, step = known["belief"], known["ahead"][late:], known["tuning"][Tuning.TORQUE_STEP]
+        held, state = ca.vertcat(past[1 : late + 2], guess) + belief[Belief.DISTURBANCE], belief[3 : 3 + n]
+        states, A, B = [state], [], []
+        for k in range(late + N):
+            state, by_state, by_torque = self._stage(state, ca.vertcat(held[k + 1], held[k]), known["stage_numbers"])
+            states.append(state)
+            A.append(ca.vec(by_state))
+            B.append(ca.vec(by_torque))
+        course, made = states[late:], {"states": ca.vertcat(*states), "A": ca.vertcat(*A), "B": ca.vertcat(*B)}
+        changes = guess - ca.vertcat(past[late + 1], guess[:-1])
+        rates = changes - (known["feed"][1:] - known["feed"][:-1])
+        misses = [0, *(course[k][0] - ahead[k] for k in range(1, N))]
+        paces = [(course[k + 1][1] - course[k][1]) / dt for k in range(N)]
+        ends = [prepared(reach()).function(course[k][1], paces[k], known["reach_numbers"]) for k in range(N)]
+        reached = within_rate([(each[0], each[1]) for each in ends], past[late + 1] + rubs[late + 1], step)
+        ranges, unit = [], ca.MX(0)
+        for k, (low, high, _) in enumerate(reached):
+            unit = ca.fmax(unit, ca.fmax(ca.fabs(low), ca.fabs(high)))
+            ranges += [low - rub[k], high - rub[k]]  # what is left to the net torque
+        kept = [known["bounds"][3 * k] for k in range(N)]
+        bounds = [(kept[k], ranges[2 * k] - guess[k], ranges[2 * k + 1] - guess[k]) for k in range(N)]
+        made |= {
+            "range": ca.vertcat(*ranges),
+            "unit": unit,
+            "bounds": ca.vertcat(*(x for each in bounds for x in each)),
+        }
+        made["data"] = ca.vertcat(*(x for k in range(N) for x in (misses[k], rates[k])))
+        made["end"] = ca.vertcat(course[N][0] - ahead[N], course[N][1] - (ahead[N + 1] - ahead[N - 1]) / (2 * dt))
+        if self.program.rows > TORQUE_ALONE:
+            steps = [most for _, _, most in reached]
+            made["fence"] = _confined(course, ahead, steps, changes, rub, rubs[late + 1], known["soft"], dt)
+        return made
 
 
-def within_rate(ranges: Array, last: float, step: float) -> tuple[Array, Array]:
-    """What of the ranges (N, 2) can be reached from a last torque in steps of bounded size, and these sizes (N,) [N m].
+def within_rate(ends: list[tuple[Any, Any]], last: Any, step: Any) -> list[tuple[Any, Any, Any]]:
+    """What of the ranges (N,) can be reached from a last torque in steps of bounded size, and these sizes [N m].
 
     Where the range is out of reach the step yields, and the torque goes to the nearest end.
     """
-    reached, steps, (low, high) = np.empty_like(ranges), np.empty(len(ranges)), (last, last)
-    for k, (least, most) in enumerate(ranges.tolist()):
-        before = low, high
-        reached[k] = low, high = min(max(low - step, least), most), max(min(high + step, most), least)
-        steps[k] = max(step, low - before[1], before[0] - high)
-    return reached, steps
+    low, high, reached = last, last, []
+    for least, most in ends:
+        before_low, before_high = low, high
+        low, high = ca.fmin(ca.fmax(low - step, least), most), ca.fmax(ca.fmin(high + step, most), least)
+        reached.append((low, high, ca.fmax(step, ca.fmax(low - before_high, before_low - high))))
+    return reached
+
+
+def _confined(
+    course: list[Any], ahead: Any, steps: list[Any], changes: Any, rub: Any, rubbed: Any, soft: Any, dt: Any
+) -> Any:
+    """The intervals of the numbers beside the torque, less what the guess makes of them."""
+    memory, fence = enter()(course[0][:2], soft), []
+    for k, step in enumerate(steps):
+        memory, (least, most, slowest, fastest) = _corridor(memory, ahead[k : k + 3], soft, dt)
+        more = rub[k] - (rub[k - 1] if k else rubbed)
+        fence += [0, 0, -step - changes[k] - more, step - changes[k] - more]
+        angle, speed = course[k + 1][0], course[k + 1][1]
+        fence += [least - angle, most - angle, slowest - speed, fastest - speed]
+    return ca.vertcat(*fence)
+
+
+def _corridor(memory: Any, ahead: Any, soft: Any, dt: Any) -> tuple[Any, list[Any]]:
+    memory, ends = corridor()(memory, ahead, soft, dt)
+    return memory, ca.vertsplit(ends)

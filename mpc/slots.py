@@ -41,6 +41,46 @@ class Soft(_Slot):
     SHOWS_SPEED = auto()
 
 
+class Rubbing(_Slot):
+    """Numbers of friction, see `mpc.friction.friction_numbers`."""
+
+    STANDS = auto()  # speed below which a reference stands [rad/s]
+    STD = auto()  # relative standard error of the model's friction
+    FADES = auto()  # rate at which what was learnt is forgotten [1/s]
+    DEAF = auto()  # innovation that is none while the reference stands [rad]
+    MOST_CHANGE = auto()  # of the torque in a sample, what the teeth bear once [N m]
+    ARRIVED = auto()  # distance at which a load has arrived [rad]
+    GREATEST = auto()  # torque [N m]
+    MEMORY = auto()  # samples that the estimate of the disturbance has in common with the one before
+    QUIET = auto()  # change of the torque that the teeth bear all the time [N m]
+    JERK = auto()  # a quarter of how fast the acceleration of a move may change [rad/s^3]
+
+
+class Learnt(_Slot):
+    """What is remembered of friction, see `mpc.friction.learn`."""
+
+    KNOWN = auto()
+    CONSTANT = auto()  # torque besides friction [N m]
+    SCALE = auto()  # of the model's friction
+    VAR_CONSTANT = auto()  # variances and covariance of both
+    COVARIANCE = auto()
+    VAR_SCALE = auto()
+    SENSE = auto()  # in which friction is compensated
+    SLID = auto()  # for how long the load has slid that way [s]
+    FOLLOWED = auto()  # its angle as a first-order lag of 1/w follows it [rad]
+    VELOCITY = auto()  # of the load [rad/s]
+    SHORT = auto()  # whether it is still short of the reference in that sense
+
+
+class Told(_Slot):
+    """A reference that is told one number a sample, see `mpc.preview`."""
+
+    COUNT = auto()  # of the last angles that are known
+    FIRST = auto()
+    SECOND = auto()
+    THIRD = auto()
+
+
 class Belief(_Slot):
     """What the estimator believes, first of all."""
 
@@ -83,5 +123,5 @@ def c_names() -> str:
     """Enumerations of C."""
     return "\n".join(
         f"enum {{ {', '.join(f'{slots.__name__.upper()}_{slot.name} = {slot.value}' for slot in slots)} }};"
-        for slots in (Tuning, Soft, Belief, Path, Fed, Outcome)
+        for slots in (Tuning, Soft, Rubbing, Learnt, Told, Belief, Path, Fed, Outcome)
     )

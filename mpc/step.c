@@ -8,22 +8,23 @@ enum { LOST = 1, BRIDGED = 2, JUMPED = 4, STAYED = 8, DIVERGED = 16, AIMLESS = 3
 
 #define CONVERGED 1e-9 /* change of the torques at which a full solution ends, in the same unit */
 
-/* The wanted angle over the horizon; of a reference that is one number only that number is given. */
+/* The wanted angle over the horizon and its changes; of a reference that is one number only that number is given. */
 static int look(struct controller *c, int previewed)
 {
   int k, trouble = 0;
-  real speed = 0, numbers[4], angle = c->belief[BELIEF_ANGLE];
+  real speed = 0, told[4], angle = c->belief[BELIEF_ANGLE];
   real *wanted = c->wanted;
   for (k = 0; k <= (previewed ? HORIZON : 0); ++k)
     if (!isfinite(wanted[k])) trouble = AIMLESS;
   if (trouble) previewed = 0, wanted[0] = angle;
   if (previewed) {
-    c->numbers[0] = 0;
+    for (k = 0; k < HORIZON; ++k) c->steps[k] = wanted[k + 1] - wanted[k];
+    c->told[TOLD_COUNT] = 0;
     return trouble;
   }
-  preview(c->numbers, wanted, TABLE(tuning) + TUNING_ATTAINABLE, numbers, &speed);
-  memcpy(c->numbers, numbers, sizeof numbers);
-  for (k = 1; k <= HORIZON; ++k) wanted[k] = wanted[0] + speed * k;
+  preview(c->told, wanted, TABLE(tuning) + TUNING_ATTAINABLE, told, &speed);
+  memcpy(c->told, told, sizeof told);
+  for (k = 1; k <= HORIZON; ++k) wanted[k] = wanted[0] + speed * k, c->steps[k - 1] = speed;
   return trouble;
 }
 
@@ -43,7 +44,7 @@ static int lead(const struct controller *c, const real *path, const real *limits
   const real *dt = TABLE(model) + PARAMETERS - 1;
   for (k = 0; k < HORIZON - 1 && !jumps; ++k) jump(c->wanted + k, TABLE(tuning) + TUNING_ATTAINABLE, &jumps);
   count = k;
-  if (jumps) early(path, c->wanted + k - 1, &count, limits, dt, TABLE(rubbing) + 9, &due, change);
+  if (jumps) early(path, c->wanted + k - 1, &count, limits, dt, TABLE(rubbing) + RUBBING_JERK, &due, change);
   if (due) return k;
   *change = 0;
   return 0;
@@ -54,7 +55,7 @@ static int lead(const struct controller *c, const real *path, const real *limits
 static void aim(struct controller *c, int previewed)
 {
   int k, i, last = HORIZON, first = 0;
-  real limits[3], near, speed, bend, now[2], next[2], three[3], change = 0, *ahead = c->ahead, *speeds = c->speeds;
+  real limits[3], near, speed, bend, now[2], next[2], pair[2], wanted, change = 0, *ahead = c->ahead, *speeds = c->speeds;
   followable(c->belief + BELIEF_ANGLE, c->load, TABLE(machine), TABLE(tuning), limits, &near);
   if (!(c->path[PATH_GOVERNED] && fabs(c->belief[BELIEF_ANGLE] - c->path[PATH_ANGLE]) <= near)) {
     c->path[PATH_GOVERNED] = 1;
@@ -64,20 +65,22 @@ static void aim(struct controller *c, int previewed)
   }
   memcpy(now, c->path + PATH_ANGLE, sizeof now);
   if (previewed) first = lead(c, now, limits, &change);
-  three[0] = wanted_at(c, first) - first * change;
-  hurry(now, three, c->path + PATH_MOVE, TABLE(tuning) + TUNING_ATTAINABLE, TABLE(rubbing) + 9, limits + 2);
+  wanted = wanted_at(c, first) - first * change;
+  hurry(now, &wanted, c->path + PATH_MOVE, TABLE(tuning) + TUNING_ATTAINABLE, TABLE(rubbing) + RUBBING_JERK, limits + 2);
   c->path[PATH_MOVE] = limits[2];
+  now[0] -= wanted; /* from now on the distance from what is wanted */
   for (k = 0; k <= last; ++k) {
-    const real *wanted = c->wanted + k;
+    const real *steps = c->steps + k;
+    wanted = wanted_at(c, first + k) - first * change;
     if (first || k + 2 > last) {
-      for (i = 0; i < 3; ++i) three[i] = wanted_at(c, first + k + i) - first * change;
-      wanted = three;
+      for (i = 0; i < 2; ++i) pair[i] = c->steps[first + k + i < last ? first + k + i : last - 1];
+      steps = pair;
     }
-    ahead[k] = now[0], speeds[k] = now[1];
-    govern(now, wanted, limits, TABLE(soft), TABLE(govern_numbers), next);
+    ahead[k] = wanted + now[0], speeds[k] = now[1];
+    govern(now, &wanted, steps, limits, TABLE(soft), TABLE(govern_numbers), next);
     memcpy(now, next, sizeof now);
-    if (k == 0) memcpy(c->path + PATH_ANGLE, next, sizeof next);
   }
+  c->path[PATH_ANGLE] = ahead[1], c->path[PATH_RATE] = speeds[1];
   speed = ahead[last] - ahead[last - 1];
   bend = speed - (ahead[last - 1] - ahead[last - 2]);
   for (k = 0; k <= LATE + 1; ++k) speeds[last + k] = speeds[last - 1] + (speeds[last - 1] - speeds[last - 2]) * (k + 1);
@@ -114,7 +117,7 @@ static void rubbed(struct controller *c)
   for (k = 1; k <= HORIZON; ++k) c->plan[k] += more;
   before = c->rubs[LATE + 1];
   lead = HORIZON; /* samples until friction is back at zero */
-  if (fabs(before) / TABLE(rubbing)[4] < lead) lead = (int)(fabs(before) / TABLE(rubbing)[4]);
+  if (fabs(before) / TABLE(rubbing)[RUBBING_MOST_CHANGE] < lead) lead = (int)(fabs(before) / TABLE(rubbing)[RUBBING_MOST_CHANGE]);
   for (k = 0; k < HORIZON; ++k) {
     rub(ahead + (k + lead < HORIZON ? k + lead : HORIZON - 1), &before, &total, c->learnt, TABLE(model), TABLE(rubbing), c->rub + k);
     before = c->rub[k];
@@ -354,11 +357,11 @@ static void lapse(struct controller *c)
   c->elapsed[0] = 0;
   if (!(elapsed > 0 && isfinite(elapsed))) return;
   if (elapsed > (HORIZON + 0.5) * dt) { /* nothing is known any more */
-    c->belief[BELIEF_KNOWN] = c->path[PATH_GOVERNED] = c->plan[0] = c->numbers[0] = 0;
+    c->belief[BELIEF_KNOWN] = c->path[PATH_GOVERNED] = c->plan[0] = c->told[TOLD_COUNT] = 0;
     return;
   }
-  shift = c->numbers[0] > 1 ? (elapsed / dt - 1) * (c->numbers[3] - c->numbers[2]) : 0;
-  for (k = 1; k < 4; ++k) c->numbers[k] += shift;
+  shift = c->told[TOLD_COUNT] > 1 ? (elapsed / dt - 1) * (c->told[TOLD_THIRD] - c->told[TOLD_SECOND]) : 0;
+  for (k = TOLD_FIRST; k <= TOLD_THIRD; ++k) c->told[k] += shift;
   late = elapsed - dt, bend = isfinite(c->fed[FED_BEND]) ? c->fed[FED_BEND] : 0;
   c->path[PATH_ANGLE] += late * (c->path[PATH_RATE] + late * (bend / (2 * dt)));
   c->path[PATH_RATE] += late * (bend / dt);
@@ -387,7 +390,7 @@ STEP int control_step(struct controller *c, real angle, int previewed)
   c->readings[0] = angle; /* and behind it those of the motors */
   lapse(c);
   out = watched(c);
-  acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[6] == 0 ? TABLE(rubbing)[3] : 0;
+  acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[LEARNT_SENSE] == 0 ? TABLE(rubbing)[RUBBING_DEAF] : 0;
   estimate(c->belief, c->readings, acted, c->acting, TABLE(levels), belief, &code, &anew);
   if (anew) begin(c->readings, acted, TABLE(model), TABLE(levels), belief);
   memcpy(c->belief, belief, sizeof belief);

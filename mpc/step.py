@@ -6,21 +6,22 @@ Both forms work on the same arrays, so that either can go on where the other has
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mpc.aim import Aim
 from mpc.estimator import Estimator
-from mpc.feed_forward import ease
-from mpc.governor import Governor, followable
-from mpc.kernel import Kernel, along_the_way, unrolled
-from mpc.prepared import prepared
-from mpc.preview import preview, prolonged
+from mpc.feed_forward import fed_forward
+from mpc.friction import known_by_now
+from mpc.governor import Governor
+from mpc.kernel import Kernel, along_the_way, fused
+from mpc.outcome import holding, outcome
 from mpc.real_time_iteration import RealTimeIteration
 from mpc.riccati import TORQUE_ALONE
-from mpc.slots import Belief, Fed, Outcome, Path, Tuning
-from mpc.split import split
+from mpc.slots import Belief, Fed, Learnt, Outcome, Path, Rubbing, Told
+from mpc.stages import Stages
 from mpc.trouble import Trouble
 
 Array = NDArray[np.float64]
@@ -39,34 +40,32 @@ class InterpretedStep:
         arrays: Mapping[str, Array],
         estimator: Estimator,
         governor: Governor,
-        friction: tuple[Any, Any, Any],
-        watch: Any,
+        stages: Stages,
     ) -> None:
-        """On the arrays of a controller; friction: `mpc.friction.rub`, `learn`, and `mpc.feed_forward.demand`."""
-        N, late = sizes["horizon"], sizes["late"]
-        n = len(estimator.predictor.model.states)
-        self._late, self._dt = late, float(arrays["model"][-1])
-        self._estimator, self._governor = estimator, governor
-        governor.speeds = np.zeros(N + 1)
-        self._iteration = RealTimeIteration(sizes, arrays, estimator)
+        """On the arrays of a controller."""
+        N, self._late = sizes["horizon"], sizes["late"]
+        self._a, self._dt, self._estimator = arrays, float(arrays["model"][-1]), estimator
+        self._aim = Aim(arrays, governor, self._late)
+        self._iteration = RealTimeIteration(sizes, arrays, estimator.predictor)
         self.program = self._iteration.program
-        self._a, self._places = arrays, np.arange(N)
-        self._states = arrays["states"].reshape(-1, n)
-        machine = arrays["machine"]
-        self._preview = Kernel(preview(), {0: arrays["numbers"], 2: arrays["tuning"][Tuning.ATTAINABLE :][:1]})
-        self._followable = Kernel(followable(), {1: arrays["load"], 2: machine, 3: arrays["tuning"]})
-        rub, learn, demand = friction
-        learnt, same, rubbing = arrays["learnt"], arrays["model"], arrays["rubbing"]
-        self._learn = Kernel(learn, {0: estimator.belief, 1: learnt, 3: same, 4: rubbing, 5: arrays["tuning"]})
-        self._rub = Kernel(along_the_way(rub, N, 1), {3: learnt, 4: same, 5: rubbing}, {0: arrays["rub"]})
-        self._demand_first = Kernel(demand, {3: same})
-        self._demand = Kernel(unrolled(demand.map(N), N, demand), {3: np.tile(same, N)}, {0: arrays["taken"]})
-        self._ease = Kernel(along_the_way(ease(), N, 1), {2: rubbing})
+        rub, learn, demand = stages.friction
+        own = dict(arrays) | {name: np.zeros(1) for name in ("d", "total", "margin", "given", "sound", "beyond")}
+        self._own, self._places = own, np.arange(N)
+        reads = "belief learnt rubs past plan ahead model rubbing tuning"
+        work = learn.n_instructions() + 4 * N
+        self._learn = fused("known", own, reads, partial(known_by_now, learn, self._late), operations=work)
+        same = {2: own["total"], 3: arrays["learnt"], 4: arrays["model"], 5: arrays["rubbing"]}
+        self._rub = Kernel(along_the_way(rub, N, 1), same, {0: arrays["rub"]})
+        reads = "ahead speeds fed past belief model rubbing"
+        work = N * (demand.n_instructions() + 60)
+        self._feed_forward = fused("feed", own, reads, partial(fed_forward, demand, self._late), operations=work)
         shared = {0: estimator.belief, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
-        self._watch = Kernel(watch, shared)
-        to_split = prepared(split()).function
-        inputs = {0: arrays["preload"], 3: arrays["acceleration"], 4: np.tile(arrays["split_numbers"], N)}
-        self._split = Kernel(unrolled(to_split.mapaccum(N), N, to_split), inputs, {1: arrays["torques"]})
+        self._watch = Kernel(stages.watch, shared)
+        reads = "plan rub states s preload split_numbers tuning soft model"
+        come = partial(outcome, len(estimator.predictor.model.states), self.program.rows > TORQUE_ALONE)
+        self._outcome = fused("outcome", own, reads, come, operations=150 * N, in_place=("preload",))
+        reads = "preload split_numbers plan"
+        self._holding = fused("holding", own, reads, holding, operations=120 * N, in_place=("preload",))
 
     def __call__(self, angle: float, previewed: bool) -> int:
         """The measured angle in, the torques and all else in the arrays; what went wrong, see `Trouble`."""
@@ -74,24 +73,24 @@ class InterpretedStep:
             return self._sample(float(angle), previewed)
 
     def _sample(self, angle: float, previewed: bool) -> int:
-        past = self._a["past"]
+        a, belief = self._a, self._estimator.belief
         self._lapse()
         angle, out = self._watched(angle)
-        _, first, second = self._a["readings"].tolist()
-        deaf = float(self._a["rubbing"][3]) if self._a["learnt"][6] == 0 else 0.0
-        trouble = self._estimator.update(angle, past[1], past[0], (first, second), deaf)
+        first, second = a["readings"][1:].tolist()
+        deaf = float(a["rubbing"][Rubbing.DEAF]) if a["learnt"][Learnt.SENSE] == 0 else 0.0
+        before, last = a["past"][:2].tolist()
+        trouble = self._estimator.update(angle, last, before, (first, second), deaf)
         if out:
             trouble = trouble & ~Trouble.BRIDGED | Trouble.CONTRADICTED
-        if self._estimator.belief[Belief.KNOWN]:
-            trouble |= self._look(previewed)
-            self._aim(previewed and not trouble & Trouble.AIMLESS)
-            trouble |= self._astray()
+        if belief[Belief.KNOWN]:
+            trouble |= self._aim.look(previewed)
+            trouble |= self._aim.aim(previewed and not trouble & Trouble.AIMLESS)
             self._rubbed()
-            self._feed_forward()
+            a["fed"][:] = self._feed_forward()[0]
             trouble |= self._plan_ahead()
         else:
             self._hold()
-        self._a["outcome"][Outcome.DISTURBANCE] = self._estimator.belief[Belief.DISTURBANCE]
+        a["outcome"][Outcome.DISTURBANCE] = belief[Belief.DISTURBANCE]
         self._move_on()
         return trouble
 
@@ -114,16 +113,17 @@ class InterpretedStep:
 
         The reference that is remembered by the sample moves on by as much.
         """
-        a, dt, path, numbers = self._a, self._dt, self._governor.path, self._a["numbers"]
+        a, dt = self._a, self._dt
         elapsed, a["elapsed"][0] = float(a["elapsed"][0]), 0.0
         a["acting"][:] = a["model"]
         if not (elapsed > 0 and np.isfinite(elapsed)):
             return
+        path, told = a["path"], a["told"]
         if elapsed > (a["guess"].size + 0.5) * dt:  # nothing is known any more
-            self._estimator.belief[Belief.KNOWN] = path[Path.GOVERNED] = a["plan"][0] = numbers[0] = 0.0
+            a["belief"][Belief.KNOWN] = path[Path.GOVERNED] = a["plan"][0] = told[Told.COUNT] = 0.0
             return
-        if numbers[0] > 1:
-            numbers[1:] += (elapsed / dt - 1) * (numbers[3] - numbers[2])
+        if told[Told.COUNT] > 1:
+            told[Told.FIRST :] += (elapsed / dt - 1) * (told[Told.THIRD] - told[Told.SECOND])
         late, bend = elapsed - dt, a["fed"][Fed.BEND] if np.isfinite(a["fed"][Fed.BEND]) else 0.0
         path[Path.ANGLE] += late * (path[Path.RATE] + late * (bend / (2 * dt)))
         path[Path.RATE] += late * (bend / dt)
@@ -137,149 +137,62 @@ class InterpretedStep:
         a, watch = self._a, self._watch
         a["readings"][0] = angle
         watch.inputs[1][:] = a["readings"][: watch.inputs[1].size]
-        past, newest = a["past"], a["past"][1] + a["rubs"][1]
-        watch.inputs[3][:] = past[1], past[0], newest
-        belief, reading, watched, load_out, motors_out = watch()
-        self._estimator.belief[:], a["watched"][:] = belief, watched
+        before, last = a["past"][:2].tolist()
+        watch.inputs[3][:] = last, before, last + a["rubs"][1]
+        a["belief"][:], reading, a["watched"][:], load_out, motors_out = watch()
         if motors_out[0]:
             a["readings"][1:] = np.nan
         a["readings"][0] = np.nan if load_out[0] else reading[0]
         return float(a["readings"][0]), bool(load_out[0] or motors_out[0])
 
-    def _look(self, previewed: bool) -> int:
-        """The wanted angle over the horizon; of a reference that is one number only that number is given."""
-        wanted, numbers = self._a["wanted"], self._a["numbers"]
-        trouble = Trouble.NONE if np.isfinite(wanted if previewed else wanted[0]).all() else Trouble.AIMLESS
-        if trouble:
-            previewed, wanted[0] = False, self._estimator.belief[Belief.ANGLE]
-        if previewed:
-            numbers[0] = 0.0
-            return trouble
-        self._preview.inputs[1][0] = wanted[0]
-        after, speed = self._preview()
-        numbers[:] = after
-        wanted[1:] = wanted[0] + speed * np.arange(1, wanted.size)
-        return trouble
-
-    def _aim(self, previewed: bool) -> None:
-        """What of it can be followed, over the horizon and as far beyond as a delay reaches."""
-        angle, velocity = self._followable.inputs[0][:] = self._estimator.belief[3:5]
-        limits, near = self._followable()
-        if not self._governor.distance(float(angle)) <= near[0]:
-            self._governor.restart(float(angle), float(velocity))
-        governed = self._governor.govern(self._a["wanted"], (limits[0], limits[1]), previewed)
-        self._a["ahead"][:] = prolonged(governed, self._late + 1)
-        speeds, last = self._a["speeds"], governed.size - 1
-        speeds[:last] = self._governor.speeds[:last]
-        bend = speeds[last - 1] - speeds[last - 2]
-        speeds[last:] = speeds[last - 1] + bend * np.arange(1, self._late + 3)
-
-    def _astray(self) -> int:
-        """Whether the load has been beside the governed reference for long."""
-        ahead, mean, tuning = self._a["ahead"], self._a["astray"], self._a["tuning"]
-        step = self._dt * tuning[Tuning.WAVE]
-        admitted = tuning[Tuning.ASTRAY] + abs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step)
-        miss = (ahead[0] - self._estimator.belief[Belief.ANGLE]) / admitted
-        if not 0 <= mean[0] <= 2:
-            mean[0] = 0.0
-        square = miss * miss
-        mean[0] += tuning[Tuning.SHARE] * ((square if square < 2 else 2.0) - mean[0])
-        return Trouble.ASTRAY if mean[0] > 1 else Trouble.NONE
-
     def _rubbed(self) -> None:
         """What friction there will be on the way, and what is known of it by now."""
-        a, belief, ahead, newest = self._a, self._estimator.belief, self._a["ahead"][self._late :], self._late + 1
-        rubs, total = a["rubs"], a["past"][newest] + a["rubs"][newest]
-        self._learn.inputs[2][:] = rubs[1], total, ahead[0], ahead[1], a["ahead"][a["rub"].size]
-        learnt, disturbance = self._learn()
-        a["learnt"][:] = learnt
-        more = belief[Belief.DISTURBANCE] - disturbance[0]
-        belief[Belief.DISTURBANCE] = disturbance[0]
-        a["past"] += more
-        rubs -= more
-        a["plan"][1:] += more
-        before, self._rub.inputs[2][0] = rubs[newest], total
-        last = a["rub"].size - 1
-        samples = abs(before) / a["rubbing"][4]  # until friction is back at zero
+        a, own, ahead, newest = self._a, self._own, self._a["ahead"][self._late :], self._late + 1
+        a["learnt"][:], *_, a["past"][:], a["rubs"][:], a["plan"][:] = self._learn()
+        a["belief"][Belief.DISTURBANCE] = own["d"][0]
+        before, last = float(a["rubs"][newest]), a["rub"].size - 1
+        samples = abs(before) / float(a["rubbing"][Rubbing.MOST_CHANGE])  # until friction is back at zero
         lead = int(samples) if samples < last + 1 else last + 1
-        place = np.minimum(self._places + lead, last)
-        self._rub.inputs[0][0::2], self._rub.inputs[0][1::2] = ahead[place], ahead[place + 1]
-        self._rub.inputs[1][0] = before
+        way, self._rub.inputs[1][0] = self._rub.inputs[0], before
+        if lead:
+            place = np.minimum(self._places + lead, last)
+            way[0::2], way[1::2] = ahead[place], ahead[place + 1]
+        else:
+            way[0::2], way[1::2] = ahead[: last + 1], ahead[1 : last + 2]
         self._rub()
-
-    def _feed_forward(self) -> None:
-        """The torque that the governed reference takes, and what of it is fed; before the first it is what acts."""
-        a, ahead, speeds = self._a, self._a["ahead"][self._late :], self._a["speeds"][self._late :]
-        fed, taken, feed, N = a["fed"], a["taken"], a["feed"], a["taken"].size
-        known = fed[Fed.KNOWN] == 1.0 and np.isfinite(fed).all()
-        if not known:
-            fed[Fed.BEND] = speeds[1] - speeds[0]
-            first = self._demand_first.inputs
-            first[0][0], first[1][:], first[2][0] = ahead[0], speeds[:2], -fed[Fed.BEND]
-            fed[Fed.EASED] = fed[Fed.TORQUE] = self._demand_first()[0][0]
-            fed[Fed.EASED_CHANGE] = fed[Fed.CHANGE] = 0.0
-        feed[0] = fed[Fed.TORQUE] if known else a["past"][self._late + 1] + self._estimator.belief[Belief.DISTURBANCE]
-        angles, pairs, before, _ = self._demand.inputs
-        angles[:], pairs[0::2], pairs[1::2] = ahead[:N], speeds[:N], speeds[1 : N + 1]
-        before[0], before[1:] = fed[Fed.BEND], speeds[1:N] - speeds[: N - 1]
-        _, bends = self._demand()
-        fed[Fed.BEND] = bends[0]
-        forward = self._eased(taken, fed[Fed.EASED : Fed.TORQUE])
-        fed[Fed.EASED : Fed.TORQUE] = forward[0]
-        there = forward[:, 0].copy()
-        back = self._eased(taken[::-1], np.array([taken[-1], taken[-2] - taken[-1]]))[::-1, 0]
-        eased = self._eased((there + back) / 2, fed[Fed.TORQUE :])
-        feed[1:], fed[Fed.TORQUE :], fed[Fed.KNOWN] = eased[:, 0], eased[0], 1.0
-
-    def _eased(self, torques: Array, before: Array) -> Array:
-        """(N, 2) torques and their changes from sample to sample; overwritten by the next call."""
-        self._ease.inputs[0][:], self._ease.inputs[1][:] = torques, before
-        return self._ease()[0].reshape(-1, 2)
 
     def _plan_ahead(self) -> int:
         """The torques of the horizon for what was planned."""
-        a, late, trouble = self._a, self._late, Trouble.NONE
-        held, plan, guess = self.program.bounds[:, 0], a["plan"], a["guess"]
+        a, late, own, program, trouble = self._a, self._late, self._own, self.program, Trouble.NONE
+        held, plan, guess = program.bounds[:, 0], a["plan"], a["guess"]
         if plan[0]:
             guess[:-1], guess[-1] = plan[2:], plan[-1]
             held[:-1] = held[1:]
-            for active in (self.program.pressed, self.program.forces):
-                active[:-1] = active[1:]
+            if program.rows > TORQUE_ALONE:
+                for active in (program.pressed, program.forces):
+                    active[:-1] = active[1:]
         else:
             guess[:], held[:] = a["past"][late + 1], 0.0
-            self.program.pressed[:] = self.program.forces[:] = 0.0
+            program.pressed[:] = program.forces[:] = 0.0
         a["outcome"][Outcome.RESIDUAL] = self._iteration.optimise()
         if not plan[0]:
             trouble = Trouble.UNCERTIFIED
-        states, s = self._states[late:], self.program.s
-        a["angles"][:] = states[:, 0] + s[:, 0]
-        speeds = states[:, 1] + s[:, 1]
-        a["acceleration"][:] = (speeds[1:] - speeds[:-1]) / self._dt
-        if not all(np.isfinite(part).all() for part in (a["acceleration"], plan, a["rub"])):
+        preload, load = float(a["preload"][0]), float(a["load"][0])
+        self._outcome()
+        if not own["sound"][0]:
+            a["preload"][0], a["load"][0] = preload, load
             self._hold()
             return Trouble.UNCERTIFIED
-        a["load"][0] = plan[1] + a["rub"][0] - a["tuning"][Tuning.INERTIA] * a["acceleration"][0]
-        self._split.inputs[1][:] = plan[1:] + a["rub"]
-        self._split.inputs[2][:] = states[:-1, 1]
-        preload, _, given, margin = self._split()
-        a["preload"][0] = preload[0]
-        a["outcome"][Outcome.MARGIN] = margin.min()
-        a["past"][late + 2], a["rubs"][late + 2] = given[0] - a["rub"][0], a["rub"][0]
-        if a["outcome"][Outcome.MARGIN] < -1e-9 * a["machine"][1]:
+        a["outcome"][Outcome.MARGIN] = own["margin"][0]
+        a["past"][late + 2], a["rubs"][late + 2] = own["given"][0] - a["rub"][0], a["rub"][0]
+        if own["margin"][0] < -1e-9 * a["machine"][1]:
             trouble |= Trouble.PARTING
-        low, high, speed, _, _, far, fast, _ = a["soft"].tolist()
-        late_angles, late_speeds = a["angles"][1:], speeds[1:]
-        beyond = (late_angles < low - far) | (late_angles > high + far) | (np.abs(late_speeds) > speed + fast)
-        return trouble | (Trouble.BEYOND if self.program.rows > TORQUE_ALONE and beyond.any() else Trouble.NONE)
+        return trouble | (Trouble.BEYOND if own["beyond"][0] else Trouble.NONE)
 
     def _hold(self) -> None:
         """Keep the teeth together with as little torque on the load as that allows, and know nothing."""
-        a = self._a
-        a["plan"][0], a["acceleration"][:] = 0.0, 0.0
-        self._split.inputs[1][:], self._split.inputs[2][:] = 0.0, 0.0
-        preload, _, given, margin = self._split()
-        a["preload"][0] = preload[0]
-        a["angles"][:] = np.nan
-        a["outcome"][Outcome.MARGIN], a["outcome"][Outcome.RESIDUAL] = margin[0], np.inf
-        a["past"][self._late + 2] = given[0]
-        a["rubs"][self._late + 2] = 0.0
+        a, late = self._a, self._late
+        self._holding()
+        a["plan"][0], a["acceleration"][:], a["angles"][:] = 0.0, 0.0, np.nan
+        a["outcome"][Outcome.MARGIN], a["outcome"][Outcome.RESIDUAL] = self._own["margin"][0], np.inf
+        a["past"][late + 2], a["rubs"][late + 2] = self._own["given"][0], 0.0

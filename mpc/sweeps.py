@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import partial
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from mpc.kernel import Kernel, unrolled
+from mpc.kernel import Kernel, fused, unrolled
 from mpc.riccati import TORQUE_ALONE, backward, forward, slope, triangle
 from mpc.slots import Tuning
 
@@ -47,7 +47,7 @@ class Sweeps:
 
     def __init__(self, arrays: Mapping[str, Array], rounds: int) -> None:
         """For arrays by name; `rounds` bounds the sweeps of each method."""
-        self.rounds, self.unit, self._tuning = rounds, arrays["unit"], arrays["tuning"]
+        self.rounds, self.unit = rounds, arrays["unit"]
         N, n = arrays["e"].size, arrays["s"].size // (arrays["e"].size + 1) - 1
         late, self.rows = arrays["A"].size // n**2 - N, arrays["forces"].size // N
         A, B = arrays["A"][late * n * n :], arrays["B"][late * 2 * n :]
@@ -60,27 +60,24 @@ class Sweeps:
         self.end, self.e, self.held = arrays["end"], arrays["e"], arrays["held"]
         self.curvature = arrays["curvature"]
         self.s, self.law = arrays["s"].reshape(N + 1, n + 1), arrays["law"].reshape(N, 2 * n + 5)
-        self._V, self._v = np.zeros(triangle(n + 1).nnz()), np.zeros(n + 1)
-        w = self.rate_weight
-        self._sweep = Kernel(
-            sweep(n, N, self.rows),
-            {0: self._V, 1: self._v, 2: A, 3: B, 4: arrays["data"], 5: arrays["bounds"], 6: arrays["barrier"], 7: w},
-            {0: self.e, 1: self.held, 2: arrays["s"][n + 1 :], 3: arrays["law"]},
-        )
+        own = dict(arrays) | {"A": A, "B": B, "steady": np.zeros(1), "worst": np.zeros(1)}
+        work = N * (backward(n, self.rows).n_instructions() + forward(n).n_instructions())
+        reads = "tuning end A B data bounds barrier"
+        behind = own | {"s": arrays["s"][n + 1 :]}
+        self._sweep = fused("sweep", behind, reads, partial(_swept, n, self.rows), operations=work)
+        self._steady, self._worst = own["steady"], own["worst"]
         course, after = forward(n).mapaccum(N), {0: arrays["s"][n + 1 :], 1: self.e}
         by_law = {1: A, 2: B, 3: arrays["law"], 4: arrays["bounds"]}
         self._course = Kernel(unrolled(course, N, forward(n)), by_law, after)
-        inputs = {1: arrays["s"][: -n - 1], 2: self.e, 3: A, 4: B, 5: arrays["data"], 6: arrays["forces"], 7: w}
-        self._slopes = Kernel(slopes(n, N, self.rows), inputs)
+        known = "tuning end s e A B data forces bounds law curvature unit"
+        fences = "moved prices fence"
+        work = N * slope(n, self.rows).n_instructions()
+        self._residual = fused("residual", own, f"{known} {fences}", partial(_residual, n, self.rows), operations=work)
 
     def sweep(self) -> bool:
         """Backward for the law, forward for the torques; whether the bounds that hold stay the same."""
-        P = self._tuning[Tuning.END : Tuning.END_VELOCITY + 1]
-        self._V[:3] = P
-        self._v[0] = P[0] * self.end[0] + P[1] * self.end[1]
-        self._v[1] = P[1] * self.end[0] + P[2] * self.end[1]
         self._sweep()
-        return bool((self.held == self.bounds[:, 0]).all())
+        return bool(self._steady[0])
 
     def follow(self, e: Array) -> None:
         """Where these torques lead."""
@@ -102,54 +99,89 @@ class Sweeps:
 
         and no less than what f is rounded by: a force beyond all digits would hide how far q is off.
         """
-        low, high = self.bounds[:, 1], self.bounds[:, 2]
-        P, (angle, velocity) = self._tuning[Tuning.END : Tuning.END_VELOCITY + 1], self.end + self.s[-1, :2]
-        self._slopes.inputs[0][:2] = P[0] * angle + P[1] * velocity, P[1] * angle + P[2] * velocity
-        (slope_e,) = self._slopes()
-        curvature = self.law[:, -1] if self.rows == TORQUE_ALONE else self.curvature
-        pulled = np.clip(self.e - slope_e / curvature, low, high)
-        worst = float(np.max(np.abs(self.e - pulled)))
-        if self.rows > TORQUE_ALONE:
-            f, q = self.forces[:, 1:], self.numbers().reshape(-1, self.rows)[:, 1:]
-            moved, price = self.moved[1:], self.prices[1:]
-            stiff = curvature[:, None] / (moved * moved)
-            up = np.clip(f + stiff * (q - self.fence[:, 1:, 1]), 0.0, price)
-            down = np.clip(f + stiff * (q - self.fence[:, 1:, 0]), -price, 0.0)
-            missing = np.maximum(np.abs(up + down - f), _DIGITS * np.abs(f))
-            worst = float(np.max(missing / stiff / moved, initial=worst))
-        return worst / float(self.unit[0])
+        self._residual()
+        return float(self._worst[0])
 
 
-@lru_cache(maxsize=64)
-def sweep(n: int, N: int, rows: int) -> Any:
-    """One sweep over N stages: (V, v at the end, A, B, data, bounds, barrier, w) -> e, held, s[1..N], law."""
-    m = n + 1
-    V, v = ca.MX.sym("V", triangle(m)), ca.MX.sym("v", m)
-    A, B = ca.MX.sym("A", n, n * N), ca.MX.sym("B", n, 2 * N)
-    data, bounds, w = ca.MX.sym("data", 2, N), ca.MX.sym("bounds", 3, N), ca.MX.sym("w")
-    barrier = ca.MX.sym("barrier", 2 * rows, N)
-    latest = [_reversed(stages, N) for stages in (A, B, data, bounds, barrier)]
-    _, _, law = backward(n, rows).mapaccum("laws", N, [0, 1], [0, 1])(V, v, *latest, ca.repmat(w, 1, N))
-    law = _reversed(law, N)
-    s, e, held = forward(n).mapaccum(N)(ca.MX(m, 1), A, B, law, bounds)
-    loop = ca.Function("sweep", [V, v, A, B, data, bounds, barrier, w], [e, held, s, law])
-    return unrolled(loop, N, backward(n, rows), forward(n))
+def _swept(
+    n: int, rows: int, tuning: Any, end: Any, A: Any, B: Any, data: Any, bounds: Any, barrier: Any
+) -> dict[str, Any]:
+    """One sweep: torques, what they make, the law, what of the bounds holds now, and whether it is the same."""
+    N, m, back, on = bounds.numel() // 3, n + 1, backward(n, rows), forward(n)
+    (P_1, P_2, P_3), w = _end_weights(tuning), tuning[Tuning.RATE_WEIGHT]
+    V = ca.MX(triangle(m), ca.vertcat(P_1, P_2, P_3, ca.MX.zeros(triangle(m).nnz() - 3)))
+    v = ca.vertcat(P_1 * end[0] + P_2 * end[1], P_2 * end[0] + P_3 * end[1], ca.MX.zeros(m - 2))
+    laws: list[Any] = [None] * N
+    for k in reversed(range(N)):
+        own = _at(k, 2, data), _at(k, 3, bounds), _at(k, 2 * rows, barrier)
+        V, v, laws[k] = back(V, v, *_dynamics(k, n, A, B), *own, w)
+    s, found, steady = ca.MX.zeros(m), [], ca.MX(1)
+    for k, law in enumerate(laws):
+        s, e, held = on(s, *_dynamics(k, n, A, B), law, _at(k, 3, bounds))
+        found.append((s, e, held))
+        steady = ca.logic_and(steady, held == bounds[3 * k])
+    names = dict(zip(("s", "e", "held"), (ca.vertcat(*each) for each in zip(*found, strict=True)), strict=True))
+    return names | {"law": ca.vertcat(*laws), "steady": steady}
 
 
-@lru_cache(maxsize=64)
-def slopes(n: int, N: int, rows: int) -> Any:
-    """The derivative of the cost by each torque: (costate at the end, s[0..N-1], e, A, B, data, forces, w) -> (N,)."""
-    m = n + 1
-    end, s, e = ca.MX.sym("end", m), ca.MX.sym("s", m, N), ca.MX.sym("e", 1, N)
-    A, B = ca.MX.sym("A", n, n * N), ca.MX.sym("B", n, 2 * N)
-    data, forces, w = ca.MX.sym("data", 2, N), ca.MX.sym("forces", rows, N), ca.MX.sym("w")
-    latest = [_reversed(stages, N) for stages in (s, e, A, B, data, forces)]
-    _, by_e = slope(n, rows).mapaccum(N)(end, *latest, ca.repmat(w, 1, N))
-    loop = ca.Function("slopes", [end, s, e, A, B, data, forces, w], [_reversed(by_e, N)])
-    return unrolled(loop, N, slope(n, rows))
+def _residual(
+    n: int,
+    rows: int,
+    tuning: Any,
+    end: Any,
+    s: Any,
+    e: Any,
+    A: Any,
+    B: Any,
+    data: Any,
+    forces: Any,
+    bounds: Any,
+    law: Any,
+    curvature: Any,
+    unit: Any,
+    **fences: Any,
+) -> dict[str, Any]:
+    """See `Sweeps.residual`; a number that is none spoils the sum."""
+    N, m = e.numel(), n + 1
+    (P_1, P_2, P_3), w = _end_weights(tuning), tuning[Tuning.RATE_WEIGHT]
+    angle, velocity = end[0] + s[N * m], end[1] + s[N * m + 1]
+    costate = ca.vertcat(P_1 * angle + P_2 * velocity, P_2 * angle + P_3 * velocity, ca.MX.zeros(m - 2))
+    worst, whole, ordered = ca.MX(0), ca.MX(0), ca.MX(1)
+    for k in reversed(range(N)):
+        force, (low, high) = _at(k, rows, forces), ca.vertsplit(bounds[3 * k + 1 : 3 * k + 3])
+        own = _at(k, m, s), e[k], *_dynamics(k, n, A, B), _at(k, 2, data)
+        costate, by_e = slope(n, rows)(costate, *own, force, w)
+        steep = curvature[k] if rows > TORQUE_ALONE else law[(2 * m + 3) * (k + 1) - 1]
+        wrong = [ca.fabs(e[k] - _clipped(e[k] - by_e / steep, low, high))]
+        numbers = (e[k], e[k] - s[m * k + n], s[m * (k + 1)], s[m * (k + 1) + 1])
+        wrong += [_missing(k, i, rows, numbers[i], force[i], steep, **fences) for i in range(1, rows)]
+        ordered = ca.logic_and(ordered, low <= high)
+        for each in wrong:
+            worst, whole = ca.fmax(worst, each), whole + each
+    return {"worst": ca.if_else(ordered, (worst + 0 * whole) / unit, np.inf)}
 
 
-def _reversed(stages: Any, N: int) -> Any:
-    """The blocks of N stages beside each other, the last one first."""
-    width = stages.shape[1] // N
-    return stages[:, [k * width + i for k in range(N - 1, -1, -1) for i in range(width)]]
+def _missing(k: int, i: int, rows: int, q: Any, force: Any, curvature: Any, moved: Any, prices: Any, fence: Any) -> Any:
+    """By how much the force of an interval would have to change, seen as a torque."""
+    stiff, place = curvature / (moved[i] * moved[i]), 2 * (rows * k + i)
+    up = _clipped(force + stiff * (q - fence[place + 1]), 0, prices[i])
+    down = _clipped(force + stiff * (q - fence[place]), -prices[i], 0)
+    return ca.fmax(_DIGITS * ca.fabs(force), ca.fabs(up + down - force)) / stiff / moved[i]
+
+
+def _clipped(x: Any, low: Any, high: Any) -> Any:
+    return ca.if_else(x < low, low, ca.if_else(x > high, high, x))
+
+
+def _end_weights(tuning: Any) -> tuple[Any, Any, Any]:
+    return tuning[Tuning.END], tuning[Tuning.END_BOTH], tuning[Tuning.END_VELOCITY]
+
+
+def _dynamics(k: int, n: int, A: Any, B: Any) -> tuple[Any, Any]:
+    """A and B of a stage."""
+    return ca.reshape(_at(k, n * n, A), n, n), ca.reshape(_at(k, 2 * n, B), n, 2)
+
+
+def _at(k: int, width: int, array: Any) -> Any:
+    """What of an array belongs to a stage."""
+    return array[width * k : width * (k + 1)]

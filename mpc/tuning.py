@@ -45,6 +45,9 @@ _FILTERS = (4.0, 32.0)
 however slow the loop is. For a bandwidth that is more than the machine allows half of it is tried too."""
 
 
+_UNSTABLE = 1e9
+"""In units of what is allowed: a search needs numbers that are finite."""
+
 _FINE = 0.01
 """Relative error of a bandwidth that is searched for, and ten times it of the filter's: the optimum is flat."""
 
@@ -148,7 +151,8 @@ def _chosen(
         if told is None:
             return float(np.log(loop(np.exp(fastest(log_ratio)), np.exp(log_ratio)).error))
         found = loop(np.exp(told), np.exp(log_ratio))
-        loud, peaked = np.log(found.chatter / chatter), np.log(found.peak_sensitivity / _PEAK)
+        beyond = (found.chatter / chatter, found.peak_sensitivity / _PEAK)
+        loud, peaked = (np.log(min(ratio, _UNSTABLE)) for ratio in beyond)
         return float(np.log(found.error) + 1e4 * max(loud, 0) + 1e2 * max(peaked, 0))
 
     ratios = np.log(_FILTERS if told is None else (_FILTERS[0] / 2, _FILTERS[1])).tolist()

@@ -10,9 +10,6 @@ from plant.servo import ServoModel
 
 Array = NDArray[np.float64]
 
-TUNING = 11
-"""Numbers by which a controller is tuned, see `Controller`."""
-
 
 def rate_weight(model: ServoModel, bandwidth: float, sample_time: float) -> float:
     """s/Ts^2, weight of a change of torque from sample to sample [rad^2/(N m)^2].

@@ -6,6 +6,7 @@ parameters, the time step and the smoothing width are its inputs.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import Any, Literal, TypeAlias
 
@@ -21,6 +22,8 @@ from plant.symbolic import one_at_a_time
 
 Method: TypeAlias = Literal["rk4", "backward_difference"]
 _INSTANT = 1e-15  # [s]
+_TURN = 0.25  # of the rigid body's own motion that an integration step may follow [rad]
+_MOST_STEPS = 20  # in a sample for the rigid body's sake
 
 INPUTS = ("command", "previous_command", "servo_gain", "command_limit", "time", "dt", "width", "servo_damping")
 """What a step takes besides state and parameters.
@@ -79,9 +82,25 @@ class Structure:
         return hash(self.model.structure)
 
 
+def longest_step(model: ServoModel, sample_time: float, *, stiffness: float = 0.0, damping: float = 0.0) -> float:
+    """Longest integration step that follows the rigid body and every effect in a log of that sample time [s].
+
+    Args:
+        model: the servo.
+        sample_time: of the log [s].
+        stiffness: gain of a position servo that holds the load [N m/rad].
+        damping: its gain on the velocity [N m s/rad].
+    """
+    held = math.sqrt((abs(model.gravity) + stiffness) / model.inertia)
+    rate = (model.viscous_friction + damping) / model.inertia + held
+    shortest = sample_time / _MOST_STEPS
+    rigid = max(_TURN / rate, shortest) if rate > 0.0 else sample_time
+    return min(rigid, sample_time, *(effect.step_within(sample_time) for effect in model.effects))
+
+
 def integration_steps(model: ServoModel, sample_time: float, *, stiffness: float = 0.0, damping: float = 0.0) -> int:
     """Integration steps in one sample, none longer than any effect and a position servo's gains allow."""
-    longest = model.longest_step(sample_time, stiffness=stiffness, damping=damping)
+    longest = longest_step(model, sample_time, stiffness=stiffness, damping=damping)
     return max(1, int(np.ceil(sample_time / longest * (1.0 - 1e-6))))
 
 

@@ -13,6 +13,7 @@ import casadi as ca
 
 from plant.code_dialects import python
 from plant.code_text import Symbolic, text_of
+from plant.discrete import longest_step
 from plant.effects import Effect, Stage
 from plant.servo import ServoModel
 from plant.simulator_parts import Beyond, Native, beyond, native_part
@@ -67,7 +68,7 @@ def mujoco_model(model: ServoModel, *, sample_time: float | None = None, name: s
     """
     timeless = model.without_clock()
     native = native_part(timeless)
-    longest = min(_STEP, timeless.longest_step(sample_time or _STEP))
+    longest = min(_STEP, longest_step(timeless, sample_time or _STEP))
     timestep = longest if sample_time is None else sample_time / ceil(sample_time / longest * (1.0 - 1e-9))
     code = _function(timeless, native, name)
     inner = beyond(timeless)

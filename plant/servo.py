@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,9 +29,6 @@ from plant.units import printed
 
 if TYPE_CHECKING:
     import pandas as pd
-
-_TURN = 0.25  # of the rigid body's own motion that an integration step may follow [rad]
-_MOST_STEPS = 20  # in a sample for the rigid body's sake
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -279,20 +275,6 @@ class ServoModel(Tabled):
         for effect in self.effects:
             shown = effect.reading(shown, *(own[effect.name] or (0.0,))[:1])
         return shown
-
-    def longest_step(self, sample_time: float, *, stiffness: float = 0.0, damping: float = 0.0) -> float:
-        """Longest integration step that follows the rigid body and every effect in a log of that sample time [s].
-
-        Args:
-            sample_time: of the log [s].
-            stiffness: gain of a position servo that holds the load [N m/rad].
-            damping: its gain on the velocity [N m s/rad].
-        """
-        held = math.sqrt((abs(self.gravity) + stiffness) / self.inertia)
-        rate = (self.viscous_friction + damping) / self.inertia + held
-        shortest = sample_time / _MOST_STEPS
-        rigid = max(_TURN / rate, shortest) if rate > 0.0 else sample_time
-        return min(rigid, sample_time, *(effect.step_within(sample_time) for effect in self.effects))
 
     def delay(self) -> Expression:
         """Dead time of the command [s]."""

@@ -97,6 +97,7 @@ class Loaded:
         number = np.float32 if made.precision == "single" else np.float64
         real = ctypes.c_float if made.precision == "single" else ctypes.c_double
         self._library.antidrive_step.argtypes = (ctypes.c_void_p, real, real, ctypes.c_void_p)
+        self._library.antidrive_step_ahead.argtypes = (ctypes.c_void_p, real, ctypes.c_void_p, ctypes.c_void_p)
         self._library.antidrive_elapsed.argtypes = (ctypes.c_void_p, real)
         self.status = 0
         self.memory, self._torques = np.zeros(made.memory // number().itemsize, number), np.zeros(2, number)
@@ -106,9 +107,14 @@ class Loaded:
         """The time since the last step [s]."""
         self._library.antidrive_elapsed(self.memory.ctypes.data, seconds)
 
-    def step(self, angle: float, reference: float) -> Array:
-        """The pinion torques (2,) of a sample [N m]."""
-        self.status = self._library.antidrive_step(self.memory.ctypes.data, angle, reference, self._torques.ctypes.data)
+    def step(self, angle: float, reference: float | Array) -> Array:
+        """The pinion torques (2,) of a sample [N m]; the reference is a number, or known (N + 1,) samples ahead."""
+        torques = self._torques.ctypes.data
+        if isinstance(reference, np.ndarray):
+            ahead = reference.astype(self.memory.dtype)
+            self.status = self._library.antidrive_step_ahead(self.memory.ctypes.data, angle, ahead.ctypes.data, torques)
+        else:
+            self.status = self._library.antidrive_step(self.memory.ctypes.data, angle, reference, torques)
         return self._torques.astype(np.float64)
 
 

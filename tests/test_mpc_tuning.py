@@ -11,6 +11,7 @@ from plant import GearTrain, Rig, ServoModel
 from plant.effects import ActuatorLag, CoulombFriction, Effect, InputDelay, SensorLag, StribeckFriction
 
 PAPER = GearTrain.paper()
+PAIR = GearTrain(pinion_teeth=(20, 20), follower_teeth=161)
 
 
 @pytest.mark.parametrize("sample_time", [0.001, 0.002, 0.005])
@@ -38,6 +39,35 @@ def test_the_peak_sensitivity_is_below_two(inertia: float, sample_time: float) -
 def test_so_it_is_with_friction_and_lateness_at_rest_and_moving(effects: tuple[Effect, ...], velocity: float) -> None:
     loop = analyse_loop(Controller(ServoModel(effects=effects), PAPER), angle=0.3, velocity=velocity)
     assert loop.peak_sensitivity < 2.0
+
+
+@pytest.mark.parametrize("inertia", [0.02, 0.2])
+@pytest.mark.parametrize("late", [0.002, 0.004, 0.01])
+def test_a_controller_settles_by_itself_while_friction_holds(inertia: float, late: float) -> None:
+    """While the reading stands nothing answers to the controller; one that was unstable by itself swung at rest."""
+    model = ServoModel(inertia=inertia, gravity=0.1, viscous_friction=0.02, effects=(InputDelay(time=late),))
+    fine = {"encoder_resolution": 2 * np.pi / 2**20, "encoder_noise": 2e-6}
+    loop = analyse_loop(Controller(model, PAPER, **fine))  # type: ignore[arg-type]
+    poles = np.abs(loop.controller.poles())
+    integrator = np.argmin(np.abs(loop.controller.poles() - 1.0))
+    assert np.max(np.delete(poles, integrator)) < 0.95
+    assert loop.peak_sensitivity < 2.0
+    assert loop.delay_margin > 0.005
+
+
+def test_a_light_axis_read_late_keeps_contact_while_it_sticks() -> None:
+    axis = {"inertia": 0.02, "gravity": 0.1, "viscous_friction": 0.02}
+    rig = Rig(
+        gears=PAIR, coulomb_friction=0.45, encoder_delay=0.004, encoder_counts=2**20, encoder_noise=2e-6,
+        flank_stiffness=5e3, flank_damping=1.0, **axis,  # type: ignore[arg-type]
+    )  # fmt: skip
+    effects = (CoulombFriction(torque=0.45), InputDelay(time=0.004))
+    model = ServoModel(effects=effects, **{**axis, "inertia": rig.total_inertia})
+    fine = {"encoder_resolution": 2 * np.pi / 2**20, "encoder_noise": 2e-6, "motor_friction": 5e-4}
+    controller = Controller(model, PAIR, rotor_inertia=4e-6, **fine)  # type: ignore[arg-type]
+    loop = closed_loop(controller, rig, lambda t: 0.01 * (np.floor(t / 0.8) % 2), 1.2, seed=100)
+    assert loop.least_flank_torque > 0.1
+    assert np.std(np.diff(PAIR.follower_torque(loop.torques))[40:150]) < 0.05  # it was 0.5 N m at rest
 
 
 def test_a_bandwidth_that_is_wanted_brings_the_rest() -> None:

@@ -1,0 +1,98 @@
+"""What the load is to do over the horizon: the wanted angle as it is told, and what of it can be followed.
+
+See look, aim and astray in step.c.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from mpc.governor import Governor, governed_path
+from mpc.kernel import Kernel, fused
+from mpc.preview import preview, prolonged
+from mpc.slots import Belief, Path, Rubbing, Told, Tuning
+from mpc.time_optimal_law import followable
+from mpc.trouble import Trouble
+
+Array = NDArray[np.float64]
+
+
+class Aim:
+    """What is wanted, what of it can be followed, and whether the load is where it should be."""
+
+    def __init__(self, arrays: Mapping[str, Array], governor: Governor, late: int) -> None:
+        """On the arrays of a controller."""
+        self._a, self._governor, self._limited, self._late = arrays, governor, governor.soft is not None, late
+        known = {0: arrays["told"], 2: arrays["tuning"][Tuning.ATTAINABLE :][:1]}
+        self._preview = Kernel(preview(), known)
+        own = dict(arrays) | {"path": governor.path, "limits": np.zeros(2)}
+        own |= {"asked": np.zeros(arrays["wanted"].size), "changes": np.zeros(arrays["wanted"].size + 1)}
+        where = "belief load machine tuning path"
+        self._begun = fused("begun", own, where, self._begin, operations=0)
+        more = " asked changes soft rubbing govern_numbers astray model"
+        self._aimed = fused("aimed", own, where + more, self._followed, operations=100 * own["asked"].size)
+        self._asked, self._changes, self._limits = own["asked"], own["changes"], own["limits"]
+        self._counts = np.arange(1, arrays["wanted"].size)
+
+    def look(self, previewed: bool) -> int:
+        """The wanted angle over the horizon and its changes; of a reference that is a number only that is given."""
+        wanted, told, steps = self._a["wanted"], self._a["told"], self._a["steps"]
+        trouble = Trouble.NONE if np.isfinite(wanted if previewed else wanted[0]).all() else Trouble.AIMLESS
+        if trouble:
+            previewed, wanted[0] = False, self._a["belief"][Belief.ANGLE]
+        if previewed:
+            np.subtract(wanted[1:], wanted[:-1], out=steps)
+            told[Told.COUNT] = 0.0
+            return trouble
+        self._preview.inputs[1][0] = wanted[0]
+        told[:], speed = self._preview()
+        wanted[1:], steps[:] = wanted[0] + speed * self._counts, speed
+        return trouble
+
+    def aim(self, previewed: bool) -> int:
+        """What of it can be followed, over the horizon and as far beyond as a delay reaches; whether it is."""
+        wanted, governor, limits = self._a["wanted"], self._governor, None
+        if previewed and governor.sees_a_jump(wanted):
+            governor.path[:], (backward, forward) = self._begun()
+            limits = float(backward), float(forward)
+        governor.ask(wanted, self._a["steps"], self._asked, self._changes, limits)
+        path, _, _, mean = self._aimed()
+        governor.path[:], self._a["astray"][:] = path, mean
+        return Trouble.ASTRAY if mean[0] > 1 else Trouble.NONE
+
+    @staticmethod
+    def _begin(belief: Any, load: Any, machine: Any, tuning: Any, path: Any) -> dict[str, Any]:
+        """Where the governed reference is, at the load if that is too far from it, and what can be followed."""
+        angle, velocity = belief[Belief.ANGLE], belief[Belief.VELOCITY]
+        limits, near = followable()(ca.vertcat(angle, velocity), load, machine, tuning)
+        goes_on = ca.logic_and(path[Path.GOVERNED] != 0, ca.fabs(angle - path[Path.ANGLE]) <= near)
+        where = ca.if_else(goes_on, path, ca.vertcat(1, angle, velocity, 0))
+        return {"path": where, "limits": limits[:2]}
+
+    def _followed(self, asked: Any, changes: Any, astray: Any, model: Any, **known: Any) -> dict[str, Any]:
+        """The governed reference and its speeds."""
+        soft, jerk, numbers = known.pop("soft"), known.pop("rubbing")[Rubbing.JERK], known.pop("govern_numbers")
+        tuning, belief = known["tuning"], known["belief"]
+        where, limits = self._begin(**known).values()
+        own = tuning[Tuning.ATTAINABLE], jerk, numbers
+        path, ahead, speeds = governed_path(self._limited, where, asked, changes, limits, soft, *own)
+        last = speeds.numel() - 1
+        bend = speeds[last - 1] - speeds[last - 2]
+        farther = [speeds[last - 1] + bend * k for k in range(1, self._late + 3)]
+        found = {"path": path, "ahead": prolonged(ahead, self._late + 1)}
+        found["speeds"] = ca.vertcat(speeds[:last], *farther)
+        return found | {"astray": _off(found["ahead"], belief, astray, tuning, model[-1])}
+
+
+def _off(ahead: Any, belief: Any, mean: Any, tuning: Any, dt: Any) -> Any:
+    """Mean square of what the load is off its reference, in units of what is admitted."""
+    step = dt * tuning[Tuning.WAVE]
+    admitted = tuning[Tuning.ASTRAY] + ca.fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step)
+    miss = (ahead[0] - belief[Belief.ANGLE]) / admitted
+    before = ca.if_else(ca.logic_and(mean >= 0, mean <= 2), mean, 0)
+    return before + tuning[Tuning.SHARE] * (ca.if_else(miss * miss < 2, miss * miss, 2) - before)

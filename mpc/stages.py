@@ -1,0 +1,47 @@
+"""The stages of a step, as functions of CasADi: what the machine code is made of, and what the Python form loops."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+from mpc.corridor import corridor, enter
+from mpc.encoder_faults import watch
+from mpc.estimator import Estimator
+from mpc.feed_forward import demand, ease
+from mpc.friction import learn, rub
+from mpc.governor import Governor
+from mpc.prepared import prepared
+from mpc.preview import preview
+from mpc.riccati import backward, forward, slope
+from mpc.split import reach, split
+from mpc.time_optimal_law import early, followable, governed, hurry, jump
+from plant.servo import ServoModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stages:
+    """Of one controller.
+
+    Attributes:
+        friction: `mpc.friction.rub`, `mpc.friction.learn` and `mpc.feed_forward.demand` of its model.
+        watch: over its sensors.
+        every: these and all others.
+    """
+
+    friction: tuple[Any, Any, Any]
+    watch: Any
+    every: tuple[Any, ...]
+
+    @classmethod
+    def of(cls, model: ServoModel, estimator: Estimator, governor: Governor, rows: int) -> Self:
+        """Of a model with its friction, behind the drive, and a program with so many intervals a stage."""
+        motors, n = estimator.motors is not None, len(model.states)
+        friction = rub(model), learn(model, motors), demand(model)
+        watching = watch(estimator.predictor, motors)
+        filters = (estimator.predictor.along.function, watching, *estimator.functions, *friction)
+        govern = prepared(governed(governor.soft is not None)).function
+        aims = (ease(), preview(), jump(), hurry(), early(), followable(), govern, enter(), corridor())
+        sweeps = (backward(n, rows), forward(n), slope(n, rows))
+        splits = (prepared(reach()).function, prepared(split()).function)
+        return cls(friction=friction, watch=watching, every=(*filters, *aims, *sweeps, *splits))
