@@ -32,7 +32,7 @@ _RETUNED = 3  # sets whose observer is chosen anew
 _MOST = 5  # times that names are added
 _STEP, _STEPS = 4.0, 4  # from bandwidth to bandwidth, and how many below that of the base model alone
 _STAGES = (0, 1, 2, 2)  # of a search among shapes that look alike
-_ITERATIONS = 60
+_ITERATIONS = 20
 
 
 @dataclass(eq=False)
