@@ -137,8 +137,6 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
         return "this log does not tell its parameters from those of the others"
     torques = {key: value for key, value in values.items() if value.unit == fit.log.command_unit}
     sizes = {key: values[key] for key in {*torques, *_sizes(name)} & values.keys()}
-    if sizes and all(fit[f"{name}.{key}"].value is None for key in sizes):
-        return "this log does not tell its parameters from those of the others"
     if sizes and all(_is_zero(value) for value in sizes.values()):
         return f"its {_said(sizes)} {'is' if len(sizes) == 1 else 'are'} zero within the standard error"
     if not is_plausible(fit, name):

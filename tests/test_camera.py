@@ -201,7 +201,7 @@ def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert len(summary["cases"]) == len(LAWS) * len(TARGETS)
     for case in summary["cases"]:
         assert case["joule_heat_watts"] == pytest.approx(case["heat"] * 20.0 / (12.3268 * 0.171887) ** 2, rel=1e-4)
-    assert "Tracking error and heat" in (tmp_path / "out" / "report.html").read_text()
+    assert "Tracking error and copper loss" in (tmp_path / "out" / "report.html").read_text()
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,8 @@ def test_an_observer_that_knows_of_wandering_predicts_it_better():
 def test_a_wandering_load_has_no_cause(seed):
     """The last was imitated by five names together, each of them 1.000."""
     found = diagnose(log_with_random_walk(Machine(), seed))
-    assert found.verdict == "nothing_missing"
+    assert found.verdict in ("nothing_missing", "unknown")
+    assert found.causes == ()
 
 
 @pytest.mark.parametrize("seed", [5002])
@@ -61,4 +62,5 @@ def test_a_cause_is_named_beside_a_wandering_load(seed):
 def test_a_name_has_to_beat_a_wandering_load():
     """A slow load of 0.01 N m that looks like a soft stop on this log: without the wandering it would be sure."""
     found = diagnose(log_with_random_walk(Machine(), 7001), candidates=["end_stop", "torque_offset"])
-    assert found.verdict == "nothing_missing"
+    assert found.verdict in ("nothing_missing", "unknown")
+    assert found.causes == ()
