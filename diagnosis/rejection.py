@@ -10,7 +10,7 @@ from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.explanation.wording import joined_words, percent, title_of
 from diagnosis.result import Rejected
-from diagnosis.verdict import special_cases
+from diagnosis.verdict import LIKELY, special_cases
 from identification.fit_result import Fit
 from plant.effects import Effect
 
@@ -67,6 +67,8 @@ def _behind(posterior: Posterior, holder: Explanation, name: str) -> str:
         return f"it costs more than it explains (log Bayes factor {worth:.1f})"
     behind = posterior.best.log_marginal - holder.log_marginal
     others = joined_words([title_of(other) for other in sorted(posterior.best.names - holder.names)])
+    if posterior.told(name) > LIKELY:
+        return "it only takes the place of an effect that is ruled out"
     if not others:
         return f"its probability is only {percent(posterior.of(name))}"
     if behind < _EQUAL:

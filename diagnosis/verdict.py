@@ -26,7 +26,7 @@ HARDLY_EVER = float(np.log(1000.0))
 """Log odds against values that a cause hardly ever has."""
 _CARRIES = 0.8  # of what the most telling variable explains, from which another is told too
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
-_TELLING = 0.2  # share of the missing torque's variance from which a variable is said to carry it
+_TELLING = 0.2  # share of the residual torque's variance from which a variable is said to carry it
 _CONSTANT = "nothing"  # what a constant torque depends on
 
 
@@ -54,9 +54,9 @@ def judged(
 
     Args:
         posterior: over the sets.
-        missing: torque that the likeliest set lacks; an observer has to follow it.
-        shows: whether more than the size of the unmodelled torque speaks for it: a residual model predicts validation
-            data better, or runs that repeat one another leave the same.
+        missing: residual torque of the likeliest set; an observer has to follow it.
+        shows: whether more than its evidence shows an unmodelled torque: a curve predicts a part of the log that it was
+            not fitted to better, or runs that repeat one another leave the same.
         ruled_out: names of a set that was ruled out, but is clearly likelier than all others. Then nothing missing is
             no answer, and a name that is not among them only takes the place of what was.
     """
@@ -66,7 +66,8 @@ def judged(
     told = {name: posterior.told(name) for name in posterior.names() if name in fitted}
     causes = {name: p for name, p in told.items() if p > LIKELY and (ruled_out is None or name in ruled_out)}
     unnamed = beside.material > SURE or missing.excess > _NOISE or shows
-    minor = {name: told[name] for name in probable if not special_cases(name) & causes.keys()}
+    small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others take a ruled-out one's place
+    minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}
     verdict = _verdict(posterior, causes, unnamed or bool(minor) or ruled_out is not None)
     if verdict == "ambiguous" and not causes:
         causes = _leading(posterior)
@@ -79,7 +80,7 @@ def judged(
 
 
 def variables(posterior: Posterior, missing: ResidualTorque) -> tuple[str, ...]:
-    """Variables of the unmodelled torque: by the discrepancy, else by the picture of the missing torque."""
+    """Variables of the unmodelled torque: by the discrepancy, else by the residual torque."""
     best = posterior.best
     explained = best.discrepancy.explained_by()
     most = max(explained.values(), default=0.0)

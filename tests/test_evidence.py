@@ -110,6 +110,12 @@ def test_a_parameter_that_others_can_follow_wins_no_evidence() -> None:
     assert wider.log_marginal < less.log_marginal
 
 
+def test_what_is_below_rounding_is_no_evidence() -> None:
+    """Responses that explain more power than there is once made a log marginal likelihood of 1e35."""
+    likelihood, *_ = _at(np.array([[1.0]]), np.array([1.0]), 0.5, 100, np.array([1.0]))
+    assert likelihood == -np.inf
+
+
 def test_the_discrepancy_is_integrated_out_as_a_gaussian_is() -> None:
     """Beside the log-density of the whole covariance, s^2 I + D S D', of values and columns drawn at random."""
     rng = np.random.default_rng(0)
