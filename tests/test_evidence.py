@@ -17,7 +17,7 @@ from diagnosis.evidence.marginal import families_along, weigh
 from identification.fit import fit
 from identification.least_squares import bounded_least_squares
 from identification.log import Log
-from plant.effects import BackEmf, CoulombFriction
+from plant.effects import AsymmetricFriction, CoulombFriction, TorqueOffset
 from plant.servo import ServoModel
 
 FEW = ["coulomb_friction", "asymmetric_friction", "torque_offset", "quadratic_drag", "input_delay", "gravity_offset"]
@@ -96,18 +96,17 @@ def test_the_size_of_an_unmodelled_torque_is_learned(size: float) -> None:
 
 
 def test_a_parameter_that_others_can_follow_wins_no_evidence() -> None:
-    """Back-EMF is viscous friction where nothing saturates; its estimate leaves an endless volume open."""
-    plain = fit(
-        log_of(8, coulomb_friction={"torque": 0.5}), ServoModel.paper().with_effect(CoulombFriction(torque=0.5))
-    )
+    """A torque offset beside asymmetric friction costs its place in the catalogue, and changes nothing else."""
+    beside = AsymmetricFriction(forward=0.5, backward=0.5, viscous_difference=0.0)
+    plain = fit(log_of(8, coulomb_friction={"torque": 0.5}), ServoModel.paper().with_effect(beside))
     families = families_along(plain)
     assert families is not None
-    more = fit(plain.log, plain.model.with_effect(BackEmf(constant=0.1)))
-    fits = (plain, replace(more, bandwidth=plain.bandwidth))
-    less, wider = (weigh(each, {"dead_zone"}, families, catalogue=5, observer=plain.bandwidth) for each in fits)
+    more = _fitted(plain, [plain.model.with_effect(TorqueOffset(torque=0.01))], plain.bandwidth)
+    base = {"dead_zone", "asymmetric_friction"}
+    less, wider = (weigh(each, base, families, catalogue=5, observer=plain.bandwidth) for each in (plain, more))
     assert less is not None
     assert wider is not None
-    assert wider.log_marginal < less.log_marginal
+    assert wider.log_marginal - less.log_marginal == pytest.approx(-np.log(5.0), abs=0.1)
 
 
 def test_what_is_below_rounding_is_no_evidence() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from machine import Machine, excitation, load_fluctuation, record
 
-from diagnosis import Diagnosis, diagnose
+from diagnosis import Diagnosis, diagnose, nonparametric_residual
 from diagnosis.candidates import chosen
 from diagnosis.residual_torque import effects_over
 from identification.log import Log
@@ -38,6 +38,14 @@ def log_of(**hidden: dict[str, float]) -> Log:
 def cable_beside_gravity() -> Diagnosis:
     """What is found of a cable if all that is asked for is an offset of gravity."""
     return diagnose(log_of(**CABLE), candidates=["gravity_offset"])
+
+
+def test_a_curve_has_to_predict_better(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a part of the log that it was not fitted to; paying for its parameters is not enough."""
+    assert cable_beside_gravity().model.effect("curve_over_angle") is not None
+    monkeypatch.setattr(nonparametric_residual, "gain_of", lambda *_: (0.2, 0.1))  # two standard errors
+    again = diagnose(log_of(**CABLE), candidates=["gravity_offset"])
+    assert again.model.effect("curve_over_angle") is None
 
 
 @pytest.mark.parametrize(
