@@ -1,4 +1,4 @@
-"""Several effects at once: one after another, past a first step that only the second makes right, and weighed again."""
+"""Several effects at once: sets that are found though no part of them alone makes a model right."""
 
 from __future__ import annotations
 
