@@ -26,7 +26,7 @@ from diagnosis.repeated_runs import repeats
 from diagnosis.residual_torque import effects_over, residual_torque, torque_of
 from diagnosis.result import Cause, EffectSet, Minor, Unknown
 from diagnosis.stretches import stretches
-from diagnosis.verdict import CLEARLY, HARDLY_EVER, LIKELY, Judgement, judged, log_bayes, rivals, variables
+from diagnosis.verdict import CLEARLY, HARDLY_EVER, LIKELY, Judgement, judged, log_bayes, rivals
 from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable
 from identification.fit import base_model, fit_with_prior, known_of
@@ -95,7 +95,7 @@ def diagnose(
     found = replace(found, fit=on_its_best_peak(found.fit, found.without))
     best, named = found.posterior.best, found.fit
     missing, again = residual_torque(named), repeats(named)
-    final = with_curves(named, null, best.screen.motion, variables(found.posterior, missing))
+    final = with_curves(named, null)
     shows = final is not named or (again is not None and again.deterministic)
     ruled_out = found.likeliest if found.lost > CLEARLY + HARDLY_EVER else None
     judgement = judged(found.posterior, missing, shows=shows, ruled_out=ruled_out)

@@ -1,7 +1,8 @@
-"""Curves that carry an unmodelled torque, so that its gain is had without a name.
+"""What carries an unmodelled torque, so that its gain is had without a name: curves, laws that vary, loops and ripples.
 
-The named effects keep their values; a curve over one variable describes what they leave, and another what that leaves.
-Each must pay for its parameters, and predict a part of the log that it was not fitted to better than the model without.
+The named effects keep their values; what describes best what they leave is added, and what describes best what that
+leaves. Each must pay for its parameters, and predict a part of the log that it was not fitted to better than the model
+without.
 """
 
 from __future__ import annotations
@@ -13,49 +14,63 @@ import numpy as np
 
 from diagnosis.falsification import SURELY, gain_of
 from diagnosis.holdout import split
+from diagnosis.linear import response
 from diagnosis.refit import fitted_to, problem_near
-from diagnosis.residual_torque import effects_over
+from diagnosis.score_test import Screen
 from identification.fit_result import Fit
-from plant.effects import Motion
-from plant.effects.nonparametric import plain
-from plant.effects.nonparametric_curve import Curve
+from plant.effects.nonparametric import unnamed
+from plant.effects.nonparametric_curve import Nonparametric
+
+_FITTED = 3  # of all kinds, those that promise most
+_ALIKE = 1e-9  # of the largest direction of columns, below which one is rounding
 
 
-def with_curves(fit: Fit, base: Fit, motion: Motion, variables: Collection[str]) -> Fit:
-    """A fit with curves over some variables beside its effects, as many as pay.
+def with_curves(fit: Fit, base: Fit) -> Fit:
+    """A fit with what has no name beside its effects, as much as pays.
 
     Args:
         fit: of the named effects.
         base: of the model without them.
-        motion: of its model.
-        variables: on which the unmodelled torque depends; over time nothing is carried, for it would not go on.
     """
     named = [name for name in fit.model.names if name not in base.model.names]
     while True:
-        better = [other for other in _one_more(fit, named, motion, variables) if _worth(other, fit) > 0.0]
-        best = max(better, key=lambda other: _worth(other, fit), default=None)
-        if best is None or not _predicts_better(fit, best):
+        carried = [_carried(fit, named, start) for start in _promising(fit)]
+        paying = [other for other in carried if other.converged and _worth(other, fit) > 0.0]
+        ranked = sorted(paying, key=lambda other: -_worth(other, fit))
+        better = next((other for other in ranked if _predicts_better(fit, other)), None)
+        if better is None:
             return fit
-        fit = best
+        fit = better
 
 
-def _one_more(fit: Fit, named: Collection[str], motion: Motion, variables: Collection[str]) -> Iterator[Fit]:
-    for kind in plain.values():
-        over = effects_over(kind.over, fit.log.axis)
-        if over in variables and not kind.clocked and kind.beside(fit.model) and fit.log.shows(kind):
-            carried = _carried(fit, named, motion, kind)
-            if carried is not None:
-                yield carried
+def _promising(fit: Fit) -> list[Nonparametric]:
+    """Where the fits of those kinds begin that promise most; over time nothing is carried, for it would not go on."""
+    screen, found = Screen.of(fit), list[tuple[float, Nonparametric]]()
+    for kind in unnamed.values():
+        if not kind.clocked and kind.beside(fit.model) and fit.log.shows(kind):
+            found.extend(sorted(_asked(screen, kind), key=lambda pair: -pair[0])[:1])
+    ranked = sorted((pair for pair in found if pair[0] > 0.0), key=lambda pair: -pair[0])
+    return [start for _, start in ranked[:_FITTED]]
 
 
-def _carried(fit: Fit, named: Collection[str], motion: Motion, kind: type[Curve]) -> Fit | None:
-    low, high = kind.reach(motion)
-    if not high > low:
-        return None
-    problem = problem_near(fit, fit.model.with_effect(kind(low=low, high=high)), fixed=(*kind.shape(), *named))
-    after = problem.descend(fit)
-    lines = (fit[p.name] if p.name in named else p for p in after.parameters)
-    return replace(after, parameters=tuple(lines)) if after.converged else None
+def _asked(screen: Screen, kind: type[Nonparametric]) -> Iterator[tuple[float, Nonparametric]]:
+    """Log-likelihood that each shape of a kind promises, less what its sizes and the search cost, and the shape."""
+    left = screen.nuisance.beyond(screen.innovations)
+    for trace in kind.traces(screen.motion):
+        columns = -response(screen.filters, trace.columns, on_reading=trace.acts_on == "reading")
+        beyond = screen.nuisance.beyond(np.asarray(np.where(np.isfinite(columns), columns, 0.0)))
+        sizes = np.asarray(np.linalg.lstsq(beyond, left, rcond=_ALIKE)[0], dtype=np.float64)
+        share = float(np.sum((left - beyond @ sizes) ** 2) / max(float(left @ left), 1e-300))
+        cost = 0.5 * len(sizes) * np.log(screen.fit.samples) + np.log(trace.searched)
+        start = trace.start(sizes)
+        if isinstance(start, Nonparametric):
+            yield -0.5 * screen.fit.samples * np.log(max(share, 1e-12)) - cost, start
+
+
+def _carried(fit: Fit, named: Collection[str], start: Nonparametric) -> Fit:
+    held = (*start.shape(), *named)
+    after = problem_near(fit, fit.model.with_effect(start.begun()), fixed=held).descend(fit)
+    return replace(after, parameters=tuple(fit[p.name] if p.name in named else p for p in after.parameters))
 
 
 def _worth(fit: Fit, than: Fit) -> float:

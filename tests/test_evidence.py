@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from diagnosis.evidence.discrepancy import _at
 from diagnosis.evidence.explore import _fitted
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import families_along, weigh
+from diagnosis.evidence.posterior import over_blocks
 from identification.fit import fit
 from identification.least_squares import bounded_least_squares
 from identification.log import Log
@@ -81,6 +84,41 @@ def test_probabilities_of_the_sets_sum_to_one() -> None:
     joined_words = found.to_dict()["sets"]
     assert all(each["probability"] >= 0.01 for each in joined_words)
     assert joined_words[0]["effects"] == ["coulomb_friction"]
+
+
+def weighed_by_blocks(log_marginal: float, of_blocks: Any) -> Any:
+    """A set of effects as far as its probability needs it."""
+
+    def by_block(blocks: int) -> Any:
+        return np.array([part.sum() for part in np.array_split(np.asarray(of_blocks, dtype=float), blocks)])
+
+    return SimpleNamespace(log_marginal=log_marginal, weighed=SimpleNamespace(by_block=by_block))
+
+
+def test_a_set_is_sure_where_the_blocks_of_a_log_agree() -> None:
+    """Twenty in log odds that all blocks bring are sure; that one of them brings, while others object, are not."""
+    none = weighed_by_blocks(0.0, np.zeros(100))
+    agreed, disagreed = np.full(100, 0.2), np.r_[np.full(5, 16.0), np.full(95, -60.0 / 95.0)]
+    assert agreed.sum() == pytest.approx(20.0)
+    assert disagreed.sum() == pytest.approx(20.0)
+    assert over_blocks([weighed_by_blocks(20.0, agreed), none])[0] > 0.999
+    assert 0.3 < over_blocks([weighed_by_blocks(20.0, disagreed), none])[0] < 0.7
+
+
+def test_the_blocks_of_a_log_make_its_whole_likelihood() -> None:
+    fitted = fit(log_of(4, coulomb_friction={"torque": 0.18}))
+    families = families_along(fitted)
+    assert families is not None
+    beside = weigh(fitted, {"dead_zone"}, families, catalogue=5, observer=fitted.bandwidth)
+    assert beside is not None
+    few, many = (beside.weighed.by_block(blocks) for blocks in (3, 50))
+    assert few.shape == (3,)
+    assert few.sum() == pytest.approx(many.sum())
+    left = beside.discrepancy.left - beside.discrepancy.columns @ beside.discrepancy.posterior.functions
+    variance = beside.discrepancy.posterior.variance
+    counted = beside.fit.log.runs[0].valid
+    whole = multivariate_normal(cov=variance).logpdf(left[counted]).sum()
+    assert many.sum() == pytest.approx(float(whole))
 
 
 @pytest.mark.parametrize("size", [0.01, 0.03, 0.1])

@@ -14,6 +14,7 @@ import numpy as np
 
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import Explanation, families_along, weigh
+from diagnosis.evidence.posterior import Posterior
 from diagnosis.evidence.signatures import Proposal, Signatures
 from diagnosis.refit import is_its_special_case, most_promising, problem_near
 from identification.errors import Unidentifiable
@@ -72,12 +73,26 @@ class Explored:
                 self.fits[key] = each
 
     def weighed(self, fit: Fit) -> Explanation | None:
-        """A fit as an explanation; None where it is none, or says what a simpler set says too."""
+        """A fit as an explanation, where an effect came out as its special case with that; None where it is none."""
         held = {effect.name for effect in self.null.model.effects}
         names = {effect.name for effect in fit.model.effects} - held
-        if not fit.converged or any(is_its_special_case(fit, name) for name in names):
+        for name in sorted(names):
+            if is_its_special_case(fit, name):
+                (narrow,) = self.narrowed(fit, name) or (None,)
+                return None if narrow is None else self.weighed(narrow)
+        if not fit.converged:
             return None
         return weigh(fit, held, self.families, catalogue=len(self.effects), observer=self.null.bandwidth)
+
+    def narrowed(self, fit: Fit, name: str) -> list[Fit]:
+        """A fit with the special case of an effect in its place, if that has one and it may be named."""
+        effect, rest = fit.model.effect(name), fit.model.without_effect(name)
+        special = effect.reduced()[:1] if effect is not None else ()
+        return [
+            _fitted(fit, [rest.with_effect(each)], fit.bandwidth)
+            for each in special
+            if each.name in self.effects and not rest.holds(each.name)
+        ]
 
 
 @without_blas_threads
@@ -95,7 +110,25 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     _extend(found, list(found.fits.values()))
     _improve(found)
     _replace(found)
+    _fit_leading(found)
     return found
+
+
+def _fit_leading(found: Explored) -> None:
+    """Fit the set of all names that are likelier there than not, if it was not yet: it will be the model."""
+    for _ in range(_MOST):
+        posterior = Posterior.over(found.known.values())
+        names = posterior.leading
+        holder = next((each for each in posterior.sets if names <= each.may_be), None)
+        if names in found.known or holder is None:
+            return
+        model = holder.fit.model
+        for name in sorted(holder.names - names):
+            special, _ = holder.sizes.beyond_special.get(name, ("", 0.0))
+            effect, model = model.effect(name), model.without_effect(name)
+            if effect is not None and special in names:
+                model = model.with_effect(effect.reduced()[0])
+        found.add([found.weighed(_fitted(holder.fit, [model], holder.fit.bandwidth))])
 
 
 def _improve(found: Explored) -> None:
@@ -176,13 +209,7 @@ def _replace(found: Explored) -> None:
 
 def _narrowed(found: Explored, best: Explanation) -> list[Explanation]:
     """The sets with the special case of an effect in its place."""
-    model, tried = best.fit.model, []
-    for name in sorted(best.names):
-        effect = model.effect(name)
-        for special in effect.reduced()[:1] if effect is not None else ():
-            if special.name in found.effects and not model.without_effect(name).holds(special.name):
-                narrow = model.without_effect(name).with_effect(special)
-                tried.append(found.weighed(_fitted(best.fit, [narrow], best.fit.bandwidth)))
+    tried = [found.weighed(fit) for name in sorted(best.names) for fit in found.narrowed(best.fit, name)]
     found.add(tried)
     return [found.known[each.names] for each in tried if each is not None]
 
@@ -200,7 +227,7 @@ def _in_place(found: Explored, less: Explanation, out: frozenset[str]) -> list[t
     alike = frozenset[str]().union(*(_confounded(found.effects, name) for name in out))
     for each in others:
         effect = each.starts[0][0]
-        if each not in near and (out & set(effect.contains) or (effect.chaotic and effect.name in alike)):
+        if each not in near and (out & set(effect.contains) or effect.name in alike):
             near.append(each)
     return [(less, each) for each in near]
 

@@ -65,6 +65,11 @@ class Explanation:
         at = self.weighed
         return Sizes.of(at.fit, self.names, self.families, at.noise, at.posterior.functions, self.observer)
 
+    @property
+    def may_be(self) -> frozenset[str]:
+        """Its names, and simpler effects that they may be instead."""
+        return self.names | {special for special, _ in self.sizes.beyond_special.values()}
+
 
 def weigh(
     fit: Fit, base: Collection[str], families: Families, *, catalogue: int, observer: float

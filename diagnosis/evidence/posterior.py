@@ -1,5 +1,13 @@
 """The joint posterior over sets of effects, and what may be said of each name.
 
+No set is exact, and what is wrong with one is wrong for many samples on end, which the evidence counts as if each were
+news. So the log is drawn again: with Dirichlet weights z of its blocks a set k has
+
+    log Z_k(z) = log Z_k + sum_b (z_b - 1) log p(block b | k),
+
+and its probability is the average over z (pseudo-BMA+; Yao, Vehtari, Simpson and Gelman 2018). It is sure where nearly
+all blocks speak for it.
+
 What is significant, but smaller than what no name explains, may well be a part of that. So a name keeps
 
     r^2 / (1 + r^2)
@@ -11,15 +19,17 @@ be a part of the discrepancy, and so may all of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from diagnosis.evidence.marginal import Explanation
+from plant.effects.effect import Array
 
-_NEGLIGIBLE = 1e-4  # probability of a set whose effects are not weighed against the discrepancy
+_NEGLIGIBLE = 1e-4  # probability of a set, or share of one, that is not followed any further
 _EXACT = 0.01  # of an effect: no law is exact to less, so a wider form has to add more to be told
+_BLOCKS, _DRAWS = 20, 1000  # parts of the log, and how often they are drawn again
 _SURELY = 1e6  # ratio that is as good as any larger one
 
 
@@ -29,7 +39,7 @@ class Posterior:
 
     Attributes:
         sets: as they were fitted, the likeliest first.
-        probabilities: of each, by its evidence alone.
+        probabilities: of each, by the evidence alone, averaged over the blocks drawn again.
         believed: sets of names, the likeliest first, with what remains for each beside the discrepancy.
     """
 
@@ -41,9 +51,7 @@ class Posterior:
     def over(cls, explanations: Iterable[Explanation]) -> Posterior:
         """Of all that were weighed."""
         ordered = sorted(explanations, key=lambda each: -each.log_marginal)
-        scores = np.array([each.log_marginal for each in ordered])
-        weights = np.exp(scores - scores[0])
-        probabilities = tuple((weights / weights.sum()).tolist())
+        probabilities = tuple(over_blocks(ordered).tolist())
         believed: dict[frozenset[str], float] = {}
         for each, p in zip(ordered, probabilities, strict=True):
             for names, share in (beside_discrepancy(each) if p > _NEGLIGIBLE else {each.names: 1.0}).items():
@@ -52,10 +60,20 @@ class Posterior:
         return cls(sets=tuple(ordered), probabilities=probabilities, believed=ranked)
 
     @property
+    def leading(self) -> frozenset[str]:
+        """The names that are likelier there than not, which predict best together; else the likeliest set.
+
+        (The median probability model; Barbieri and Berger 2004.)
+        """
+        names = frozenset(name for each in self.believed for name in each)
+        return frozenset(name for name in names if self.told(name) > 0.5) or next(iter(self.believed))
+
+    @property
     def best(self) -> Explanation:
-        """The likeliest set that is believed and was fitted."""
-        fitted = {each.names: each for each in reversed(self.sets)}
-        return next(fitted[names] for names in self.believed if names in fitted)
+        """The fit of the leading set; where it is not among the fits, the likeliest that holds its names, or any."""
+        holding = [each for each in self.sets if self.leading <= each.names]
+        exact = [each for each in holding if each.names == self.leading]
+        return (exact or holding or self.sets)[0]
 
     def of(self, name: str) -> float:
         """Probability that an effect is there by the evidence alone: of all sets that hold it together."""
@@ -76,29 +94,41 @@ class Posterior:
         return holder.sizes.effects[name] / max(holder.sizes.discrepancy, 1e-300)
 
 
+def over_blocks(sets: Sequence[Explanation]) -> Array:
+    """(S,) probabilities of sets, averaged over logs that consist of blocks of this one drawn again."""
+    blocks = np.array([each.weighed.by_block(_BLOCKS) for each in sets])
+    again = np.random.default_rng(0).dirichlet(np.ones(_BLOCKS), size=_DRAWS) * _BLOCKS
+    scores = np.array([each.log_marginal for each in sets]) + (again - 1.0) @ blocks.T
+    weights = np.exp(scores - scores.max(axis=1, keepdims=True))
+    return np.asarray(np.mean(weights / weights.sum(axis=1, keepdims=True), axis=0))
+
+
 def beside_discrepancy(explanation: Explanation) -> dict[frozenset[str], float]:
-    """The sets that one may be when parts of the discrepancy are taken out of it, with their shares."""
-    found: dict[frozenset[str], float] = {frozenset(): 1.0}
-    for name in sorted(explanation.names):
-        whole = kept_share(explanation, explanation.sizes.effects[name])
-        ways = [(frozenset({name}), whole), (frozenset[str](), 1.0 - whole)]
+    """The sets that one may be when parts of the discrepancy are taken out of it, with their shares.
+
+    The smallest effect is asked first. Without it, one that looks like it is larger.
+    """
+    found: dict[frozenset[str], float] = {}
+
+    def ask(left: frozenset[str], kept: frozenset[str], out: frozenset[str], p: float) -> None:
+        if p < _NEGLIGIBLE:
+            return
+        if not left:
+            found[kept] = found.get(kept, 0.0) + p
+            return
+        sizes = {name: explanation.sizes.beyond(name, out) for name in sorted(left)}
+        name = min(sizes, key=lambda each: sizes[each])
+        whole = wide = kept_share(explanation, sizes[name])
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
-            wide = whole * kept_share(explanation, more, least=_EXACT * explanation.sizes.effects[name])
-            ways = [(frozenset({name}), wide), (frozenset({special}), whole - wide), ways[-1]]
-        found = _with(found, ways)
-    return found
+            wide = whole * kept_share(explanation, more, least=_EXACT * sizes[name])
+            ask(left - {name}, kept | {special}, out, p * (whole - wide))
+        ask(left - {name}, kept | {name}, out, p * wide)
+        ask(left - {name}, kept, out | {name}, p * (1.0 - whole))
 
-
-def _with(
-    found: Mapping[frozenset[str], float], ways: Iterable[tuple[frozenset[str], float]]
-) -> dict[frozenset[str], float]:
-    both: dict[frozenset[str], float] = {}
-    for own, share in ways:
-        for names, p in found.items():
-            if share > 0.0:
-                both[names | own] = both.get(names | own, 0.0) + p * share
-    return both
+    ask(explanation.names, frozenset(), frozenset(), 1.0)
+    every = sum(found.values())
+    return {names: share / every for names, share in found.items()}
 
 
 def kept_share(explanation: Explanation, size: float, least: float = 0.0) -> float:

@@ -6,8 +6,9 @@ simulation the slowest of them would be all. So it is asked behind the observer 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -16,7 +17,6 @@ from diagnosis.evidence.families import Families
 from diagnosis.evidence.linearised import Linearised, is_bounded, predicted
 from diagnosis.nuisance import Nuisance
 from identification.fit_result import Fit
-from identification.predictor import Prediction
 from plant.effects.effect import Array
 
 
@@ -25,58 +25,73 @@ class Sizes:
     """Norms of changes of the innovations, beyond what all other parameters can follow [rad].
 
     Attributes:
-        effects: of each effect, if it is taken out.
-        beyond_special: of those that have a simpler effect as a special case: its name, and what they change beyond it.
+        fit: of a set of effects.
+        names: of them.
+        bandwidth: of the observer behind which is asked [rad/s].
+        here: the fit behind it; None where its motion grows without bound: then each effect is larger than all else.
         discrepancy: of what has no name.
     """
 
-    effects: dict[str, float]
-    beyond_special: dict[str, tuple[str, float]]
+    fit: Fit
+    names: frozenset[str]
+    bandwidth: float
+    here: Linearised | None
     discrepancy: float
+    _known: dict[frozenset[str], Array | None] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(
-        cls,
-        fit: Fit,
-        names: Collection[str],
-        families: Families,
-        noise: float,
-        functions: Array,
-        observer: float,
+        cls, fit: Fit, names: Collection[str], families: Families, noise: float, functions: Array, observer: float
     ) -> Sizes:
         """Of the effects of a fitted set and of a discrepancy with such coefficients (M + R,), behind an observer."""
         bandwidth = max(observer, fit.bandwidth)
-        here = Linearised.at(fit, bandwidth)
-        if here is None:
-            return cls(effects=dict.fromkeys(names, np.inf), beyond_special={}, discrepancy=0.0)
-        columns = Responses.of(families, here.filters, noise).columns
-        return cls(
-            effects={name: _size(fit, here, name, bandwidth) for name in names},
-            beyond_special=dict(_beyond_special(fit, here, names, bandwidth)),
-            discrepancy=float(np.linalg.norm(here.nuisance().beyond(columns @ functions))),
-        )
+        here, discrepancy = Linearised.at(fit, bandwidth), 0.0
+        if here is not None:
+            columns = Responses.of(families, here.filters, noise).columns
+            discrepancy = float(np.linalg.norm(here.nuisance().beyond(columns @ functions)))
+        return cls(fit=fit, names=frozenset(names), bandwidth=bandwidth, here=here, discrepancy=discrepancy)
 
+    @cached_property
+    def effects(self) -> dict[str, float]:
+        """Of each effect, if it is taken out."""
+        return {name: self.beyond(name) for name in sorted(self.names)}
 
-def _size(fit: Fit, here: Linearised, name: str, bandwidth: float) -> float:
-    _, without = predicted(fit, fit.model.without_effect(name), bandwidth)
-    own = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] == name]
-    return _change(without, here, here.nuisance(own))
+    def beyond(self, name: str, without: frozenset[str] = frozenset()) -> float:
+        """Of an effect, if it is taken out where others are out already, which then hide nothing of it."""
+        out = without | {name}
+        before, after = self._innovations(without), self._innovations(out)
+        if self.here is None or before is None or after is None:
+            return np.inf
+        return float(np.linalg.norm(self.here.nuisance(self._rows(out)).beyond(after - before)))
 
+    @cached_property
+    def beyond_special(self) -> dict[str, tuple[str, float]]:
+        """Of those that have a simpler effect as a special case: its name, and what they change beyond it."""
+        found = {}
+        for effect in self.fit.model.effects if self.here is not None else ():
+            for special in effect.reduced()[:1] if effect.name in self.names else ():
+                if self.fit.model.effect(special.name) is None:
+                    narrow = self.fit.model.without_effect(effect.name).with_effect(special)
+                    _, told = predicted(self.fit, narrow, self.bandwidth)
+                    change = np.inf
+                    if is_bounded(told) and self.here is not None:
+                        other = np.concatenate([p.innovations for p in told])
+                        change = float(np.linalg.norm(Nuisance.of(told).beyond(other - self.here.innovations)))
+                    found[effect.name] = special.name, change
+        return found
 
-def _beyond_special(
-    fit: Fit, here: Linearised, names: Collection[str], bandwidth: float
-) -> Iterator[tuple[str, tuple[str, float]]]:
-    for effect in fit.model.effects:
-        for special in effect.reduced()[:1] if effect.name in names else ():
-            if fit.model.effect(special.name) is None:
-                narrow = fit.model.without_effect(effect.name).with_effect(special)
-                _, other = predicted(fit, narrow, bandwidth)
-                yield effect.name, (special.name, _change(other, here, Nuisance.of(other)))
+    def _innovations(self, out: frozenset[str]) -> Array | None:
+        """(T,) of the model without some effects; None where they run off."""
+        if not out and self.here is not None:
+            return self.here.innovations
+        if out not in self._known:
+            model = self.fit.model
+            for name in sorted(out):
+                model = model.without_effect(name)
+            _, told = predicted(self.fit, model, self.bandwidth)
+            self._known[out] = np.concatenate([p.innovations for p in told]) if is_bounded(told) else None
+        return self._known[out]
 
-
-def _change(other: Sequence[Prediction], here: Linearised, nuisance: Nuisance) -> float:
-    """Norm of the difference of two predictions beyond what parameters can follow; infinite where one runs off."""
-    if not is_bounded(other):
-        return np.inf
-    change = np.concatenate([p.innovations for p in other]) - here.innovations
-    return float(np.linalg.norm(nuisance.beyond(change)))
+    def _rows(self, names: Collection[str]) -> list[int]:
+        """Rows of the effects' parameters among the free ones."""
+        return [row for row, place in enumerate(self.fit.free) if self.fit.model.names[place].split(".")[0] in names]

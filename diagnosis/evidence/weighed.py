@@ -68,6 +68,14 @@ class Weighed:
         """Of the discrepancy."""
         return self.discrepancy.posterior
 
+    def by_block(self, blocks: int) -> Array:
+        """(B,) log-likelihood of the blocks of the log, with the likeliest discrepancy."""
+        variance = self.posterior.variance
+        left = self.discrepancy.left - self.discrepancy.columns @ self.posterior.functions
+        weight = np.concatenate([run.weight for run in self.here.filters])
+        told = -0.5 * weight * (np.log(2.0 * np.pi * variance) + left**2 / variance)
+        return np.array([part.sum() for part in np.array_split(told, blocks)])
+
     @cached_property
     def share(self) -> float:
         """Size of the unmodelled torque over that of all torque [-]: what each changes in the innovations."""
