@@ -21,13 +21,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from diagnosis.evidence.marginal import Explanation
 from plant.effects.effect import Array
 
-_NEGLIGIBLE = 1e-4  # probability of a set, or share of one, that is not followed any further
+_NEGLIGIBLE = 1e-4  # probability of a set that is not weighed against the discrepancy any further
 _EXACT = 0.01  # of an effect: no law is exact to less, so a wider form has to add more to be told
 _BLOCKS, _DRAWS = 20, 1000  # parts of the log, and how often they are drawn again
 _SURELY = 1e6  # ratio that is as good as any larger one
@@ -54,12 +55,12 @@ class Posterior:
         probabilities = tuple(over_blocks(ordered).tolist())
         believed: dict[frozenset[str], float] = {}
         for each, p in zip(ordered, probabilities, strict=True):
-            for names, share in (beside_discrepancy(each) if p > _NEGLIGIBLE else {each.names: 1.0}).items():
-                believed[names] = believed.get(names, 0.0) + p * share
+            for names, share in beside_discrepancy(each, p).items():
+                believed[names] = believed.get(names, 0.0) + share
         ranked = dict(sorted(believed.items(), key=lambda item: -item[1]))
         return cls(sets=tuple(ordered), probabilities=probabilities, believed=ranked)
 
-    @property
+    @cached_property
     def leading(self) -> frozenset[str]:
         """The names that are likelier there than not, which predict best together; else the likeliest set.
 
@@ -68,7 +69,7 @@ class Posterior:
         names = frozenset(name for each in self.believed for name in each)
         return frozenset(name for name in names if self.told(name) > 0.5) or next(iter(self.believed))
 
-    @property
+    @cached_property
     def best(self) -> Explanation:
         """The fit of the leading set; where it is not among the fits, the likeliest that holds its names, or any."""
         holding = [each for each in self.sets if self.leading <= each.names]
@@ -103,18 +104,16 @@ def over_blocks(sets: Sequence[Explanation]) -> Array:
     return np.asarray(np.mean(weights / weights.sum(axis=1, keepdims=True), axis=0))
 
 
-def beside_discrepancy(explanation: Explanation) -> dict[frozenset[str], float]:
-    """The sets that one may be when parts of the discrepancy are taken out of it, with their shares.
+def beside_discrepancy(explanation: Explanation, probability: float) -> dict[frozenset[str], float]:
+    """The sets that one may be when parts of the discrepancy are taken out of it, with their shares of its probability.
 
     The smallest effect is asked first. Without it, one that looks like it is larger.
     """
     found: dict[frozenset[str], float] = {}
 
     def ask(left: frozenset[str], kept: frozenset[str], out: frozenset[str], p: float) -> None:
-        if p < _NEGLIGIBLE:
-            return
-        if not left:
-            found[kept] = found.get(kept, 0.0) + p
+        if not left or p < _NEGLIGIBLE:
+            found[kept | left] = found.get(kept | left, 0.0) + p
             return
         sizes = {name: explanation.sizes.beyond(name, out) for name in sorted(left)}
         name = min(sizes, key=lambda each: sizes[each])
@@ -126,9 +125,8 @@ def beside_discrepancy(explanation: Explanation) -> dict[frozenset[str], float]:
         ask(left - {name}, kept | {name}, out, p * wide)
         ask(left - {name}, kept, out | {name}, p * (1.0 - whole))
 
-    ask(explanation.names, frozenset(), frozenset(), 1.0)
-    every = sum(found.values())
-    return {names: share / every for names, share in found.items()}
+    ask(explanation.names, frozenset(), frozenset(), probability)
+    return found
 
 
 def kept_share(explanation: Explanation, size: float, least: float = 0.0) -> float:

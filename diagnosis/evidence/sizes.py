@@ -7,7 +7,7 @@ simulation the slowest of them would be all. So it is asked behind the observer 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from diagnosis.evidence.discrepancy import Responses
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.linearised import Linearised, is_bounded, predicted
-from diagnosis.nuisance import Nuisance
+from diagnosis.nuisance import Nuisance, basis
 from identification.fit_result import Fit
 from plant.effects.effect import Array
 
@@ -37,7 +37,6 @@ class Sizes:
     bandwidth: float
     here: Linearised | None
     discrepancy: float
-    _known: dict[frozenset[str], Array | None] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(
@@ -58,11 +57,13 @@ class Sizes:
 
     def beyond(self, name: str, without: frozenset[str] = frozenset()) -> float:
         """Of an effect, if it is taken out where others are out already, which then hide nothing of it."""
-        out = without | {name}
-        before, after = self._innovations(without), self._innovations(out)
-        if self.here is None or before is None or after is None:
+        if self.here is None or name not in self._changes:
             return np.inf
-        return float(np.linalg.norm(self.here.nuisance(self._rows(out)).beyond(after - before)))
+        owners = [self.fit.model.names[place].split(".")[0] for place in self.fit.free]
+        rows = [row for row, owner in enumerate(owners) if owner not in without | {name}]
+        change = self._triangle[:, len(owners) + list(self._changes).index(name)]
+        held = basis(self._triangle[:, rows])
+        return float(np.linalg.norm(change - held @ (held.T @ change)))
 
     @cached_property
     def beyond_special(self) -> dict[str, tuple[str, float]]:
@@ -80,18 +81,20 @@ class Sizes:
                     found[effect.name] = special.name, change
         return found
 
-    def _innovations(self, out: frozenset[str]) -> Array | None:
-        """(T,) of the model without some effects; None where they run off."""
-        if not out and self.here is not None:
-            return self.here.innovations
-        if out not in self._known:
-            model = self.fit.model
-            for name in sorted(out):
-                model = model.without_effect(name)
-            _, told = predicted(self.fit, model, self.bandwidth)
-            self._known[out] = np.concatenate([p.innovations for p in told]) if is_bounded(told) else None
-        return self._known[out]
+    @cached_property
+    def _changes(self) -> dict[str, Array]:
+        """(T,) what each effect changes in the innovations, but for those without which the motion runs off."""
+        found = {}
+        for name in sorted(self.names) if self.here is not None else ():
+            _, told = predicted(self.fit, self.fit.model.without_effect(name), self.bandwidth)
+            if is_bounded(told) and self.here is not None:
+                found[name] = np.concatenate([p.innovations for p in told]) - self.here.innovations
+        return found
 
-    def _rows(self, names: Collection[str]) -> list[int]:
-        """Rows of the effects' parameters among the free ones."""
-        return [row for row, place in enumerate(self.fit.free) if self.fit.model.names[place].split(".")[0] in names]
+    @cached_property
+    def _triangle(self) -> Array:
+        """(F + E, F + E) the slopes of the parameters and what effects change, in a basis of what they span."""
+        assert self.here is not None
+        rows = range(len(self.fit.free))
+        columns = np.column_stack((self.here.slopes(rows), *self._changes.values()))
+        return np.asarray(np.linalg.qr(self.here.nuisance(rows).beyond_initial_states(columns), mode="r"))
