@@ -139,6 +139,8 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
     sizes = {key: values[key] for key in {*torques, *_sizes(name)} & values.keys()}
     if sizes and all(_is_zero(value) for value in sizes.values()):
         return f"its {_said(sizes)} {'is' if len(sizes) == 1 else 'are'} zero within the standard error"
+    if any(fit[f"{name}.{spec}"].at_bound for spec in _swings(name)):
+        return "its resonance is faster than this log can show"
     if not is_plausible(fit, name):
         return "such a cause hardly ever has the fitted values"
     most = max(float(np.max(np.abs(run.drive))) for run in fit.log.runs)
@@ -153,6 +155,12 @@ def _sizes(name: str) -> list[str]:
     kind = catalogue.get(name)
     specs = () if kind is None else kind.parameters()
     return [spec.name for spec in specs if "{torque}" in spec.unit and spec.lower <= 0.0]
+
+
+def _swings(name: str) -> list[str]:
+    """Parameters of a known effect that are frequencies of a swing, of which samples show the slower ones only."""
+    kind = catalogue.get(name)
+    return [] if kind is None else [spec.name for spec in kind.parameters() if spec.swing and spec.fitted]
 
 
 def _is_zero(value: Estimate) -> bool:

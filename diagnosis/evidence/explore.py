@@ -275,6 +275,7 @@ def _extend(found: Explored, parents: Sequence[Explanation], bandwidth: float = 
     """Fit the sets with one or two names more that promise most; also behind another observer.
 
     And those that would promise most if there were no discrepancy: one that has taken much over leaves little to see.
+    What is chaotic takes as long as all others: it is fitted last, where it still promises more than they came by.
     """
     best = max(parent.log_marginal for parent in parents)
     proposed: dict[frozenset[str], tuple[float, Explanation, Proposal]] = {}
@@ -289,8 +290,10 @@ def _extend(found: Explored, parents: Sequence[Explanation], bandwidth: float = 
     ranked = sorted(proposed.values(), key=lambda each: -each[0])
     promising = [each.names for value, _, each in ranked if value > -_BELOW]
     likeliest = {names for size in (1, 2) for names in [n for n in promising if len(n) == size][:_ASKED]}
-    chosen = [(parent, each) for _, parent, each in ranked if each.names in likeliest | leading]
-    _try(found, chosen, bandwidth)
+    chosen = [(value, parent, each) for value, parent, each in ranked if each.names in likeliest | leading]
+    _try(found, [(parent, each) for _, parent, each in chosen if not each.chaotic], bandwidth)
+    reached = found.best.log_marginal - best
+    _try(found, [(parent, each) for v, parent, each in chosen if each.chaotic and v > reached - _BELOW], bandwidth)
 
 
 def _try(found: Explored, pairs: Sequence[tuple[Explanation, Proposal]], bandwidth: float = np.inf) -> None:
@@ -299,7 +302,7 @@ def _try(found: Explored, pairs: Sequence[tuple[Explanation, Proposal]], bandwid
     for names in dict.fromkeys(parent.names for parent, _ in chosen):
         told = "; ".join(" and ".join(sorted(each.names)) for p, each in chosen if p.names == names)
         found.tell(f"beside {', '.join(sorted(names)) or 'nothing'}: {told}")
-    held = [(p, each) for p, each in chosen if any(starts[0].chaotic for starts in each.starts)]
+    held = [(p, each) for p, each in chosen if each.chaotic]
     loose = [pair for pair in chosen if pair not in held]
     found.add(chain.from_iterable(in_threads(lambda pair: list(_tried(found, *pair, bandwidth)), loose)))
     if held:

@@ -60,6 +60,11 @@ class Proposal:
         """Of the effects."""
         return frozenset(starts[0].name for starts in self.starts)
 
+    @property
+    def chaotic(self) -> bool:
+        """Whether one of them is."""
+        return any(starts[0].chaotic for starts in self.starts)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Products:
