@@ -17,10 +17,11 @@ from diagnosis.evidence.explore import _fitted
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import families_along, weigh
 from diagnosis.evidence.posterior import over_blocks
+from diagnosis.evidence.signatures import Signatures
 from identification.fit import fit
 from identification.least_squares import bounded_least_squares
 from identification.log import Log
-from plant.effects import AsymmetricFriction, CoulombFriction, TorqueOffset
+from plant.effects import AsymmetricFriction, CoulombFriction, TorqueOffset, catalogue
 from plant.servo import ServoModel
 
 FEW = ["coulomb_friction", "asymmetric_friction", "torque_offset", "quadratic_drag", "input_delay", "gravity_offset"]
@@ -197,3 +198,17 @@ def test_a_regressor_of_rounding_alone_explains_nothing() -> None:
     information = np.array([[1.0, 1e-3, 0.1], [1e-3, -1e-20, 1e10], [0.1, 1e10, -1e-20]])
     found = bounded_least_squares(information, np.array([1.0, 1e-3, 0.5]))
     assert np.isfinite(found).all()
+
+
+def test_no_set_has_two_motors_before_one_load() -> None:
+    """A spring and a gap in one drivetrain are two models of it; beside each other they were fitted in vain."""
+    log = record(Machine().hiding(backlash={"gap": 0.01, "motor_share": 0.3}), excitation(1, duration=10.0)).log()
+    fitted = fit(log)
+    families = families_along(fitted)
+    assert families is not None
+    base = weigh(fitted, {"dead_zone"}, families, catalogue=2, observer=fitted.bandwidth)
+    assert base is not None
+    both = {name: catalogue[name] for name in ("backlash", "compliance", "encoder_eccentricity")}
+    proposed = {each.names for each in Signatures.at(base, both, len(both)).proposals()}
+    assert {"backlash", "compliance"} not in proposed
+    assert frozenset({"backlash"}) in proposed

@@ -38,7 +38,12 @@ class Signature:
     positive: tuple[bool, ...]
     searched: int
     forms: int
+    flexible: bool
     start: Callable[[Array], Effect]
+
+    def excludes(self, other: Signature) -> bool:
+        """Whether a model cannot have both: the same effect twice, or two motors before one load."""
+        return self.name == other.name or (self.flexible and other.flexible)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,6 +140,7 @@ class Signatures:
                             positive=positive,
                             searched=trace.searched,
                             forms=forms(effects[name]),
+                            flexible=effects[name].flexible,
                             start=trace.start,
                         )
                     )
@@ -186,18 +192,18 @@ class Signatures:
 
     def _ranked(self, products: Products, likelihood: float) -> list[Proposal]:
         """Each effect, and two of them where they promise more than either alone."""
-        alone = self._best(products, ())
+        alone = self._best(products)
         found = [self._proposal(products, (shape,), likelihood + value) for value, shape in alone.values()]
         leading = sorted(alone.values(), key=lambda pair: -pair[0])[:_FIRST]
         for value, shape in leading:
-            second = self._best(products.beyond(shape.columns), (shape.name,))
+            second = self._best(products.beyond(shape.columns), shape)
             for more, other in sorted(second.values(), key=lambda pair: -pair[0])[:_FIRST]:
                 if more > 0.0 and (other.name not in alone or value + more > alone[other.name][0]):
                     found.append(self._proposal(products, (shape, other), likelihood + value + more))
         return found
 
-    def _best(self, products: Products, without: Sequence[str]) -> dict[str, tuple[float, Signature]]:
-        """The best shape of each effect that explains anything, and what it promises.
+    def _best(self, products: Products, beside: Signature | None = None) -> dict[str, tuple[float, Signature]]:
+        """The best shape of each effect that explains anything, beside one perhaps, and what it promises.
 
         With signs left free a shape explains no less; so only those are looked at that might still be the best.
         """
@@ -205,7 +211,7 @@ class Signatures:
         most = _unbounded(products, self.plain, self.shapes)
         for place in np.argsort(-most, kind="stable"):
             shape, bound = self.shapes[place], float(most[place])
-            if shape.name in without or bound <= 0.0:
+            if bound <= 0.0 or (beside is not None and shape.excludes(beside)):
                 continue
             at_hand = best[shape.name][0] if shape.name in best else -np.inf
             if self._value(self._evidence(products, bound), shape) <= at_hand:
