@@ -92,13 +92,19 @@ def variables(posterior: Posterior, missing: ResidualTorque) -> tuple[str, ...]:
 
 
 def rivals(posterior: Posterior, name: str) -> tuple[tuple[str, float], ...]:
-    """Names that the sets without it have in its place, with the probability of those sets."""
-    found: dict[str, float] = {}
+    """Names that the sets without it have in its place, with the probability of those sets.
+
+    In its place is what is likelier without it than beside it.
+    """
+    beside: dict[str, float] = {}
+    instead: dict[str, float] = {}
     for names, p in posterior.believed.items():
-        if name not in names:
-            for other in names - posterior.best.names:
-                found[other] = found.get(other, 0.0) + p
-    return tuple(sorted(((n, p) for n, p in found.items() if p >= LISTED), key=lambda item: -item[1]))
+        found = beside if name in names else instead
+        for other in names - posterior.best.names:
+            found[other] = found.get(other, 0.0) + p
+    told = posterior.told(name)
+    alike = {n: p for n, p in instead.items() if p * told > beside.get(n, 0.0) * (1.0 - told)}
+    return tuple(sorted(((n, p) for n, p in alike.items() if p >= LISTED), key=lambda item: -item[1]))
 
 
 def log_bayes(posterior: Posterior, name: str) -> float:

@@ -275,7 +275,8 @@ def _extend(found: Explored, parents: Sequence[Explanation], bandwidth: float = 
     """Fit the sets with one or two names more that promise most; also behind another observer.
 
     And those that would promise most if there were no discrepancy: one that has taken much over leaves little to see.
-    What is chaotic takes as long as all others: it is fitted last, where it still promises more than they came by.
+    Two take longer than one, and what is chaotic longer than all others: they are fitted where they promise more than
+    those before have come by.
     """
     best = max(parent.log_marginal for parent in parents)
     proposed: dict[frozenset[str], tuple[float, Explanation, Proposal]] = {}
@@ -291,9 +292,10 @@ def _extend(found: Explored, parents: Sequence[Explanation], bandwidth: float = 
     promising = [each.names for value, _, each in ranked if value > -_BELOW]
     likeliest = {names for size in (1, 2) for names in [n for n in promising if len(n) == size][:_ASKED]}
     chosen = [(value, parent, each) for value, parent, each in ranked if each.names in likeliest | leading]
-    _try(found, [(parent, each) for _, parent, each in chosen if not each.chaotic], bandwidth)
-    reached = found.best.log_marginal - best
-    _try(found, [(parent, each) for v, parent, each in chosen if each.chaotic and v > reached - _BELOW], bandwidth)
+    for costly in (0, 1, 2):
+        reached = found.best.log_marginal - best
+        now = [(p, e) for v, p, e in chosen if e.costly == costly and (not costly or v > reached - _BELOW)]
+        _try(found, now, bandwidth)
 
 
 def _try(found: Explored, pairs: Sequence[tuple[Explanation, Proposal]], bandwidth: float = np.inf) -> None:

@@ -26,11 +26,12 @@ from functools import cached_property
 import numpy as np
 
 from diagnosis.evidence.marginal import Explanation
+from diagnosis.jackknife import BLOCKS
 from plant.effects.effect import Array
 
 _NEGLIGIBLE = 1e-4  # probability of a set that is not weighed against the discrepancy any further
 _EXACT = 0.01  # of an effect: no law is exact to less, so a wider form has to add more to be told
-_BLOCKS, _DRAWS = 20, 1000  # parts of the log, and how often they are drawn again
+_DRAWS = 1000  # of the blocks
 _SURELY = 1e6  # ratio that is as good as any larger one
 
 
@@ -97,8 +98,8 @@ class Posterior:
 
 def over_blocks(sets: Sequence[Explanation]) -> Array:
     """(S,) probabilities of sets, averaged over logs that consist of blocks of this one drawn again."""
-    blocks = np.array([each.weighed.by_block(_BLOCKS) for each in sets])
-    again = np.random.default_rng(0).dirichlet(np.ones(_BLOCKS), size=_DRAWS) * _BLOCKS
+    blocks = np.array([each.weighed.by_block(BLOCKS) for each in sets])
+    again = np.random.default_rng(0).dirichlet(np.ones(BLOCKS), size=_DRAWS) * BLOCKS
     scores = np.array([each.log_marginal for each in sets]) + (again - 1.0) @ blocks.T
     weights = np.exp(scores - scores.max(axis=1, keepdims=True))
     return np.asarray(np.mean(weights / weights.sum(axis=1, keepdims=True), axis=0))

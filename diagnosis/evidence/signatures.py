@@ -70,6 +70,11 @@ class Proposal:
         """Whether one of them is."""
         return any(starts[0].chaotic for starts in self.starts)
 
+    @property
+    def costly(self) -> int:
+        """How long a fit takes: 0 of one effect, 1 of two, 2 of what is chaotic."""
+        return 2 if self.chaotic else len(self.starts) - 1
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Products:

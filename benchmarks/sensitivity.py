@@ -1,0 +1,141 @@
+"""What changes in diagnoses of drawn logs where a constant that decides is halved or doubled.
+
+    python benchmarks/sensitivity.py run [--count 12] [--first 0] [--processes 2]
+    python benchmarks/sensitivity.py table
+
+A log and its answer are those of `field`. `run` adds an outcome for each constant and log to
+benchmarks/results/sensitivity.jsonl; what is there is not run again. `table` writes sensitivity.txt: how many of the
+same logs are right, honest or wrong, and how many have another verdict or another sure name than with the constants as
+they are. Of a probability the odds are halved and doubled; of several numbers all of them together.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+from field_outcome import outcome_of  # noqa: E402
+from field_scoring import score  # noqa: E402
+from field_workers import results  # noqa: E402
+
+import diagnosis  # noqa: E402
+
+STORE = HERE / "results" / "sensitivity.jsonl"
+AS_IT_IS = "as it is"
+CONSTANTS: dict[str, tuple[str, str]] = {
+    "discrepancy.AMPLITUDES": ("diagnosis.evidence.discrepancy", "sizes of the unmodelled torque that are weighed"),
+    "discrepancy._SCALE": ("diagnosis.evidence.discrepancy", "scale of their prior"),
+    "discrepancy._READINGS": ("diagnosis.evidence.discrepancy", "sizes of errors of the measurement"),
+    "families._BENDS": ("diagnosis.evidence.families", "bends of a smooth function"),
+    "families._LAGS": ("diagnosis.evidence.families", "lags of a torque [samples]"),
+    "families._WAYS": ("diagnosis.evidence.families", "ways after which a direction is forgotten"),
+    "prior._DECADES": ("diagnosis.evidence.prior", "log of the range of a size"),
+    "posterior.BLOCKS": ("diagnosis.jackknife", "blocks of the log that are drawn again"),
+    "posterior._EXACT": ("diagnosis.evidence.posterior", "of an effect that a wider form has to add"),
+    "explore._BELOW": ("diagnosis.evidence.explore", "that a set may promise below the best"),
+    "explore._NEAR": ("diagnosis.evidence.explore", "... as a share"),
+    "explore._ASKED": ("diagnosis.evidence.explore", "sets that are fitted at once"),
+    "explore._ITERATIONS": ("diagnosis.evidence.explore", "iterations of a fit"),
+    "verdict.SURE": ("diagnosis.verdict", "probability from which a name is sure"),
+    "verdict.LIKELY": ("diagnosis.verdict", "... and is told"),
+    "verdict.HARDLY_EVER": ("diagnosis.verdict", "log odds against odd values"),
+    "verdict._NOISE": ("diagnosis.verdict", "share of the torque that may pass for noise"),
+    "verdict._CARRIES": ("diagnosis.verdict", "from which a variable is told beside the most telling"),
+    "falsification.SURELY": ("diagnosis.falsification", "standard errors that rule out"),
+    "falsification._TWICE": ("diagnosis.falsification", "rise of a multi-step error that rules out"),
+}
+"""Each constant with the module that defines it and what it is."""
+
+
+def changed(log: Any, **how: Any) -> Any:
+    """A diagnosis with the constant and factor that the environment names."""
+    name, _, factor = os.environ["CHANGED"].partition(" x ")
+    if name != AS_IT_IS:
+        home, attribute = CONSTANTS[name][0], name.rpartition(".")[2]
+        value = getattr(sys.modules[home], attribute)
+        for module in [each for place, each in sys.modules.items() if place.startswith("diagnosis")]:
+            if getattr(module, attribute, None) is value and (attribute.isupper() or module.__name__ == home):
+                setattr(module, attribute, scaled(value, float(factor)))
+    return diagnosis.diagnose(log, **how)
+
+
+def scaled(value: Any, factor: float) -> Any:
+    """A constant that is halved or doubled."""
+    if isinstance(value, tuple):
+        return tuple(factor * each for each in value)
+    if isinstance(value, int):
+        return max(1, round(factor * value))
+    if 0.5 <= value < 1.0:
+        odds = factor * value / (1.0 - value)
+        return odds / (1.0 + odds)
+    return factor * value
+
+
+def kept() -> dict[tuple[str, int], dict[str, Any]]:
+    """The outcomes that are there."""
+    lines = STORE.read_text(encoding="utf-8").splitlines() if STORE.exists() else []
+    return {(told["changed"], told["seed"]): told for told in map(json.loads, lines)}
+
+
+def run(count: int, first: int, processes: int) -> None:
+    """All constants on some logs, one constant after the other."""
+    changes = [AS_IT_IS, *(f"{name} x {factor}" for name in CONSTANTS for factor in (0.5, 2.0))]
+    for change in changes:
+        os.environ["CHANGED"] = change
+        there = kept()
+        seeds = [seed for seed in range(first, first + count) if (change, seed) not in there]
+        work = partial(outcome_of, method="sensitivity:changed", folder=None)
+        for seed, told in results(seeds, work, processes, 300.0):
+            with STORE.open("a", encoding="utf-8") as file:
+                file.write(json.dumps({"changed": change, "seed": seed} | told) + "\n")
+            print(change, seed, told.get("verdict", told.get("failed")), flush=True)
+
+
+def table() -> str:
+    """A line for each constant."""
+    found = kept()
+    base = {seed: told for (change, seed), told in found.items() if change == AS_IT_IS and "verdict" in told}
+    lines = [f"{len(base)} logs; of half and of double the value: right, honest, wrong, other answers", ""]
+    lines += [f"{AS_IT_IS:24} {_counts(base, base)}"]
+    for name, (_, what) in CONSTANTS.items():
+        both = [{s: found[f"{name} x {f}", s] for s in base if (f"{name} x {f}", s) in found} for f in (0.5, 2.0)]
+        lines.append(f"{name:24} {_counts(both[0], base)}   {_counts(both[1], base)}   {what}")
+    return "\n".join(lines)
+
+
+def _counts(told: dict[int, dict[str, Any]], base: dict[int, dict[str, Any]]) -> str:
+    scored = [score(each).category if "verdict" in each else "crash" for each in told.values()]
+    other = sum(_answer(each) != _answer(base[seed]) for seed, each in told.items())
+    return " ".join(f"{n:3d}" for n in (*(scored.count(kind) for kind in ("right", "honest", "wrong")), other))
+
+
+def _answer(told: dict[str, Any]) -> tuple[str | None, frozenset[str]]:
+    sure = frozenset(name["effect"] for name in told.get("names", ()) if name["probability"] > 0.9)
+    return told.get("verdict"), sure
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("run", "table"))
+    parser.add_argument("--count", type=int, default=12, help="how many seeds")
+    parser.add_argument("--first", type=int, default=0, help="the first of them")
+    parser.add_argument("--processes", type=int, default=2)
+    a = parser.parse_args()
+    if a.what == "run":
+        run(a.count, a.first, a.processes)
+    else:
+        text = table()
+        print(text)
+        STORE.with_suffix(".txt").write_text(text + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
