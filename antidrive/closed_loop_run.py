@@ -11,6 +11,7 @@ import numpy as np
 from antidrive.scenario import Scenario
 from diagnosis.explanation.wording import measured
 from mpc import ClosedLoopResult
+from plant.units import axis_quantities
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,7 +29,6 @@ class ClosedLoopRun:
         max_torque: greatest [N m].
         single: the same motion with one drive alone, when it was compared.
         intact: the same motion with both drives throughout, when one was lost.
-        words: what moves and what pushes it, each with its unit.
         notes: what is to be known of the machine, in sentences.
         again: summaries of the same with other noise of the encoders.
     """
@@ -42,29 +42,15 @@ class ClosedLoopRun:
     intact: ClosedLoopResult | None = None
     again: tuple[dict[str, Any], ...] = ()
     notes: tuple[str, ...] = ()
-    words: tuple[str, str, str, str] = ("angle", "rad", "torque", "N m")
 
     def table(self) -> pd.DataFrame:
         """The trajectory, one row a sample, SI units."""
-        import pandas as pd
-
-        r, angle = self.result, self.words[0]
-        columns: dict[str, Any] = {
-            "time": r.time,
-            "reference": r.reference,
-            angle: r.angle,
-            f"measured_{angle}": r.measured_angle,
-            "velocity": r.velocity,
-            **{f"torque_{i + 1}": torque for i, torque in enumerate(r.torques.T)},
-            **{f"flank_torque_{i + 1}": torque for i, torque in enumerate(r.flank_torques.T)},
-            "disturbance_estimate": r.disturbance,
-            "status": r.status,
-        }
+        beside: dict[str, Any] = {}
         if self.single is not None:
-            columns |= {"single_drive_angle": self.single.angle, "single_drive_torque": self.single.torques[:, 0]}
+            beside |= {"single_drive_angle": self.single.angle, "single_drive_torque": self.single.torques[:, 0]}
         if self.intact is not None:
-            columns |= {"angle_without_loss": self.intact.angle}
-        return pd.DataFrame(columns)
+            beside |= {"angle_without_loss": self.intact.angle}
+        return self.result.to_frame().assign(**beside)
 
     def summary(self) -> dict[str, Any]:
         """The numbers of the trial, SI units, and how much they scatter if it was run again."""
@@ -177,7 +163,7 @@ class ClosedLoopRun:
 
     def numbers(self) -> list[tuple[str, str]]:
         """The summary for a table: name, and value with its unit and its standard deviation over all runs."""
-        _, rad, _, newton = self.words
+        _, rad, _, newton = axis_quantities(self.result.axis)
         units = {"heat": "N² m²", **dict.fromkeys(("tracking", "largest", "final"), rad)}
         units |= dict.fromkeys(("least", "hardest"), newton)
         scatter, rows = self.scatter(), []
@@ -199,7 +185,7 @@ class ClosedLoopRun:
         from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
         from antidrive.figures import traces_figure
 
-        r, (angle, rad, torque, newton) = self.result, self.words
+        r, (angle, rad, torque, newton) = self.result, axis_quantities(self.result.axis)
         angles = [("reference", MEASURED, r.reference), (angle, AFTER, r.angle)]
         errors = [(angle, AFTER, r.angle - r.reference)]
         if self.intact is not None:

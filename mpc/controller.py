@@ -244,12 +244,6 @@ class Controller(Remembering):
         return self._machine_code.compile_time
 
     @property
-    def words(self) -> tuple[str, str, str, str]:
-        """What moves and what pushes it, each with its unit: an angle and a torque, or a position and a force."""
-        linear = self.model.axis == "linear"
-        return ("position", "m", "force", "N") if linear else ("angle", "rad", "torque", "N m")
-
-    @property
     def c_code(self) -> str:
         """The step as C99 that depends on nothing, takes no memory and bounds every loop."""
         return self._machine_code.source

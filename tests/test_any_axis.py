@@ -73,7 +73,6 @@ def test_a_linear_axis_is_controlled_by_the_same_numbers() -> None:
     linear = ServoModel(inertia=3.0, gravity=0.0, viscous_friction=1.0, axis="linear")
     train = Ratios(ratios=(60.0, -60.0))
     controllers = [Controller(model, train) for model in (rotary, linear)]
-    assert controllers[1].words == ("position", "m", "force", "N")
     for k in range(60):
         torques = [each.step(1e-4 * k, 0.3).torques for each in controllers]
         np.testing.assert_array_equal(*torques)
