@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -135,6 +135,8 @@ class Controller(Remembering):
     governor: Governor = field(init=False, repr=False)
     estimator: Estimator = field(init=False, repr=False)
 
+    _internal: ClassVar[frozenset[str]] = frozenset(("bounds", "governor", "estimator"))
+
     def __post_init__(self) -> None:
         """Check every number, lay out what is remembered, and compile the step if there is a compiler."""
         check(self)
@@ -228,6 +230,13 @@ class Controller(Remembering):
         self._remembered = tuple(remembered)
         return constant_numbers(self, machine) | remembered
 
+    def __repr__(self) -> str:
+        """The machine and the main numbers, in one line."""
+        effects = "".join(f" + {effect.title}" for effect in self.model.effects)
+        numbers = f"sample_time={self.sample_time:g}, horizon={self.horizon}, bandwidth={self.bandwidth:.3g}"
+        torques = f"min_torque={self.min_torque}, max_torque={self.max_torque}"
+        return f"Controller(rigid body{effects}, gears {self.gears}; {numbers}, {torques})"
+
     @cached_property
     def _interpreted(self) -> InterpretedStep:
         """The step without machine code."""
@@ -237,16 +246,6 @@ class Controller(Remembering):
     def compiled(self) -> bool:
         """Whether a step is machine code; without a compiler it takes ten times as long."""
         return self._step is not self.__dict__.get("_interpreted")
-
-    @property
-    def compile_time(self) -> float:
-        """How long the constructor waited for the compiler [s]; zero where machine code was kept or there is none."""
-        return self._machine_code.compile_time
-
-    @property
-    def c_code(self) -> str:
-        """The step as C99 that depends on nothing, takes no memory and bounds every loop."""
-        return self._machine_code.source
 
     @property
     def _plan(self) -> Array | None:
