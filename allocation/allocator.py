@@ -18,6 +18,7 @@ from allocation.sharing import CERTIFIED, share, share_in_closed_form
 from allocation.structure import Structure
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
+from plant.number import refuse_huge
 
 Array = NDArray[np.float64]
 
@@ -193,6 +194,7 @@ class Allocator:
         numbers, n = np.asarray(value, dtype=np.float64), self.bounds.structure.joints
         if not np.all(np.isfinite(numbers)):
             raise BadParameter(f"The {name} must be finite, not {value!r}.")
+        refuse_huge(name, float(np.max(np.abs(numbers), initial=0.0)))
         if numbers.shape != (n,) and not (numbers.ndim == 0 and (n == 1 or numbers == 0)):
             raise BadParameter(f"The {name} needs a number for each of the {n} joints, not {value!r}.")
         return np.broadcast_to(numbers, (n,))

@@ -360,11 +360,29 @@ def test_the_governed_reference_waits_for_a_load_that_is_stuck() -> None:
         {"torque_rate": 0.0},
         {"preload_rate": float("nan")},
         {"sqp_iterations": 2.5},
+        {"sqp_iterations": 10**9},
+        {"horizon": 10**9},
+        {"sample_time": "0.005"},
+        {"max_torque": "strong"},
+        {"max_torque": 1e300},
+        {"encoder_range": 1e-9},
+        {"speed_limit": None},
     ],
 )
 def test_refuses_parameters_that_cannot_be(bad: dict[str, float]) -> None:
-    with pytest.raises(BadParameter):
+    with pytest.raises(BadParameter, match=f"(?i){next(iter(bad))}|sensor"):
         four_hertz(RIGID, PAPER, **bad)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("numbers", [{"sample_time": 1000.0}, {"sample_time": 1e-300}, {"encoder_noise": 1e11}])
+def test_numbers_out_of_proportion_end_in_one_sentence(numbers: dict[str, float]) -> None:
+    light = ServoModel(inertia=1e-9, viscous_friction=0.1)
+    with pytest.raises(BadParameter, match=r"out of proportion; check their units \(SI\)\."):
+        Controller(light, PAPER, **numbers)
+
+
+def test_a_load_that_stops_within_a_sample_is_tuned() -> None:
+    assert Controller(ServoModel(inertia=0.01, viscous_friction=10.0), PAPER, sample_time=0.001).bandwidth > 0.1
 
 
 def test_refuses_what_admits_no_torque_and_what_has_no_gears() -> None:

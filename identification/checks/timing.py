@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.recording import HUGE, Array, Checked, Finding, Recording, counted
+from identification.recording import Array, Checked, Finding, Recording, counted
+from plant.number import HUGE
 
 MIN_SAMPLES, MIN_DURATION = 50, 0.2
 GAP = 5.0  # median sample times
