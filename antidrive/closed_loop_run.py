@@ -78,7 +78,7 @@ class ClosedLoopRun:
             "largest_error": float(np.max(np.abs(r.angle - r.reference))),
             "final_error": float(np.mean((r.angle - r.reference)[-20:])),
             "least_preload_margin": float(np.min(r.flank_torques[kept])) if kept.stop else None,
-            "teeth_parted": bool(np.min(r.flank_torques) <= 0.0),
+            "contact_lost": bool(np.min(r.flank_torques) <= 0.0),
             "heat": r.heat,
             "samples": int(r.time.size),
             "degraded_samples": r.degraded,
@@ -87,11 +87,11 @@ class ClosedLoopRun:
             found |= self._loss(kept.stop)
         if self.single is not None:
             alone = self.single.flank_torques[:, 0]
-            found["samples_apart"] = int(np.sum(np.any(r.flank_torques <= 0.0, axis=1)))
+            found["samples_without_contact"] = int(np.sum(np.any(r.flank_torques <= 0.0, axis=1)))
             found["single_drive"] = {
                 "tracking_rms": self.single.tracking_rms,
-                "samples_apart": int(np.sum(alone == 0.0)),
-                "hardest_hit_on_far_flank": float(max(-np.min(alone), 0.0)),
+                "samples_without_contact": int(np.sum(alone == 0.0)),
+                "impact_on_far_flank": float(max(-np.min(alone), 0.0)),
             }
         return found
 
@@ -144,11 +144,11 @@ class ClosedLoopRun:
                 f"{s['backlash_control']}."
             )
         if self.single is not None:
-            hardest = told["hardest_hit_on_far_flank_single_drive"]
+            impact = told["impact_on_far_flank_single_drive"]
             lines.append(
-                f"Contact is lost in {told['samples_apart']} samples with both drives and in "
-                f"{told['samples_apart_single_drive']} with one, which hits the far flank with up to {hardest}. The "
-                f"tracking error with one drive is {told['tracking_rms_single_drive']} rms."
+                f"Contact is lost in {told['samples_without_contact']} samples with both drives and in "
+                f"{told['samples_without_contact_single_drive']} samples with one. One drive hits the opposite flank "
+                f"with up to {impact}; its tracking error is {told['tracking_rms_single_drive']} rms."
             )
         if s["degraded_samples"]:
             first = next(status for status in self.result.status if status != "optimal")
@@ -165,7 +165,7 @@ class ClosedLoopRun:
         """The summary for a table: name, and value with its unit and its standard deviation over all runs."""
         _, rad, _, newton = axis_quantities(self.result.axis)
         units = {"heat": "N² m²", **dict.fromkeys(("tracking", "largest", "final"), rad)}
-        units |= dict.fromkeys(("least", "hardest"), newton)
+        units |= dict.fromkeys(("least", "impact"), newton)
         scatter, rows = self.scatter(), []
         for name, value in flat(self._one_summary()).items():
             if name in ("schema", "synthetic"):

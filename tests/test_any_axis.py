@@ -169,7 +169,7 @@ def test_a_model_is_tried_on_a_bench_of_its_own() -> None:
     trial = run_scenario(parse_scenario("short", SHORT), model=LIGHT, train=Ratios(ratios=(5.0, -5.0)))
     print(trial.sentences())
     assert trial.summary()["tracking_rms"] < 2e-3
-    assert not trial.summary()["teeth_parted"]
+    assert not trial.summary()["contact_lost"]
     assert trial.sentences()[0] == "The test-bench simulation is built from the model: 0.02 kg m^2, drives 5.0,-5.0."
     own = run_scenario(parse_scenario("own", SHORT + "[rig]\ninertia = 2.0\n"), model=LIGHT)
     assert own.summary()["tracking_rms"] > 5 * trial.summary()["tracking_rms"]

@@ -84,7 +84,7 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
             "cases": numbers,
             "most_beyond_gapless": {strategy: float(np.max(beyond[:, s])) for s, strategy in enumerate(names)},
             "planned_differs_at_most": float(np.max(np.abs(beyond[:, planned]))),
-            "planned_teeth_parted": parted,
+            "planned_contact_lost": parted,
             "constant_preload_parts_at": parts_at,
             "heat_over_planned": {name: float(heats[s] / heats[planned]) for s, name in enumerate(names)},
         },
