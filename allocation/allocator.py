@@ -163,7 +163,7 @@ class Allocator:
         missing = float(np.linalg.norm(demand - B @ sharing.x))
         troubles = [*loss(self._lost, self.preloaded)]
         if np.any((self.bounds.lower(a, floor) > self.bounds.greatest) & self.preloaded):
-            troubles.append("max_torque cannot hold the teeth together at this acceleration")
+            troubles.append("max_torque is too low to keep contact at this acceleration")
         if np.any(rows.lower < steady.lower):
             troubles.append("torque_rate holds the preload back")
         if np.any(floor < self.bounds.floor):
@@ -171,7 +171,7 @@ class Allocator:
         if missing > binding_within * np.linalg.norm(B):
             troubles.append(f"{missing:.3g} N m of the torque are out of reach ({', '.join(binding)})")
         if sharing.instead:
-            troubles.append(f"{self.solver or 'osqp'} was not certified, {sharing.instead} stands in")
+            troubles.append(f"{self.solver or 'osqp'} was not certified, {sharing.instead} is used")
         return self._allocation(
             sharing.x, demand, a, floor=floor, troubles=troubles, binding=binding, residuals=sharing.residuals
         )

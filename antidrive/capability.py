@@ -84,6 +84,6 @@ def sentences(found: CapabilityMap, units: Units = ROTARY) -> list[str]:
     return [
         f"Without losing contact the drives hold load torques from {least:.4g} to {most:.4g} {units.torque} at rest.",
         f"Without load they reach accelerations from {slowest:.4g} to {fastest:.4g} {units.acceleration}.",
-        f"Standing still without load takes a preload of {told['least_preload_at_rest']:.4g} {units.preload}, with "
-        f"a copper-loss index of {told['heat_at_rest']:.4g} N² m².",
+        f"At rest without load the preload is {told['least_preload_at_rest']:.4g} {units.preload}, and the copper-loss "
+        f"index {told['heat_at_rest']:.4g} N² m².",
     ]

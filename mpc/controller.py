@@ -155,8 +155,8 @@ class Controller(Remembering):
         )
         if not np.ptp(self.bounds.reachable()) > 0:
             raise BadParameter(
-                "min_torque must be below max_torque, less what the motors' friction takes: else no torque is left to "
-                "move the load."
+                "min_torque must be below max_torque minus the motor friction; otherwise no torque is left to move the "
+                "load."
             )
         least = float(np.min(self.bounds.greatest))
         self._greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * least)

@@ -90,7 +90,7 @@ def first_experiment(limits: DriveLimits, *, rate: float = 200.0) -> pd.DataFram
     if not (np.isfinite(rate) and rate * _REST >= _SAMPLES):
         least = _SAMPLES / _REST
         raise BadParameter(
-            f"The rate must be at least {least:g} samples per second, so that a stop shows, not {rate:g}."
+            f"The rate must be at least {least:g} samples per second, so that a stop can be seen, not {rate:g}."
         )
     if rate > _MOST:
         raise BadParameter(f"The rate must be at most {_MOST:g} samples per second, not {rate:g}.")

@@ -56,7 +56,7 @@ def test_one_drive_crosses_its_backlash_at_reversals_two_do_not() -> None:
     assert one["samples_without_contact"] > 0.2 * summary["samples"]
     assert one["impact_on_far_flank"] > 10.0
     apart = measured(one["samples_without_contact"], summary["std"]["samples_without_contact_single_drive"])
-    assert f"in {apart} with one" in page
+    assert f"in {apart} samples with one" in page
 
 
 def test_a_push_is_taken_up_while_it_lasts() -> None:

@@ -206,7 +206,7 @@ def test_the_margin_is_the_least_of_the_horizon() -> None:
         ServoModel(inertia=2.0, gravity=0.0), PAPER, horizon=10, max_torque=0.03, rotor_inertia=1e-2
     )
     control = controller.step(0.0, np.where(np.arange(11) < 6, 0.0, 0.01))
-    assert control.status == "degraded: max_torque cannot hold the teeth together at the predicted acceleration"
+    assert control.status == "degraded: max_torque is too low to keep contact at the predicted acceleration"
     taken = 1e-2 * PAPER.pre_reduction**2 * 8.05 * np.diff(control.predicted_angle, 2) / 0.005**2
     flanks = np.abs(control.predicted_torques[1:]) + np.outer(taken, [1, -1])
     assert control.margin == pytest.approx(np.min(flanks) - 0.02, rel=0.1)

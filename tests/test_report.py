@@ -287,7 +287,7 @@ def test_words_say_how_sure(diagnosis):
         "0.35 N m rms."
     )
     assert minor == (
-        "Minor: cogging (0.002 N m rms), no larger than what no effect explains; it may be a part of that."
+        "Minor: cogging (0.002 N m rms), no larger than the unexplained torque; it may be a part of that."
     )
     assert unknown == "Unexplained: about 2 % of the torque in the log; it depends on velocity."
     assert gain == (
@@ -302,7 +302,7 @@ def test_words_say_how_sure(diagnosis):
     cause = replace(diagnosis.causes[0], probability=0.6, alternatives=(("stribeck_friction", 0.39),))
     torn = replace(diagnosis, verdict="ambiguous", causes=(cause,))
     assert headline(torn) == (
-        "The model probably lacks Coulomb friction or Stribeck friction; this log does not tell which."
+        "The model probably lacks Coulomb friction or Stribeck friction; this log does not show which."
     )
     both = replace(torn, causes=(diagnosis.causes[0], replace(cause, effect="cogging")))
     assert headline(both) == (

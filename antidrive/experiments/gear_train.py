@@ -145,8 +145,8 @@ def run(settings: GearTrainSettings, seed: int) -> Outcome:
             f"At {settings.supply_voltage:g} V both motors together stall at {2 * rig.stall_torques[0]:.3g} N m at the "
             f"platform. The winding resistance of {settings.winding_resistance:g} ohm is assumed; the paper does "
             f"not give it. To keep contact, one motor drives and the other preloads with {holding:.2g} N m against it. "
-            f"The stall torque is then {rig.stall_torques[0] - holding:.3g} N m, about half. In the test-bench simulation both "
-            f"lines agree within {100 * found.largest_difference / speed:.2g} % of the no-load speed.",
+            f"The stall torque is then {rig.stall_torques[0] - holding:.3g} N m, about half. In the test-bench "
+            f"simulation both lines agree within {100 * found.largest_difference / speed:.2g} % of the no-load speed.",
             f"The speeds of section 4, {', '.join(f'{v:g}' for v in PAPER_SPEEDS)} rad/s, are "
             f"{', '.join(f'{f:.1f}' for f in factors)} times the no-load speed of this machine, so that table must "
             "come from a simulation without the speed limit.",

@@ -184,9 +184,9 @@ def clock(recording: Recording) -> Iterable[Finding]:
     first, last = _drift(np.cumsum(steps), steps, even)
     if abs(last - first) > DRIFT * mean:
         text = (
-            f"{recording.label}: the sample time goes steadily from {1e3 * first:.5g} ms at the start to "
-            f"{1e3 * last:.5g} ms at the end ({(last - first) / first:+.2%}), so the clock or the logger drifts; "
-            "the times are used as they are, check them against the drive's clock"
+            f"{recording.label}: the clock drifts: the sample time changes steadily from {1e3 * first:.5g} ms to "
+            f"{1e3 * last:.5g} ms ({(last - first) / first:+.2%}); the times are used as they are, check them against "
+            "the drive's clock"
         )
         yield Finding(kind="drift", repaired=False, text=text)
 

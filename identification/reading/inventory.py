@@ -69,7 +69,7 @@ def refuse_missing(table: Table, known: Recognition, reading: Reading) -> None:
     if not lacking:
         return
     facts = inventory(table, known)
-    first = f"{table.name}: no column is recognised as {_listed(lacking)}, of those that the file has."
+    first = f"{table.name}: none of its columns is recognised as {_listed(lacking)}."
     options = suggested_options(table, known, lacking_time=lacking[0].startswith("'time'"))
     raise MissingColumns("\n".join([first, *lines(facts)]), options)
 
