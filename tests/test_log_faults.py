@@ -179,7 +179,8 @@ def test_a_buffer_that_was_written_twice_is_left_out(clean, name, length):
     for column in ("torque", "angle"):
         spoilt[column][second : second + length] = spoilt[column][first : first + length]
     log = Log.from_arrays(**spoilt)
-    assert any(f"{length} samples of 'angle' are an exact copy of those from row {first + 1} on" in text for text in log.repairs)
+    said = f"{length} samples of 'angle' are an exact copy of those from row {first + 1} on"
+    assert any(said in text for text in log.repairs)
     assert [len(run) for run in log.runs] == [second, count - second - length]
 
 

@@ -286,9 +286,7 @@ def test_words_say_how_sure(diagnosis):
         "Coulomb friction: probability 97 %, evidence decisive (log Bayes factor 321); torque 0.400 ± 0.010 N m; "
         "0.35 N m rms."
     )
-    assert minor == (
-        "Minor: cogging (0.002 N m rms), no larger than the unexplained torque; it may be a part of that."
-    )
+    assert minor == ("Minor: cogging (0.002 N m rms), no larger than the unexplained torque; it may be a part of that.")
     assert unknown == "Unexplained: about 2 % of the torque in the log; it depends on velocity."
     assert gain == (
         "On the validation run the simulation error falls from 0.05 rad to 0.01 rad rms (80 %); "
