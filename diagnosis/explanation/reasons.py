@@ -162,8 +162,8 @@ def reason_for_none(diagnosis: Findings) -> Reason:
         return Reason(title=title, effect=None, sentences=tuple(lines))
     unknown, acts = diagnosis.unknown, torque_or_force(diagnosis.residual_before.unit)
     lines = [
-        f"{asked} effects were tried. None is both probable and larger than the unexplained {acts}, which is about "
-        f"{percent(unknown.share)} of that in the log (probability {percent(unknown.probability)})."
+        f"{asked} effects were tried. None is both probable and larger than the unexplained {acts}, about "
+        f"{percent(unknown.share)} of the {acts} in the log (probability {percent(unknown.probability)})."
         f"{nearest}"
     ]
     grown = seen = None

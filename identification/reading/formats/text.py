@@ -94,7 +94,7 @@ def _layout(lines: list[str], scope: ScopeHeader | None, name: str) -> tuple[lis
     if scope is not None:
         bare = ("",) * len(scope.names)
         return lines, Layout(separator=scope.separator, names=scope.names, units=bare, start=scope.data_line)
-    return oscilloscope(lines) or (lines, find_layout(lines, name))
+    return oscilloscope(lines, name) or (lines, find_layout(lines, name))
 
 
 def decoded(content: bytes, name: str) -> str:
