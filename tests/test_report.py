@@ -304,7 +304,7 @@ def test_words_say_how_sure(diagnosis):
     )
     both = replace(torn, causes=(diagnosis.causes[0], replace(cause, effect="cogging")))
     assert headline(both) == (
-        "The model lacks Coulomb friction. It also probably lacks cogging or Stribeck friction; this log does not tell "
+        "The model lacks Coulomb friction. It also probably lacks cogging or Stribeck friction; this log does not show "
         "which."
     )
     lost = replace(diagnosis, verdict="unknown", causes=())

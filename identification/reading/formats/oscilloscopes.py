@@ -56,7 +56,7 @@ def _counted(lines: Sequence[str], begin: int, start: float, step: float, column
 
 def _new_rigol(lines: Sequence[str]) -> tuple[list[str], Layout] | None:
     cells = _cells(lines[0]) if lines else []
-    clock = dict(found.groups() for cell in cells if (found := _CLOCK.fullmatch(cell)))
+    clock = {found[1]: found[2] for cell in cells if (found := _CLOCK.fullmatch(cell))}
     start, step = _number(clock.get("t0", "")), _number(clock.get("tInc", ""))
     if not (math.isfinite(start) and step > 0.0):
         return None
