@@ -149,7 +149,7 @@ def test_one_outlier_is_ignored_and_a_lasting_change_is_followed() -> None:
     assert filter_.state[0] == pytest.approx(0.1, abs=1e-3)
     assert filter_.advance(0.1, 0.0, 0.0) == ""
     said = [filter_.advance(1.1, 0.0, 0.0) for _ in range(4)]
-    assert "anew" in said[2]
+    assert "restarted" in said[2]
     assert said[3] == ""
     assert filter_.state[0] == pytest.approx(1.1, abs=1e-3)
 
