@@ -126,7 +126,10 @@ class ClosedLoopRun:
             f"{self.scenario.duration:g} s of test-bench simulation.",
         ]
         margin = s["least_preload_margin"]
-        if margin is not None:
+        if self.result.torques.shape[1] == 1:
+            apart = int(np.sum(self.result.flank_torques <= 0.0))
+            lines.append(f"A single drive has no preload: contact is lost in {apart} of {s['samples']} samples.")
+        elif margin is not None:
             held = "contact was never lost" if margin > 0.0 else "contact was lost"
             while_both = "" if self.scenario.drive_loss is None else " while both drives worked"
             least = told["least_preload_margin"]
