@@ -102,6 +102,12 @@ def test_one_drive_alone_is_counted_by_its_own_flank() -> None:
     assert "samples_without_contact_single_drive" in dict(both.numbers())
 
 
+def test_a_machine_of_one_drive_is_not_asked_for_a_preload() -> None:
+    flanks = np.where(np.arange(COUNT) < 7, -0.5, 1.0)[:, None]
+    one = trial(torques=np.full((COUNT, 1), 0.1), flank_torques=flanks)
+    assert one.sentences()[1] == f"A single drive has no preload: contact is lost in 7 of {COUNT} samples."
+
+
 def test_the_table_names_every_channel_once() -> None:
     made = result()
     table = replace(trial(), single=result(angle=np.full(COUNT, 5.0))).table()
