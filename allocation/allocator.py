@@ -18,6 +18,7 @@ from allocation.sharing import CERTIFIED, share, share_in_closed_form
 from allocation.structure import Structure
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
+from plant.number import refuse_huge
 
 Array = NDArray[np.float64]
 
@@ -162,7 +163,7 @@ class Allocator:
         missing = float(np.linalg.norm(demand - B @ sharing.x))
         troubles = [*loss(self._lost, self.preloaded)]
         if np.any((self.bounds.lower(a, floor) > self.bounds.greatest) & self.preloaded):
-            troubles.append("max_torque cannot hold the teeth together at this acceleration")
+            troubles.append("max_torque is too low to keep contact at this acceleration")
         if np.any(rows.lower < steady.lower):
             troubles.append("torque_rate holds the preload back")
         if np.any(floor < self.bounds.floor):
@@ -170,7 +171,7 @@ class Allocator:
         if missing > binding_within * np.linalg.norm(B):
             troubles.append(f"{missing:.3g} N m of the torque are out of reach ({', '.join(binding)})")
         if sharing.instead:
-            troubles.append(f"{self.solver or 'osqp'} was not certified, {sharing.instead} stands in")
+            troubles.append(f"{self.solver or 'osqp'} was not certified, {sharing.instead} is used")
         return self._allocation(
             sharing.x, demand, a, floor=floor, troubles=troubles, binding=binding, residuals=sharing.residuals
         )
@@ -193,6 +194,7 @@ class Allocator:
         numbers, n = np.asarray(value, dtype=np.float64), self.bounds.structure.joints
         if not np.all(np.isfinite(numbers)):
             raise BadParameter(f"The {name} must be finite, not {value!r}.")
+        refuse_huge(name, float(np.max(np.abs(numbers), initial=0.0)))
         if numbers.shape != (n,) and not (numbers.ndim == 0 and (n == 1 or numbers == 0)):
             raise BadParameter(f"The {name} needs a number for each of the {n} joints, not {value!r}.")
         return np.broadcast_to(numbers, (n,))

@@ -16,6 +16,7 @@ from allocation.errors import InfeasibleTorque
 from allocation.structure import Structure
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
+from plant.number import refuse_huge
 
 Array = NDArray[np.float64]
 PerDrive = float | tuple[float, ...]
@@ -170,9 +171,13 @@ def per_drive(name: str, value: PerDrive, drives: int) -> Array:
     Raises:
         BadParameter: they are not finite, negative, or not as many as there are drives.
     """
-    numbers = np.asarray(value, dtype=np.float64)
+    try:
+        numbers = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise BadParameter(f"{name} must be a number, or one for each of the {drives} drives, not {value!r}.") from None
     if numbers.shape not in ((), (drives,)):
         raise BadParameter(f"{name} must be one number, or one for each of the {drives} drives, not {value!r}.")
     if not np.all(np.isfinite(numbers)) or np.any(numbers < 0):
         raise BadParameter(f"{name} must be finite and not negative, not {value!r}.")
+    refuse_huge(name, float(np.max(numbers)))
     return np.broadcast_to(numbers, (drives,)).copy()

@@ -12,6 +12,7 @@ from allocation import Allocator, CapabilityMap, capability_map
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
 from plant.gears import GearTrain
+from plant.number import refuse_huge
 
 _POINTS = 81  # along each axis; odd, so that zero is one of them
 
@@ -43,6 +44,7 @@ def whole_map(allocator: Allocator, inertia: float) -> CapabilityMap:
     most = float(np.max(np.abs(allocator.bounds.reachable())))
     if not (np.isfinite(inertia) and inertia > 0):
         raise BadParameter(f"inertia must be finite and above zero, not {inertia:g}.")
+    refuse_huge("inertia", inertia)
     if most == 0:
         raise BadParameter("At these limits the preload takes all of max_torque; lower min_torque or motor_friction.")
     axis = most * np.linspace(-1.0, 1.0, _POINTS)
@@ -82,6 +84,6 @@ def sentences(found: CapabilityMap, units: Units = ROTARY) -> list[str]:
     return [
         f"Without losing contact the drives hold load torques from {least:.4g} to {most:.4g} {units.torque} at rest.",
         f"Without load they reach accelerations from {slowest:.4g} to {fastest:.4g} {units.acceleration}.",
-        f"Standing still without load takes a preload of {told['least_preload_at_rest']:.4g} {units.preload}, with "
-        f"a copper-loss index of {told['heat_at_rest']:.4g} N² m².",
+        f"At rest without load the preload is {told['least_preload_at_rest']:.4g} {units.preload}, and the copper-loss "
+        f"index {told['heat_at_rest']:.4g} N² m².",
     ]

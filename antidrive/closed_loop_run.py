@@ -11,6 +11,7 @@ import numpy as np
 from antidrive.scenario import Scenario
 from diagnosis.explanation.wording import measured
 from mpc import ClosedLoopResult
+from plant.units import axis_quantities
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,7 +29,6 @@ class ClosedLoopRun:
         max_torque: greatest [N m].
         single: the same motion with one drive alone, when it was compared.
         intact: the same motion with both drives throughout, when one was lost.
-        words: what moves and what pushes it, each with its unit.
         notes: what is to be known of the machine, in sentences.
         again: summaries of the same with other noise of the encoders.
     """
@@ -42,29 +42,15 @@ class ClosedLoopRun:
     intact: ClosedLoopResult | None = None
     again: tuple[dict[str, Any], ...] = ()
     notes: tuple[str, ...] = ()
-    words: tuple[str, str, str, str] = ("angle", "rad", "torque", "N m")
 
     def table(self) -> pd.DataFrame:
         """The trajectory, one row a sample, SI units."""
-        import pandas as pd
-
-        r, angle = self.result, self.words[0]
-        columns: dict[str, Any] = {
-            "time": r.time,
-            "reference": r.reference,
-            angle: r.angle,
-            f"measured_{angle}": r.measured_angle,
-            "velocity": r.velocity,
-            **{f"torque_{i + 1}": torque for i, torque in enumerate(r.torques.T)},
-            **{f"flank_torque_{i + 1}": torque for i, torque in enumerate(r.flank_torques.T)},
-            "disturbance_estimate": r.disturbance,
-            "status": r.status,
-        }
+        beside: dict[str, Any] = {}
         if self.single is not None:
-            columns |= {"single_drive_angle": self.single.angle, "single_drive_torque": self.single.torques[:, 0]}
+            beside |= {"single_drive_angle": self.single.angle, "single_drive_torque": self.single.torques[:, 0]}
         if self.intact is not None:
-            columns |= {"angle_without_loss": self.intact.angle}
-        return pd.DataFrame(columns)
+            beside |= {"angle_without_loss": self.intact.angle}
+        return self.result.to_frame().assign(**beside)
 
     def summary(self) -> dict[str, Any]:
         """The numbers of the trial, SI units, and how much they scatter if it was run again."""
@@ -92,7 +78,7 @@ class ClosedLoopRun:
             "largest_error": float(np.max(np.abs(r.angle - r.reference))),
             "final_error": float(np.mean((r.angle - r.reference)[-20:])),
             "least_preload_margin": float(np.min(r.flank_torques[kept])) if kept.stop else None,
-            "teeth_parted": bool(np.min(r.flank_torques) <= 0.0),
+            "contact_lost": bool(np.min(r.flank_torques) <= 0.0),
             "heat": r.heat,
             "samples": int(r.time.size),
             "degraded_samples": r.degraded,
@@ -101,11 +87,11 @@ class ClosedLoopRun:
             found |= self._loss(kept.stop)
         if self.single is not None:
             alone = self.single.flank_torques[:, 0]
-            found["samples_apart"] = int(np.sum(np.any(r.flank_torques <= 0.0, axis=1)))
+            found["samples_without_contact"] = int(np.sum(np.any(r.flank_torques <= 0.0, axis=1)))
             found["single_drive"] = {
                 "tracking_rms": self.single.tracking_rms,
-                "samples_apart": int(np.sum(alone == 0.0)),
-                "hardest_hit_on_far_flank": float(max(-np.min(alone), 0.0)),
+                "samples_without_contact": int(np.sum(alone == 0.0)),
+                "impact_on_far_flank": float(max(-np.min(alone), 0.0)),
             }
         return found
 
@@ -140,7 +126,10 @@ class ClosedLoopRun:
             f"{self.scenario.duration:g} s of test-bench simulation.",
         ]
         margin = s["least_preload_margin"]
-        if margin is not None:
+        if self.result.torques.shape[1] == 1:
+            apart = int(np.sum(self.result.flank_torques <= 0.0))
+            lines.append(f"A single drive has no preload: contact is lost in {apart} of {s['samples']} samples.")
+        elif margin is not None:
             held = "contact was never lost" if margin > 0.0 else "contact was lost"
             while_both = "" if self.scenario.drive_loss is None else " while both drives worked"
             least = told["least_preload_margin"]
@@ -158,11 +147,11 @@ class ClosedLoopRun:
                 f"{s['backlash_control']}."
             )
         if self.single is not None:
-            hardest = told["hardest_hit_on_far_flank_single_drive"]
+            impact = told["impact_on_far_flank_single_drive"]
             lines.append(
-                f"Contact is lost in {told['samples_apart']} samples with both drives and in "
-                f"{told['samples_apart_single_drive']} with one, which hits the far flank with up to {hardest}. The "
-                f"tracking error with one drive is {told['tracking_rms_single_drive']} rms."
+                f"Contact is lost in {told['samples_without_contact']} samples with both drives and in "
+                f"{told['samples_without_contact_single_drive']} samples with one. One drive hits the opposite flank "
+                f"with up to {impact}; its tracking error is {told['tracking_rms_single_drive']} rms."
             )
         if s["degraded_samples"]:
             first = next(status for status in self.result.status if status != "optimal")
@@ -177,9 +166,9 @@ class ClosedLoopRun:
 
     def numbers(self) -> list[tuple[str, str]]:
         """The summary for a table: name, and value with its unit and its standard deviation over all runs."""
-        _, rad, _, newton = self.words
+        _, rad, _, newton = axis_quantities(self.result.axis)
         units = {"heat": "N² m²", **dict.fromkeys(("tracking", "largest", "final"), rad)}
-        units |= dict.fromkeys(("least", "hardest"), newton)
+        units |= dict.fromkeys(("least", "impact"), newton)
         scatter, rows = self.scatter(), []
         for name, value in flat(self._one_summary()).items():
             if name in ("schema", "synthetic"):
@@ -199,7 +188,7 @@ class ClosedLoopRun:
         from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
         from antidrive.figures import traces_figure
 
-        r, (angle, rad, torque, newton) = self.result, self.words
+        r, (angle, rad, torque, newton) = self.result, axis_quantities(self.result.axis)
         angles = [("reference", MEASURED, r.reference), (angle, AFTER, r.angle)]
         errors = [(angle, AFTER, r.angle - r.reference)]
         if self.intact is not None:

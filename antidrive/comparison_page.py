@@ -36,7 +36,7 @@ def changes_page(found: Comparison, provenance: Provenance) -> str:
         pictures=[
             (
                 change_bars(found),
-                "Change of each parameter, in standard errors of the difference. In colour: more than chance allows.",
+                "Change of each parameter, in standard errors of the difference. Coloured: more than chance explains.",
             )
         ],
         data={"warnings": log.warnings, "repairs": log.repairs, "notes": log.notes},

@@ -86,4 +86,5 @@ def loop_with_drive_loss(
         margin=columns["margin"],
         flank_torques=np.array(flanks),
         status=tuple(status),
+        axis=controller.model.axis,
     )

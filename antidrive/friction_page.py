@@ -25,7 +25,7 @@ def friction_figure(found: FrictionTest) -> Figure:
 
 def friction_page(found: FrictionTest, provenance: Provenance) -> str:
     """Sentences and the picture."""
-    caption = "Each point is the mean over a speed, with its standard error, less inertia and gravity."
+    caption = "Each point is the mean torque at one speed with its standard error, without inertia and gravity torque."
     log = found.log
     return page(
         "picture",

@@ -46,10 +46,10 @@ class Inspection:
         units: dict[str, str] = {}
         for _, facts in self.tables:
             for one in facts:
-                if one.taken_for and one.taken_for not in columns:
-                    columns[one.taken_for] = one.name
+                if one.used_as and one.used_as not in columns:
+                    columns[one.used_as] = one.name
                     if one.unit and kind_of(one.unit) is not None:
-                        units[one.taken_for] = one.unit
+                        units[one.used_as] = one.unit
         kept = {column: unit for column, unit in units.items() if column not in self.options.scales}
         return log_file(self.options, folder, columns, kept)
 
@@ -123,7 +123,7 @@ def _understood(table: Table, reading: Reading) -> tuple[str, tuple[ColumnFacts,
     chosen = select_joint(table, reading.joint, mapped=list(own.values()))
     facts = inventory(chosen, recognise(chosen, reading))
     said = {column: unit for column, unit in reading.units.items()}
-    return table.name, tuple(replace(one, unit=said.get(one.taken_for, one.unit)) for one in facts)
+    return table.name, tuple(replace(one, unit=said.get(one.used_as, one.unit)) for one in facts)
 
 
 def _facts(run: Run) -> dict[str, Any]:

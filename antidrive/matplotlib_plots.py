@@ -8,15 +8,17 @@ from typing import Any
 import numpy as np
 
 from allocation import CapabilityMap
-from antidrive.chart import AFTER, BEFORE, MEASURED
+from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
 from antidrive.model_comparison import Comparison
 from diagnosis.diagnosis import Diagnosis
 from identification.fit_result import Fit
 from identification.friction_test import FrictionTest
 from identification.log import Log
 from identification.simulation import free_simulation
+from mpc.closed_loop import ClosedLoopResult
 from plant.drive_table import DriveTable
 from plant.errors import BadParameter
+from plant.units import axis_quantities
 
 
 def plot(result: Any, axes: Any = None) -> Any:
@@ -107,6 +109,24 @@ def _draw_capability(found: CapabilityMap, axes: Any) -> None:
     _label(axes[0], x="load torque [N m]", y="acceleration [rad/s²]")
 
 
+def _draw_loop(found: ClosedLoopResult, axes: Any) -> None:
+    """Reference and motion, the error, what the drives give, and how firmly the teeth are in contact."""
+    angle, length, torque, newton = axis_quantities(found.axis)
+    axes[0].plot(found.time, found.reference, color=MEASURED, lw=2.5, label="reference")
+    axes[0].plot(found.time, found.angle, color=AFTER, lw=1.0, label=angle)
+    axes[1].plot(found.time, found.angle - found.reference, color=AFTER, lw=0.8)
+    for at, both in ((2, found.torques), (3, found.flank_torques)):
+        for number, (colour, course) in enumerate(zip((SECOND, THIRD), both.T, strict=False), start=1):
+            axes[at].plot(found.time, course, color=colour, lw=0.8, label=f"drive {number}")
+    axes[3].axhline(0.0, color=MEASURED, ls=":", lw=0.8)
+    for at in (0, 2):
+        axes[at].legend(frameon=False)
+    _label(axes[0], y=f"{angle} [{length}]")
+    _label(axes[1], y=f"error [{length}]")
+    _label(axes[2], y="drive torque [N m]")
+    _label(axes[3], y=f"contact {torque} [{newton}]", x="time [s]")
+
+
 def _label(axes: Any, *, x: str = "", y: str = "") -> None:
     axes.set(xlabel=x, ylabel=y)
     axes.spines[["top", "right"]].set_visible(False)
@@ -120,5 +140,6 @@ _PICTURES: dict[type, tuple[int, Callable[[Any, Any], None]]] = {
     Comparison: (1, _draw_changes),
     DriveTable: (1, _draw_table),
     CapabilityMap: (1, _draw_capability),
+    ClosedLoopResult: (4, _draw_loop),
 }
 """How many axes the picture of a result needs, and what draws in them."""

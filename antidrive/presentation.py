@@ -18,10 +18,11 @@ from identification.fit_result import Fit
 from identification.friction_test import FrictionTest
 from identification.log import Log, Source
 from identification.simulation import free_simulation
+from mpc.closed_loop import ClosedLoopResult
 from plant.drive_table import DriveTable
 from plant.errors import BadParameter
 from plant.servo import ServoModel
-from plant.units import printed
+from plant.units import axis_quantities, printed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,6 +68,36 @@ def _(result: CapabilityMap) -> Any:
 
 
 @to_frame.register
+def _(result: ClosedLoopResult) -> Any:
+    """One row a sample, SI units."""
+    import pandas as pd
+
+    angle, length, _, newton = axis_quantities(result.axis)
+    drives = range(1, result.torques.shape[1] + 1)
+    columns: dict[str, Any] = {
+        "time": result.time,
+        "reference": result.reference,
+        angle: result.angle,
+        f"measured_{angle}": result.measured_angle,
+        "velocity": result.velocity,
+        **{f"torque_{i}": torque for i, torque in zip(drives, result.torques.T, strict=True)},
+        **{f"flank_torque_{i}": torque for i, torque in zip(drives, result.flank_torques.T, strict=True)},
+        "disturbance_estimate": result.disturbance,
+        "status": result.status,
+    }
+    frame = pd.DataFrame(columns)
+    frame.attrs["units"] = {
+        "time": "s",
+        **dict.fromkeys(("reference", angle, f"measured_{angle}"), length),
+        "velocity": f"{length}/s",
+        **{f"torque_{i}": "N m" for i in drives},
+        **{f"flank_torque_{i}": newton for i in drives},
+        "disturbance_estimate": newton,
+    }
+    return frame
+
+
+@to_frame.register
 def _(result: Fit) -> Any:
     import pandas as pd
 
@@ -108,7 +139,7 @@ def _headline(result: Any) -> str:
         return f"{result.ends[1]}: {result.meaning}"
     if isinstance(result, ServoModel):
         return f"Servo: {', '.join(('rigid body', *(effect.title for effect in result.effects)))}"
-    return str(result).splitlines()[0] if not isinstance(result, Log) else repr(result)
+    return repr(result) if isinstance(result, Log | ClosedLoopResult) else str(result).splitlines()[0]
 
 
 def report(result: Any, path: Path) -> Path:

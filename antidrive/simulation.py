@@ -117,7 +117,6 @@ def _played(scenario: Scenario, rig: Rig, design: ServoModel, seed: int, done: C
         result=result,
         min_torque=float(np.min(first.bounds.least)),
         max_torque=float(np.max(first.bounds.greatest)),
-        words=first.words,
         single=single,
         intact=intact,
     )

@@ -33,5 +33,5 @@ def chosen(candidates: Sequence[Choice] | None, exclude: Collection[str]) -> Map
         raise BadParameter(f"exclude: {unknown[0]!r} is no effect; the catalogue has {', '.join(catalogue)}.")
     left = {name: kind for name, kind in asked.items() if name not in exclude}
     if not left:
-        raise BadParameter("No effect is left to ask: take at least one candidate, or exclude fewer.")
+        raise BadParameter("No effect is left to test: give at least one candidate, or exclude fewer.")
     return left

@@ -112,8 +112,8 @@ def standstill(fit: Fit) -> str | None:
     what = {"N m": "torque", "N": "force"}.get(fit.log.command_unit, "command")
     highest = max(float(np.nanmax(np.abs(run.drive))) for run in fit.log.runs)
     return (
-        f"The load does not move: a {what} of at most {highest:.3g} {fit.log.command_unit} does not leave the dead "
-        "zone or dry friction; raise it until the load moves."
+        f"The load does not move: a {what} of at most {highest:.3g} {fit.log.command_unit} stays within the "
+        "dead zone or the dry friction; raise it until the load moves."
     )
 
 

@@ -131,7 +131,7 @@ class Fit(Presented):
         if self.runs_off:
             return "the motion of the model grows without bound. Leave out the part of the log where it does."
         if not self.converged:
-            return "the iteration ended before it converged. Start it near the machine, with --base MODEL.json."
+            return "the iteration stopped before it converged. Start from a model near the machine: --base MODEL.json."
         free = [line for line in self.parameters if not line.fixed]
         undetermined = any(line.value is None for line in free)  # beside which a value at its bound says nothing
         told = [line.value is not None and not (line.at_bound and undetermined) for line in free]
@@ -139,8 +139,8 @@ class Fit(Presented):
         if any(told) or not told or np.std(np.concatenate(moves)) <= 2.0 * self.noise_std:
             return None
         return (
-            "no value of its parameters explains the motion better than another. "
-            "See whether this torque drives this angle: their sign, units and times."
+            "its parameters do not change how well the motion is explained. "
+            "Check that this torque drives this angle: their sign, units and times."
         )
 
     @property

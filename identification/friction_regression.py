@@ -43,7 +43,9 @@ class Regression:
 def best_of(found: list[Regression]) -> Regression:
     """By the Bayesian information criterion, for as many independent windows as the closest candidate leaves."""
     if not found:
-        raise Unidentifiable("The log does not tell friction apart; record several speeds, slow and fast, both ways.")
+        raise Unidentifiable(
+            "Friction cannot be separated from inertia and gravity in this log; record slow and fast speeds, both ways."
+        )
     count = min(found, key=lambda one: one.spread).independent
     return min(found, key=lambda one: count * np.log(one.spread) + len(one.values) * np.log(count))
 

@@ -123,7 +123,7 @@ class FrictionTest(Presented):
                 error = f" +- {self.std[name]:.2g}" if name in self.std else ""
                 lines.append(f"{meaning}: {found[name]:.4g}{error} {self.units[name]}{more}")
         if min(found["coulomb"], found["viscous"]) < 0.0:
-            lines.append("Friction below zero is none: see whether torque and angle go together, and their signs.")
+            lines.append("The friction is negative. Check that torque and angle belong together, and their signs.")
         if "excess" not in found:
             slowest = float(np.min(np.abs(self.velocity)))
             lines.append(f"No Stribeck friction is visible; the slowest speed is {slowest:.3g} {self.units['speed']}.")

@@ -273,14 +273,14 @@ class Log(Drawn):
         for log in logs[1:]:
             if log.response != first.response:
                 raise MalformedLog(
-                    f"{log.runs[0].label}: a log of the {log.response} does not go with {first.runs[0].label}, one "
-                    f"of the {first.response}; treat them one by one."
+                    f"{log.runs[0].label}: its response is the {log.response}, that of "
+                    f"{first.runs[0].label} the {first.response}; use separate commands for them."
                 )
             if (log.axis, log.command_unit) != (first.axis, first.command_unit):
                 raise MalformedLog(
-                    f"{log.runs[0].label}: a {log.axis} axis driven in {log.command_unit} does not go with "
-                    f"{first.runs[0].label}, a {first.axis} axis driven in {first.command_unit}; "
-                    "treat them one by one."
+                    f"{log.runs[0].label}: a {log.axis} axis with a command in {log.command_unit}, but "
+                    f"{first.runs[0].label} is a {first.axis} axis with a command in {first.command_unit}; use "
+                    "separate commands for them."
                 )
         notes = dict.fromkeys(note for log in logs for note in log.notes)
         numbers: dict[tuple[int, int], int] = {}  # parts of one run keep one number

@@ -26,8 +26,8 @@ def same_unit(log: Log, model: ServoModel) -> None:
     if model.torque_unit != log.torque_unit:
         usual = "N" if model.axis == "linear" else "N m"
         raise BadParameter(
-            f"The model is in {model.torque_unit or usual}, the log's command in {log.command_unit}: neither says how "
-            "the two compare; use a model that was identified from a log of the same command."
+            f"The model is in {model.torque_unit or usual}, the log's command in {log.command_unit}, and the factor "
+            "between them is unknown; use a model that was identified from a log of the same command."
         )
 
 

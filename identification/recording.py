@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 Response: TypeAlias = Literal["angle", "velocity"]
-HUGE = 1e12  # no servo's reading in SI units; beyond it squares lose their digits
 
 
 def nothing() -> Array:

@@ -37,8 +37,8 @@ def evenly_timed(log: Log) -> Log:
     if not any(off):
         return log
     sentence = (
-        f"The written times scatter by up to {1e3 * max(off):.2g} ms about an even clock, "
-        "and the motion says that the samples were taken evenly: that clock is used"
+        f"The time stamps jitter by up to {1e3 * max(off):.2g} ms, but the motion fits evenly spaced samples better: "
+        "even times are used"
     )
     return replace(log, runs=runs, repairs=(*log.repairs, sentence), evenly_timed=True)
 

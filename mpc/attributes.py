@@ -2,13 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from plant.errors import BadParameter
 from plant.gears import GearTrain
-from plant.number import whole
+from plant.number import finite, refuse_huge, whole
+
+_LONGEST = 2000
+"""Samples looked ahead at most: the horizon is laid out in memory, and taken as a whole to choose what was left out."""
+
+_FASTEST = 0.1
+"""Bandwidth at most, in units of the sampling rate."""
+
+_PASSES = 100
+"""Quadratic programs in a sample at most."""
+
+_ABOVE_ZERO = ("sample_time", "bandwidth")
+_NOT_NEGATIVE = (
+    *("encoder_resolution", "encoder_noise", "encoder_range", "torque_noise", "disturbance_rate"),
+    *("motor_resolution", "motor_noise", "friction_std"),
+)
+_LIMITS = ("torque_rate", "preload_rate", "speed_limit")
+_OPTIONAL = ("bandwidth", "horizon", "disturbance_rate", "motor_resolution")
 
 
 def check(asked: Any) -> None:
@@ -22,18 +41,59 @@ def check(asked: Any) -> None:
             f"The controller gives torques in N m, the model is in {asked.model.torque_unit}: identify it from a "
             "log of the torque, or of the current with its torque constant."
         )
-    for name in ("sample_time", "bandwidth"):
-        value = getattr(asked, name)
-        if value is not None and not (np.isfinite(value) and value > 0):
-            raise BadParameter(f"{name} must be finite and above zero, not {value!r}.")
-    if asked.horizon is not None and (whole(asked.horizon) or 0) < 2:
-        raise BadParameter(f"horizon must be a whole number of at least 2 samples, not {asked.horizon!r}.")
-    if not (np.isfinite(asked.encoder_range) and asked.encoder_range >= 0):
-        raise BadParameter(f"encoder_range must be finite and not negative, not {asked.encoder_range!r}.")
-    for name in ("torque_rate", "preload_rate"):
-        if not getattr(asked, name) > 0:
-            raise BadParameter(f"{name} must be above zero, not {getattr(asked, name)!r}.")
-    if not (np.isfinite(asked.friction_std) and asked.friction_std >= 0):
-        raise BadParameter(f"friction_std must be finite and not negative, not {asked.friction_std!r}.")
-    if (whole(asked.sqp_iterations) or 0) < 1:
-        raise BadParameter(f"sqp_iterations must be a whole number above zero, not {asked.sqp_iterations!r}.")
+    for name in _ABOVE_ZERO:
+        _refuse_unless(asked, name, "finite and above zero", lambda number: number > 0.0)
+    for name in _NOT_NEGATIVE:
+        _refuse_unless(asked, name, "finite and not negative", lambda number: number >= 0.0)
+    for name in _LIMITS:
+        if getattr(asked, name) != float("inf"):
+            _refuse_unless(asked, name, "above zero", lambda number: number > 0.0)
+    _refuse_unless_whole(asked, "horizon", 2, _LONGEST)
+    _refuse_unless_whole(asked, "sqp_iterations", 1, _PASSES)
+    slowest, fastest = 0.25 / (_LONGEST * asked.sample_time), _FASTEST / asked.sample_time
+    if asked.bandwidth is not None and not slowest <= asked.bandwidth <= fastest:
+        raise BadParameter(
+            f"bandwidth must be between {slowest:.3g} and {fastest:.3g} Hz at a sample time of {asked.sample_time:g} "
+            f"s, not {asked.bandwidth:g} Hz."
+        )
+    if 0.0 < asked.encoder_range <= asked.encoder_resolution:
+        raise BadParameter(
+            f"encoder_range = {asked.encoder_range:g} must be above encoder_resolution = {asked.encoder_resolution:g}, "
+            "or zero for an encoder whose readings go on."
+        )
+
+
+@contextmanager
+def computable(asked: Any) -> Iterator[None]:
+    """Turn the failure of a computation with numbers that are out of all proportion into a `BadParameter`."""
+    try:
+        with np.errstate(over="raise", invalid="raise"):
+            yield
+    except (ArithmeticError, np.linalg.LinAlgError):
+        model = asked.model
+        raise BadParameter(
+            f"No controller can be computed for sample_time = {asked.sample_time:g}, max_torque = {asked.max_torque}, "
+            f"gears {asked.gears}, inertia = {model.inertia:g}, viscous_friction = {model.viscous_friction:g}, "
+            f"encoder_resolution = {asked.encoder_resolution:g}, encoder_noise = {asked.encoder_noise:g}: they are out "
+            "of proportion; check their units (SI)."
+        ) from None
+
+
+def _refuse_unless(asked: Any, name: str, what: str, allowed: Callable[[float], bool]) -> None:
+    """Refuse what is no finite number or not allowed."""
+    value = getattr(asked, name)
+    if value is None and name in _OPTIONAL:
+        return
+    number = finite(value)
+    if number is None or not allowed(number):
+        raise BadParameter(f"{name} must be {what}, not {value!r}.")
+    refuse_huge(name, number)
+
+
+def _refuse_unless_whole(asked: Any, name: str, least: int, most: int) -> None:
+    value = getattr(asked, name)
+    if value is None and name in _OPTIONAL:
+        return
+    number = whole(value)
+    if number is None or not least <= number <= most:
+        raise BadParameter(f"{name} must be a whole number from {least} to {most}, not {value!r}.")

@@ -10,15 +10,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from allocation import least_effort
 from mpc.controller import Controller
+from plant.effects.parameter import Axis
 from plant.errors import BadParameter
+from plant.result_display import Drawn
 from plant.rig import Rig
+from plant.units import axis_quantities
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ClosedLoopResult:
-    """What happened over T samples.
+class ClosedLoopResult(Drawn):
+    """What happened over T samples; on a linear axis positions [m] in place of angles, and forces [N].
 
     Attributes:
         time: (T,) [s].
@@ -30,8 +33,9 @@ class ClosedLoopResult:
         disturbance: (T,) torque that the controller thinks the model misses [N m].
         margin: (T,) margin that the controller predicted [N m], seen from the pinion.
         flank_torques: (T, m) least torque of each required flank during each sample on the rig [N m], follower side;
-            positive: the teeth never parted.
+            positive: contact was never lost.
         status: one for each sample.
+        axis: of the machine.
         tracking_rms: root mean square of angle less reference [rad].
         least_flank_torque: the least of `flank_torques` [N m]: the preload margin that was really left.
         heat: mean of xi1^2 + xi2^2 [N^2 m^2].
@@ -47,6 +51,7 @@ class ClosedLoopResult:
     margin: Array
     flank_torques: Array
     status: tuple[str, ...]
+    axis: Axis = "rotary"
 
     @property
     def tracking_rms(self) -> float:
@@ -67,6 +72,14 @@ class ClosedLoopResult:
     def degraded(self) -> int:
         """Number of samples whose status was not "optimal"."""
         return sum(status != "optimal" for status in self.status)
+
+    def __repr__(self) -> str:
+        """How long it was, and what came of it, in one line."""
+        _, length, _, newton = axis_quantities(self.axis)
+        duration = f"{self.time.size} samples to {self.time[-1]:.4g} s"
+        found = f"tracking error {self.tracking_rms:.3g} {length} rms"
+        contact = f"minimum contact torque {self.least_flank_torque:.3g} {newton}"
+        return f"ClosedLoopResult({duration}; {found}, {contact}, {self.degraded} degraded)"
 
 
 def closed_loop(
@@ -134,4 +147,5 @@ def closed_loop(
         margin=margin,
         flank_torques=flanks,
         status=tuple(status),
+        axis=controller.model.axis,
     )

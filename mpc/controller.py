@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from allocation import Bounds, PerDrive
 from mpc.arguments import take_elapsed, take_motor_angles, take_reference
-from mpc.attributes import check
+from mpc.attributes import check, computable
 from mpc.compiled import CompiledStep
 from mpc.constant_numbers import constant_numbers
 from mpc.control import Control
@@ -135,9 +135,16 @@ class Controller(Remembering):
     governor: Governor = field(init=False, repr=False)
     estimator: Estimator = field(init=False, repr=False)
 
+    _internal: ClassVar[frozenset[str]] = frozenset(("bounds", "governor", "estimator"))
+
     def __post_init__(self) -> None:
         """Check every number, lay out what is remembered, and compile the step if there is a compiler."""
         check(self)
+        with computable(self):
+            self._lay_out()
+
+    def _lay_out(self) -> None:
+        """Compute everything that a step needs."""
         self.model = self.model.without_clock().without_effect("backlash")
         self.bounds = Bounds(
             gears=self.gears,
@@ -148,8 +155,8 @@ class Controller(Remembering):
         )
         if not np.ptp(self.bounds.reachable()) > 0:
             raise BadParameter(
-                "min_torque must be below max_torque, less what the motors' friction takes: else no torque is left to "
-                "move the load."
+                "min_torque must be below max_torque minus the motor friction; otherwise no torque is left to move the "
+                "load."
             )
         least = float(np.min(self.bounds.greatest))
         self._greatest = max(float(np.min(np.abs(self.bounds.reachable()))), 1e-3 * least)
@@ -197,7 +204,7 @@ class Controller(Remembering):
         self._step: Callable[[float, bool], int] = self._machine_code.function() or self._interpreted
 
     def _tune(self) -> None:
-        """Choose what was left out, and check that all goes together."""
+        """Choose what was left out."""
         noise = max(float(np.hypot(self.encoder_resolution / np.sqrt(12.0), self.encoder_noise)), 1e-12)
         chosen = Tuning.of(
             self.model,
@@ -214,10 +221,6 @@ class Controller(Remembering):
         filtering = observer_rate(self.model.inertia, self.disturbance_rate, noise, self.sample_time)
         self._observer = max(filtering, 2 * np.pi * self.bandwidth)
         self.horizon, self.sqp_iterations = int(self.horizon), int(self.sqp_iterations)
-        if self.bandwidth * self.sample_time > 0.1:
-            raise BadParameter(
-                f"A bandwidth of {self.bandwidth:g} Hz needs a sample time of at most {0.1 / self.bandwidth:.3g} s."
-            )
 
     def _all_arrays(self, machine: Array) -> dict[str, Array]:
         """Everything that a step reads and writes, by name."""
@@ -228,6 +231,13 @@ class Controller(Remembering):
         self._remembered = tuple(remembered)
         return constant_numbers(self, machine) | remembered
 
+    def __repr__(self) -> str:
+        """The machine and the main numbers, in one line."""
+        effects = "".join(f" + {effect.title}" for effect in self.model.effects)
+        numbers = f"sample_time={self.sample_time:g}, horizon={self.horizon}, bandwidth={self.bandwidth:.3g}"
+        torques = f"min_torque={self.min_torque}, max_torque={self.max_torque}"
+        return f"Controller(rigid body{effects}, gears {self.gears}; {numbers}, {torques})"
+
     @cached_property
     def _interpreted(self) -> InterpretedStep:
         """The step without machine code."""
@@ -237,22 +247,6 @@ class Controller(Remembering):
     def compiled(self) -> bool:
         """Whether a step is machine code; without a compiler it takes ten times as long."""
         return self._step is not self.__dict__.get("_interpreted")
-
-    @property
-    def compile_time(self) -> float:
-        """How long the constructor waited for the compiler [s]; zero where machine code was kept or there is none."""
-        return self._machine_code.compile_time
-
-    @property
-    def words(self) -> tuple[str, str, str, str]:
-        """What moves and what pushes it, each with its unit: an angle and a torque, or a position and a force."""
-        linear = self.model.axis == "linear"
-        return ("position", "m", "force", "N") if linear else ("angle", "rad", "torque", "N m")
-
-    @property
-    def c_code(self) -> str:
-        """The step as C99 that depends on nothing, takes no memory and bounds every loop."""
-        return self._machine_code.source
 
     @property
     def _plan(self) -> Array | None:

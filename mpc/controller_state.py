@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from mpc.bumpless_transfer import Running, hand_over
 from plant.errors import BadParameter
+from plant.result_display import Listed
 
 Array = NDArray[np.float64]
 
 
-class Remembering:
+class Remembering(Listed):
     """A dataclass of numbers that is fixed once it is made, and arrays that go on changing.
 
     Attributes:

@@ -1,6 +1,6 @@
 """A controller as C99 files for a target: see the templates in `mpc/target`.
 
-The code has the parts of `Controller.c_code`, with what is remembered in a struct of its caller's and what is constant
+The code has the parts of `CompiledStep.source`, with what is remembered in a struct of the caller and what is constant
 in tables, so that it runs from read-only memory and knows no addresses.
 """
 

@@ -9,6 +9,7 @@ from mpc.controller import Controller
 from mpc.export import export
 from mpc.target_report import what
 from plant.fmu import Fmu, Variable
+from plant.units import axis_quantities
 
 
 def controller_fmu(controller: Controller, *, name: str = "antidrive") -> Fmu:
@@ -26,7 +27,8 @@ def controller_fmu(controller: Controller, *, name: str = "antidrive") -> Fmu:
     """
     made = export(controller, name=name)
     motors = controller.motor_resolution is not None
-    drives, (angle, length, torque, newton) = range(1, controller.gears.drives + 1), controller.words
+    drives = range(1, controller.gears.drives + 1)
+    angle, length, torque, newton = axis_quantities(controller.model.axis)
     variables = [
         Variable(name=angle, unit=length, meaning=f"measured {angle} of the load; NaN if none", causality="input"),
         Variable(name="reference", unit=length, meaning=f"wanted {angle} of the load; NaN holds it", causality="input"),

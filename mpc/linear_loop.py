@@ -100,6 +100,8 @@ def law(plant: LinearPlant, horizon: int, rate_weight: float, terminal_weight: A
     targets = np.vstack((free[:-1, 0], root @ free[-1]))
     normal = answers.T @ answers
     normal.ravel()[:: horizon + 1] += rate_weight
+    if not np.isfinite(normal).all():
+        raise FloatingPointError("the motion over the horizon overflows")
     first = cho_solve(cho_factor(normal), np.eye(1, horizon)[0])
     change = -(first @ answers.T) @ targets
     closed = np.delete(np.delete(M + np.outer(G, change), n, 0), n, 1)  # nothing moves the disturbance

@@ -76,7 +76,7 @@ class Sweep:
 
     @property
     def contact_lost(self) -> NDArray[np.bool_]:
-        """(R,) whether teeth parted."""
+        """(R,) whether contact was lost."""
         return self.least_flank_torque <= 0.0
 
 

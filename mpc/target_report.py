@@ -5,6 +5,7 @@ from __future__ import annotations
 from mpc.controller import Controller
 from plant.drive_train import DriveTrain
 from plant.gears import GearTrain
+from plant.units import axis_quantities
 
 
 def what(controller: Controller) -> str:
@@ -23,7 +24,7 @@ def ranges(controller: Controller) -> list[tuple[float, float]]:
 
 def words_of(controller: Controller) -> dict[str, str]:
     """What the files call things on this axis."""
-    (angle, length, torque, newton), gears = controller.words, controller.gears
+    (angle, length, torque, newton), gears = axis_quantities(controller.model.axis), controller.gears
     pair, title = gears.drives > 1, f"Predictive controller of {what(controller)}, in C99"
     each = "torques 1 and 2" if pair else "torques back and forth, whose sum is that of the drive,"
     backward, forward = ("positive" if sense > 0 else "negative" for sense in (gears.senses[0], gears.senses[-1]))

@@ -25,14 +25,14 @@ class Trouble(IntFlag):
 
 _SENTENCES = {
     Trouble.LOST: "the angle is not a number",
-    Trouble.BRIDGED: "the angle is not a number, the model's prediction stands in",
-    Trouble.JUMPED: "the angle jumped, the model's prediction stands in",
-    Trouble.STAYED: "the angle stayed away from the prediction, the estimate began anew",
-    Trouble.DIVERGED: "the estimate diverged and began anew",
+    Trouble.BRIDGED: "the angle is not a number, the model's prediction is used",
+    Trouble.JUMPED: "the angle jumped, the model's prediction is used",
+    Trouble.STAYED: "the angle stayed away from the prediction, the estimate restarted",
+    Trouble.DIVERGED: "the estimate diverged and restarted",
     Trouble.AIMLESS: "the reference is not a number, the angle is held",
-    Trouble.UNCERTIFIED: "no solution of the quadratic program was certified, the last plan is followed",
-    Trouble.PARTING: "max_torque cannot hold the teeth together at the predicted acceleration",
-    Trouble.CONTRADICTED: "an encoder is contradicted (it stands still or leaves the others), the rest stands in",
+    Trouble.UNCERTIFIED: "the quadratic program was not solved, the last plan is followed",
+    Trouble.PARTING: "max_torque is too low to keep contact at the predicted acceleration",
+    Trouble.CONTRADICTED: "an encoder is contradicted (frozen, or unlike the others), the others are used",
     Trouble.BEYOND: "a limit of angle or speed cannot be kept",
     Trouble.ASTRAY: "the load does not follow the reference",
 }

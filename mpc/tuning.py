@@ -137,7 +137,7 @@ def _chosen(
     def excess(log_w: float, log_ratio: float) -> float:
         found = loop(np.exp(log_w), np.exp(log_ratio))
         peak = np.log(found.peak_sensitivity / _PEAK)
-        return float(max(peak, np.log(found.chatter / chatter), np.log(sample_time / found.delay_margin)))
+        return float(max(peak, np.log(found.chatter / chatter), -np.log(found.delay_margin / sample_time)))
 
     def fastest(log_ratio: float) -> float:
         low = most

@@ -19,6 +19,7 @@ from plant.servo import ServoModel
 if TYPE_CHECKING:
     import pandas as pd
 
+_MOST_POINTS = 1_000_000
 _FINER = 16  # looks between two points, for the error of a straight line
 _WHOLE = 1e-3  # of a period, by which a number of them is a whole one
 _ROUNDS = 50  # to the angle at which a sensor shows another one; each cuts the rest by the slope of its error
@@ -94,8 +95,8 @@ def drive_table(
     """
     if kind not in KINDS:
         raise BadParameter(f"There is no table {kind!r}; there are {', '.join(KINDS)}.")
-    if points < 2:
-        raise BadParameter(f"A table has at least 2 points, not {points}.")
+    if not 2 <= points <= _MOST_POINTS:
+        raise BadParameter(f"A table has between 2 and {_MOST_POINTS} points, not {points}.")
     if reach is not None and not (np.isfinite(reach).all() and reach[0] < reach[1]):
         raise BadParameter(f"A table goes from a lower to a higher value, not from {reach[0]:g} to {reach[1]:g}.")
     model = model.without_clock()

@@ -14,6 +14,7 @@ import numpy as np
 from plant import signals
 from plant.effects.effect import Array
 from plant.errors import BadParameter
+from plant.number import refuse_huge
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 _ROOM = 0.9  # of every limit that is used
 _REST = 0.5  # of a stop [s]
 _SAMPLES = 10  # that a stop has at least
+_MOST = 1e5  # samples per second
 _CHIRP = 20.0  # [s]
 _FASTEST = 0.05  # cycles per sample, of the chirp
 _LEAST = 0.02  # of the travel, by which the chirp moves at its end
@@ -61,6 +63,7 @@ class DriveLimits:
             limit = getattr(self, name)
             if limit is not None and not (np.isfinite(limit) and limit > 0.0):
                 raise BadParameter(f"Limits: {name} must be a positive number, not {limit:g}.")
+            refuse_huge(f"Limits: {name}", limit or 0.0)
         if self.travel is not None and not (np.isfinite(self.travel).all() and self.travel[0] < self.travel[1]):
             raise BadParameter(
                 f"Limits: the travel must go from a lower to a higher angle, not {self.travel[0]:g} to "
@@ -87,8 +90,10 @@ def first_experiment(limits: DriveLimits, *, rate: float = 200.0) -> pd.DataFram
     if not (np.isfinite(rate) and rate * _REST >= _SAMPLES):
         least = _SAMPLES / _REST
         raise BadParameter(
-            f"The rate must be at least {least:g} samples per second, so that a stop shows, not {rate:g}."
+            f"The rate must be at least {least:g} samples per second, so that a stop can be seen, not {rate:g}."
         )
+    if rate > _MOST:
+        raise BadParameter(f"The rate must be at most {_MOST:g} samples per second, not {rate:g}.")
     dt = 1.0 / rate
     if limits.torque is not None:
         parts = _torques(limits.torque, dt)

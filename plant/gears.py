@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
-from plant.number import finite, whole
+from plant.number import finite, refuse_huge, whole
 
 Array = NDArray[np.float64]
 
@@ -45,11 +45,14 @@ class Ratios(DriveTrain):
         for ratio in self.ratios:
             if not finite(ratio):
                 raise BadParameter(f"A ratio must be a finite number other than 0, not {ratio!r}.")
+            _refuse_extreme("ratio", ratio)
         given = np.asarray(self.pre_reduction, dtype=np.float64)
         if given.shape not in ((), (len(self.ratios),)) or not (np.isfinite(given).all() and (given > 0).all()):
             raise BadParameter(
                 f"pre_reduction must be a number above zero, or one for each drive, not {self.pre_reduction!r}."
             )
+        for turns in given.ravel().tolist():
+            _refuse_extreme("pre_reduction", turns)
 
     @classmethod
     def parse(cls, text: str | float) -> Ratios:
@@ -172,6 +175,12 @@ class GearTrain(DriveTrain):
         """As `parse` reads them."""
         first, second = self.pinion_teeth
         return f"{first},{second}:{self.follower_teeth}"
+
+
+def _refuse_extreme(name: str, ratio: float) -> None:
+    """Raise `BadParameter` for what no gear has, up or down."""
+    refuse_huge(name, ratio)
+    refuse_huge(f"1/{name}", 1 / ratio)
 
 
 def drive_train(text: Any) -> GearTrain | Ratios:

@@ -1,4 +1,4 @@
-"""What counts as a number: Python's own, and the scalars of NumPy and of other libraries alike."""
+"""What counts as a number: Python's own, and scalars of NumPy and other libraries alike; and how large it may be."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ import math
 import operator
 from numbers import Real
 from typing import Any
+
+from plant.errors import BadParameter
+
+HUGE = 1e12
+"""No quantity of a servo is beyond it in SI units: squares would lose their digits."""
 
 
 def finite(value: Any) -> float | None:
@@ -27,3 +32,9 @@ def whole(value: Any) -> int | None:
         return operator.index(value)
     except TypeError:
         return None
+
+
+def refuse_huge(name: str, value: float) -> None:
+    """Raise `BadParameter` for a number that no servo has, in either sense."""
+    if abs(value) > HUGE:
+        raise BadParameter(f"{name} = {value:g} is beyond what a servo can have, {HUGE:g} in SI units; check its unit.")

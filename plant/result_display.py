@@ -17,11 +17,19 @@ if TYPE_CHECKING:
 _DRAWS = "antidrive.presentation"
 
 
-class Tabled:
-    """Base of what is a table, also in a notebook."""
+class Listed:
+    """Base of what tab completion lists only in part."""
 
     _internal: ClassVar[frozenset[str]] = frozenset()
-    """Names that tab completion leaves out: they are for the other packages."""
+    """Names that are left out: they are for the other packages."""
+
+    def __dir__(self) -> Iterable[str]:
+        """What a user needs; everything else is reached by its name."""
+        return [name for name in super().__dir__() if name not in self._internal]
+
+
+class Tabled(Listed):
+    """Base of what is a table, also in a notebook."""
 
     def to_frame(self) -> pd.DataFrame:
         """The result as a table; `attrs` has the units that no column tells."""
@@ -32,10 +40,6 @@ class Tabled:
         """The result in a notebook: its first line and its table."""
         html: str = importlib.import_module(_DRAWS).html(self)
         return html
-
-    def __dir__(self) -> Iterable[str]:
-        """What a user needs; everything else is reached by its name."""
-        return [name for name in super().__dir__() if name not in self._internal]
 
 
 class Drawn(Tabled):

@@ -70,7 +70,7 @@ class RigRecord:
         motor_angles: (T, m) motor shaft angles as their encoders show them [rad].
         given_torques: (T, m) pinion torques that the motors really gave at the end of the sample [N m].
         flank_torques: (T, m) torque of each required flank at the sample [N m], follower side.
-        least_flank_torques: (T, m) the least of it during the sample [N m]; positive: the teeth never parted.
+        least_flank_torques: (T, m) the least of it during the sample [N m]; positive: contact was never lost.
         end: state after the last sample.
     """
 

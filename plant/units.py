@@ -24,6 +24,11 @@ def printed(unit: str) -> str:
     return _PRINTED.get(unit, unit)
 
 
+def axis_quantities(axis: str) -> tuple[str, str, str, str]:
+    """What moves and what drives it, each with its unit: an angle and a torque, on a linear axis position and force."""
+    return ("position", "m", "force", "N") if axis == "linear" else ("angle", "rad", "torque", "N m")
+
+
 def factor(unit: Any, own: str) -> float:
     """Factor that takes a number in `unit` to a parameter's own unit.
 

@@ -73,7 +73,6 @@ def test_a_linear_axis_is_controlled_by_the_same_numbers() -> None:
     linear = ServoModel(inertia=3.0, gravity=0.0, viscous_friction=1.0, axis="linear")
     train = Ratios(ratios=(60.0, -60.0))
     controllers = [Controller(model, train) for model in (rotary, linear)]
-    assert controllers[1].words == ("position", "m", "force", "N")
     for k in range(60):
         torques = [each.step(1e-4 * k, 0.3).torques for each in controllers]
         np.testing.assert_array_equal(*torques)
@@ -170,7 +169,7 @@ def test_a_model_is_tried_on_a_bench_of_its_own() -> None:
     trial = run_scenario(parse_scenario("short", SHORT), model=LIGHT, train=Ratios(ratios=(5.0, -5.0)))
     print(trial.sentences())
     assert trial.summary()["tracking_rms"] < 2e-3
-    assert not trial.summary()["teeth_parted"]
+    assert not trial.summary()["contact_lost"]
     assert trial.sentences()[0] == "The test-bench simulation is built from the model: 0.02 kg m^2, drives 5.0,-5.0."
     own = run_scenario(parse_scenario("own", SHORT + "[rig]\ninertia = 2.0\n"), model=LIGHT)
     assert own.summary()["tracking_rms"] > 5 * trial.summary()["tracking_rms"]

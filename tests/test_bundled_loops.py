@@ -52,11 +52,11 @@ def test_one_drive_crosses_its_backlash_at_reversals_two_do_not() -> None:
     alone = path.single_drive_angle - path.reference
     assert one["tracking_rms"] == pytest.approx(np.sqrt(np.mean(alone**2)), rel=1e-6)
     assert one["tracking_rms"] > 1.8 * summary["tracking_rms"]
-    assert summary["samples_apart"] == 0
-    assert one["samples_apart"] > 0.2 * summary["samples"]
-    assert one["hardest_hit_on_far_flank"] > 10.0
-    apart = measured(one["samples_apart"], summary["std"]["samples_apart_single_drive"])
-    assert f"in {apart} with one" in page
+    assert summary["samples_without_contact"] == 0
+    assert one["samples_without_contact"] > 0.2 * summary["samples"]
+    assert one["impact_on_far_flank"] > 10.0
+    apart = measured(one["samples_without_contact"], summary["std"]["samples_without_contact_single_drive"])
+    assert f"in {apart} samples with one" in page
 
 
 def test_a_push_is_taken_up_while_it_lasts() -> None:
@@ -77,7 +77,7 @@ def test_the_drive_that_is_left_keeps_the_motion() -> None:
     assert path.status[known].str.startswith("degraded: drive 2 is lost, and backlash control with it").all()
     assert (path.status[~known] == "optimal").all()
     assert summary["backlash_control"] == "lost"
-    assert summary["teeth_parted"] is True
+    assert summary["contact_lost"] is True
     without = path.angle_without_loss - path.reference
     growth = np.std(path.angle[after] - path.reference[after]) / np.std(without[after])
     assert summary["error_growth"] == pytest.approx(growth, rel=0.05)

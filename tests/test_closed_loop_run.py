@@ -63,7 +63,7 @@ def test_the_summary_says_what_the_arrays_hold() -> None:
     assert summary["largest_error"] == pytest.approx(0.069)
     assert summary["final_error"] == pytest.approx(np.mean(error[-20:]))
     assert summary["least_preload_margin"] == 0.5
-    assert summary["teeth_parted"] is False
+    assert summary["contact_lost"] is False
     assert (summary["samples"], summary["degraded_samples"]) == (100, 3)
     assert told.sentences()[-1] == "3 of 100 samples were not optimal (degraded: a)."
 
@@ -72,7 +72,7 @@ def test_one_flank_that_opens_once_is_reported() -> None:
     flanks = result().flank_torques.copy()
     flanks[40, 1] = 0.0
     parted = trial(flank_torques=flanks)
-    assert parted.summary()["teeth_parted"] is True
+    assert parted.summary()["contact_lost"] is True
     assert parted.summary()["least_preload_margin"] == 0.0
     assert "contact was lost" in parted.sentences()[1]
 
@@ -83,7 +83,7 @@ def test_the_loss_of_a_drive_divides_the_numbers() -> None:
     lossy = trial(replace(SHORT, drive_loss=DriveLoss(drive=1, time=0.3)), flank_torques=flanks)
     error = 1e-3 * (np.arange(COUNT) - 30)
     assert lossy.summary()["least_preload_margin"] == 0.5
-    assert lossy.summary()["teeth_parted"] is True
+    assert lossy.summary()["contact_lost"] is True
     assert lossy.summary()["tracking_rms_after_loss"] == pytest.approx(np.sqrt(np.mean(error[60:] ** 2)))
     assert "while both drives worked" in lossy.sentences()[1]
     never_preloaded = trial(replace(SHORT, drive_loss=DriveLoss(drive=1, time=0.0)))
@@ -96,10 +96,16 @@ def test_one_drive_alone_is_counted_by_its_own_flank() -> None:
     flanks[50, 0] = -2.5
     both = replace(trial(), single=result(flank_torques=flanks))
     alone = both.summary()["single_drive"]
-    assert both.summary()["samples_apart"] == 0
-    assert alone["samples_apart"] == 7
-    assert alone["hardest_hit_on_far_flank"] == 2.5
-    assert "samples_apart_single_drive" in dict(both.numbers())
+    assert both.summary()["samples_without_contact"] == 0
+    assert alone["samples_without_contact"] == 7
+    assert alone["impact_on_far_flank"] == 2.5
+    assert "samples_without_contact_single_drive" in dict(both.numbers())
+
+
+def test_a_machine_of_one_drive_is_not_asked_for_a_preload() -> None:
+    flanks = np.where(np.arange(COUNT) < 7, -0.5, 1.0)[:, None]
+    one = trial(torques=np.full((COUNT, 1), 0.1), flank_torques=flanks)
+    assert one.sentences()[1] == f"A single drive has no preload: contact is lost in 7 of {COUNT} samples."
 
 
 def test_the_table_names_every_channel_once() -> None:
@@ -130,7 +136,7 @@ def test_numbers_carry_their_units() -> None:
     assert told["tracking_rms"] == f"{np.sqrt(np.mean(error**2)):.4g} rad"
     assert told["least_preload_margin"] == "0.5 N m"
     assert told["heat"].endswith("N² m²")
-    assert told["teeth_parted"] == "no"
+    assert told["contact_lost"] == "no"
 
 
 def test_numbers_of_repeated_runs_have_their_scatter() -> None:
@@ -146,7 +152,7 @@ def test_numbers_of_repeated_runs_have_their_scatter() -> None:
     table = dict(told.numbers())
     assert table["tracking_rms"] == "0.090 ± 0.013 rad"
     assert table["least_preload_margin"] == "0.50 ± 0.25 N m"
-    assert table["teeth_parted"] == "no, in 1 of 4 runs"
+    assert table["contact_lost"] == "no, in 1 of 4 runs"
     assert table["samples"] == "100"
     assert told.sentences()[0].startswith("Tracking error 0.090 ± 0.013 rad rms, 0.090 ± 0.013 rad at most")
     assert "over 4 runs" in told.sentences()[-1]

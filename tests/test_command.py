@@ -141,7 +141,7 @@ def test_a_position_servo_is_identified_from_its_set_point():
         assert found[name].std < 0.05 * true
     unknown = fit(Log.from_arrays(time=TIME, setpoint=setpoint, angle=angle))
     assert [p.unit for p in unknown.parameters[:3]] == ["s^2", "rad", "s"]
-    assert "kd brakes counts as viscous friction" in unknown.log.notes[0]
+    assert "viscous friction includes the damping by the servo's kd" in unknown.log.notes[0]
     for name, true in (("inertia", J), ("gravity", ALPHA), ("viscous_friction", K + kd)):
         assert unknown[name].value == pytest.approx(true / kp, rel=0.02), name
 

@@ -49,6 +49,15 @@ def test_completion_shows_what_a_user_needs(log):
     assert fit.substeps >= 1  # left out, and still there
 
 
+def test_completion_of_a_controller_shows_step_and_its_numbers():
+    controller = ad.Controller(TRUTH, ad.GearTrain.paper())
+    assert {"step", "with_", "reset", "bandwidth", "max_torque", "compiled"} <= offered(controller)
+    assert not {"bounds", "governor", "estimator", "c_code", "compile_time", "words"} & offered(controller)
+    assert controller.bounds.greatest.max() == 0.3  # left out, and still there
+    assert repr(controller).startswith("Controller(rigid body + ")
+    assert len(repr(controller)) < 300
+
+
 @pytest.mark.parametrize("package", ["plant", "identification", "allocation"])
 def test_a_package_offers_its_names_and_not_its_files(package):
     module = importlib.import_module(package)

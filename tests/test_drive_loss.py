@@ -171,7 +171,7 @@ def test_a_status_that_says_nothing_is_reported(monkeypatch: pytest.MonkeyPatch)
         return replace(losses(), said=False)
 
     monkeypatch.setattr("antidrive.experiments.drive_losses.experiment", silent)
-    assert "fails to say" in run(settings({}), 0).said[2]
+    assert "does not report" in run(settings({}), 0).said[2]
 
 
 @pytest.mark.parametrize(

@@ -141,7 +141,7 @@ def test_the_error_of_straight_lines_is_what_it_says(kind):
 def test_too_few_points_and_other_nonsense_are_refused():
     for words, said in (
         ({"kind": "cogging", "points": 12}, "12 points are too few for 6 periods"),
-        ({"kind": "friction", "points": 1}, "at least 2 points"),
+        ({"kind": "friction", "points": 1}, "between 2 and"),
         ({"kind": "friction", "reach": (1.0, 0.0)}, "from a lower to a higher"),
         ({"kind": "wobble"}, "There is no table 'wobble'"),
     ):

@@ -113,7 +113,7 @@ def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert main(["simulate", str(tmp_path / "quick.toml"), "--out", str(tmp_path / "out"), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert [case["strategy"] for case in summary["cases"]] == list(settings().strategies)
-    assert summary["planned_teeth_parted"] is False
+    assert summary["planned_contact_lost"] is False
     assert summary["planned_differs_at_most"] <= 1
     assert "Dwell is the most samples" in (tmp_path / "out" / "report.html").read_text()
 

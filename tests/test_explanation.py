@@ -88,7 +88,7 @@ def test_size_gain_and_rest_are_the_numbers_of_the_diagnosis() -> None:
     assert f"{measured(gain.held_out_rms_after / floor, error.after / floor)} times the noise floor" in told
     missing = found.residual_before
     assert f"the residual torque of the base model is {measured(missing.rms, missing.rms_std, 'N m')} rms" in told
-    assert f"From their past {percent(found.whiteness)} of the variance" in told
+    assert f"predict {percent(found.whiteness)} of the variance" in told
     worse = replace(gain, held_out_rms_after=1.5 * gain.held_out_rms_before)
     assert "raised by 50" in str(replace(found, gain=worse).explain())
 
@@ -133,7 +133,7 @@ def test_a_model_that_leaves_more_torque_missing_shows_nothing() -> None:
 def test_what_lags_or_bends_shows_over_no_variable() -> None:
     (reason,) = late().explain().reasons
     assert reason.residual_over_variable is None
-    assert "shows it over no single variable" in " ".join(reason.sentences)
+    assert "does not show it over one variable" in " ".join(reason.sentences)
 
 
 def test_each_of_several_causes_is_told_beside_the_others() -> None:

@@ -93,7 +93,7 @@ def test_one_direction_leaves_the_offset_in_the_friction():
 def test_friction_below_zero_is_spoken_of():
     log = driven(PLAIN, STAIRCASE)
     found = friction_test(Log.from_arrays(**{**log, "torque": -log["torque"]}))
-    assert any(line.startswith("Friction below zero") for line in found.sentences())
+    assert any(line.startswith("The friction is negative") for line in found.sentences())
     assert found.model is None or found.model.effect("coulomb_friction") is None
 
 

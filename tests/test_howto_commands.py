@@ -14,7 +14,7 @@ from measurement_logs import scope
 from sample_logs import motion
 from test_codesys import trace
 
-from identification import Log
+from identification import Log, MalformedLog
 from identification.reading.files import read_table
 
 PAGES = Path(__file__).parents[1] / "docs" / "howto"
@@ -163,6 +163,62 @@ def test_rigol_and_tektronix_write_tables_of_their_own(tmp_path):
     )
     np.testing.assert_allclose(log.runs[0].output, ANGLE, atol=1e-6)
     np.testing.assert_allclose(log.runs[0].time, TIME, atol=1e-6)
+
+
+def test_a_rigol_without_a_time_column_is_read(tmp_path):
+    place, rows = tmp_path / "rigol.csv", list(zip(TORQUE, ANGLE, strict=True))
+    old = ["CH1,CH2,Start,Increment,", "Volt,Volt,-1.5e+00,5.0e-03,", *(f"{u:.6e},{a:.6e}," for u, a in rows)]
+    new = ["CH1V,CH2V,t0 =-1.5s, tInc = 0.005s,", *(f"{u:.6e},{a:.6e},," for u, a in rows)]
+    for lines in (old, new):
+        place.write_text("\n".join(lines) + "\n")
+        table = read_table(place)
+        np.testing.assert_allclose(table.columns["Time"], TIME - 1.5, atol=1e-9)
+        np.testing.assert_allclose(table.columns["CH2"], ANGLE, rtol=1e-6, atol=1e-12)
+        assert table.units["CH1"] in ("Volt", "V")
+
+
+YOKOGAWA = {
+    "Header Size": "15",
+    "Model Name": "DLM2024",
+    "Comment": "axis 2, slow",
+    "BlockNumber": "1",
+    "TraceName": "CH1,CH2",
+    "BlockSize": "SIZE,SIZE",
+    "VUnit": "V,V",
+    "SampleRate": "2.0E+02,2.0E+02",
+    "HResolution": "5.0E+00,5.0E+00",
+    "HOffset": "-1.5E+03,-1.5E+03",
+    "HUnit": "ms,ms",
+    "DisplayBlockSize": "SIZE,SIZE",
+    "DisplayPointNo.": "1,1",
+    "Date": "2024/05/15",
+    "Time": "19:12:02.5",
+}
+
+
+def yokogawa(size: int, rows: list[str], quoted: bool = False, **changes: str) -> str:
+    """As the manuals of the DL9000, DL6000 and DLM3000 describe the header."""
+    head = {key: value.replace("SIZE", str(size)) for key, value in (YOKOGAWA | changes).items()}
+    lines = [f'"{key}",{value}' if quoted else f"{key},{value}" for key, value in head.items()]
+    return "\n".join([*lines, "", *rows, ""])
+
+
+@pytest.mark.parametrize("quoted", [False, True])
+def test_a_yokogawa_is_read_by_resolution_and_offset(quoted, tmp_path):
+    place, rows = tmp_path / "dl.csv", [f",{u:.6e},{a:.6e}" for u, a in zip(TORQUE, ANGLE, strict=True)]
+    options = {"mapping": {"torque": "CH1", "angle": "CH2"}, "scales": {"torque": 1.0, "angle": 1.0}}
+    place.write_text(yokogawa(len(rows), rows, quoted))
+    log = Log.read(place, **options)
+    np.testing.assert_allclose(log.runs[0].time, TIME - 1.5, atol=1e-9)
+    np.testing.assert_allclose(log.runs[0].output, ANGLE, rtol=1e-6, atol=1e-12)
+    half = len(rows) // 2
+    place.write_text(yokogawa(half, [*rows[:half], "", *rows[half : 2 * half]], BlockNumber="2"))
+    parts = Log.read(place, **options)
+    assert [len(run) for run in parts.runs] == [half, half]
+    np.testing.assert_allclose(parts.runs[1].output, ANGLE[half : 2 * half], rtol=1e-6, atol=1e-12)
+    place.write_text(yokogawa(len(rows), rows, HResolution="5.0,10.0"))
+    with pytest.raises(MalformedLog, match="the traces differ in HResolution"):
+        Log.read(place, **options)
 
 
 def test_a_tachometer_in_volts_says_what_to_give(tmp_path, monkeypatch):

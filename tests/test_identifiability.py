@@ -82,7 +82,7 @@ def test_fast_reversals_show_dry_friction_but_no_stiction():
 def test_a_torque_within_the_dead_zone_is_to_be_raised():
     (sentence,) = blind_spots(fit(played(WHEEL, 0.1 * np.sin(2 * np.pi * 0.5 * TIME))))
     assert sentence == (
-        "The load does not move: a torque of at most 0.1 N m does not leave the dead zone or dry friction; raise it "
+        "The load does not move: a torque of at most 0.1 N m stays within the dead zone or the dry friction; raise it "
         "until the load moves."
     )
 

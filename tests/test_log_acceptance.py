@@ -38,7 +38,7 @@ def test_right_logs_pass(drawn, kind):
 def test_a_torque_of_the_other_sign(drawn, kind):
     for place in np.flatnonzero((drawn.kind == kind) & ~drawn.pair):
         (fault,) = read(drawn, place, sign=(-1.0, -1.0)).faults
-        assert fault.endswith("so one of them has another sign: --scale torque=-1 turns it")
+        assert fault.endswith("so one of them has the wrong sign: --scale torque=-1 turns it")
 
 
 def two_motors(**signs: float) -> Log:
@@ -65,7 +65,7 @@ def test_a_torque_that_only_brakes_is_warned_of_and_not_refused():
     angle = np.cumsum(3.0 + np.sin(0.5 * time)) * 0.01 + 1e-3 * np.random.default_rng(0).standard_normal(3000)
     log = Log.from_arrays(time=time, torque=-0.2 - 0.1 * np.gradient(angle, 0.01), angle=angle)
     assert log.faults == ()
-    assert any("works against the motion nearly always" in text for text in log.warnings)
+    assert any("opposes the motion almost all the time" in text for text in log.warnings)
 
 
 def test_an_angle_in_counts_is_no_angle_in_radians():
@@ -101,7 +101,7 @@ def test_degrees_by_the_encoder_by_the_wraps_and_by_gravity():
     torque = 0.3 * np.gradient(np.gradient(far, time), time) + 0.6 * np.cos(far)
     assert Log.from_arrays(time=time, torque=torque, angle=far).faults == ()
     (fault,) = Log.from_arrays(time=time, torque=torque, angle=np.rad2deg(far)).faults
-    assert "feels a gravity that comes again after 360" in fault
+    assert "is under a gravity torque that repeats every 360" in fault
     assert Log.from_arrays(**log | {"angle": coarse}, units={"angle": "deg"}).faults == ()
 
 

@@ -142,7 +142,7 @@ def test_a_clock_that_drifts():
     spoilt["time"] = np.append(0.0, np.cumsum(steps))
     del spoilt["velocity"]
     log = Log.from_arrays(**spoilt)
-    text = only(log.warnings, "goes steadily from", "drifts")
+    text = only(log.warnings, "changes steadily from", "drifts")
     assert "(+0.9" in text or "(+1.0" in text
     np.testing.assert_array_equal(log.runs[0].time, spoilt["time"])
 
@@ -179,7 +179,8 @@ def test_a_buffer_that_was_written_twice_is_left_out(clean, name, length):
     for column in ("torque", "angle"):
         spoilt[column][second : second + length] = spoilt[column][first : first + length]
     log = Log.from_arrays(**spoilt)
-    assert any(f"{length} samples of 'angle' repeat those from row {first + 1} on" in text for text in log.repairs)
+    said = f"{length} samples of 'angle' are an exact copy of those from row {first + 1} on"
+    assert any(said in text for text in log.repairs)
     assert [len(run) for run in log.runs] == [second, count - second - length]
 
 
@@ -188,7 +189,7 @@ def test_a_buffer_that_was_put_in_twice(clean):
     spoilt = {k: np.concatenate((v[:500], v[part], v[500:])) for k, v in clean("open loop").items()}
     spoilt["time"] = 0.005 * np.arange(len(spoilt["time"]))
     log = Log.from_arrays(**spoilt)
-    assert any("100 samples of 'angle' repeat those from row 401 on" in text for text in log.repairs)
+    assert any("100 samples of 'angle' are an exact copy of those from row 401 on" in text for text in log.repairs)
     np.testing.assert_array_equal(np.concatenate([run.output for run in log.runs]), clean("open loop")["angle"])
 
 
@@ -250,10 +251,10 @@ def test_a_reading_that_drops_out_is_masked(clean, length):
         ("reference", 180 / np.pi, "--unit reference=deg"),
         ("reference", 1e3, "--unit reference=mrad"),
         ("reference", -1.0, "--scale reference=-1"),
-        ("angle_1", -1.0, "has another sign"),
+        ("angle_1", -1.0, "has the wrong sign"),
         ("angle_2", 180 / np.pi, "--unit angle_2=deg"),
         ("angle_1", 180 / np.pi, "--unit angle_1=deg"),
-        ("torque_1", -1.0, "one of the torques has another sign"),
+        ("torque_1", -1.0, "one torque has the wrong sign"),
         ("torque_2", 1e3, "no two gears differ so much"),
     ],
 )

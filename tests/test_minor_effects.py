@@ -68,7 +68,7 @@ def test_the_sets_are_a_distribution_that_agrees_with_the_causes() -> None:
 def test_minor_effects_are_told_as_such() -> None:
     small = Minor(effect="cogging", probability=0.4, share=0.01, rms=0.002)
     told = str(replace(friction_alone(), minor=(small,)))
-    assert "Minor: cogging (0.002 N m rms), no larger than what no effect explains" in told
+    assert "Minor: cogging (0.002 N m rms), no larger than the unexplained torque" in told
     assert "Minor" not in str(friction_alone())
 
 

@@ -36,7 +36,7 @@ def loop(
         state, time = RIG.advance(state, control.torques, elapsed), time + elapsed
         errors.append(state.angle - float(wanted(np.array(time))))
         flanks.append(state.least_flank_torques.min())
-        degraded += any(word in control.status for word in ("angle", "contradicted", "teeth", "certified"))
+        degraded += any(word in control.status for word in ("angle", "contradicted", "contact", "not solved"))
     return float(np.max(np.abs(errors[150:]))), degraded, float(np.min(flanks))
 
 

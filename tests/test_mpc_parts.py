@@ -149,7 +149,7 @@ def test_one_outlier_is_ignored_and_a_lasting_change_is_followed() -> None:
     assert filter_.state[0] == pytest.approx(0.1, abs=1e-3)
     assert filter_.advance(0.1, 0.0, 0.0) == ""
     said = [filter_.advance(1.1, 0.0, 0.0) for _ in range(4)]
-    assert "anew" in said[2]
+    assert "restarted" in said[2]
     assert said[3] == ""
     assert filter_.state[0] == pytest.approx(1.1, abs=1e-3)
 
@@ -162,7 +162,7 @@ def test_reset_clears_disturbance_and_actuator_state() -> None:
     assert filter_.state == pytest.approx([0.1, 0.0, 1.5])
     filter_.state = np.array([0.1, np.inf, 0.0])
     with np.errstate(all="ignore"):
-        assert filter_.advance(0.2, 0.5, 0.5) == "the estimate diverged and began anew"
+        assert filter_.advance(0.2, 0.5, 0.5) == "the estimate diverged and restarted"
     assert filter_.state == pytest.approx([0.2, 0.0, 0.5])
 
 

@@ -67,7 +67,7 @@ def test_the_envelope_is_that_of_the_motors() -> None:
         motor = ratio * k / R * (U - k * ratio * w) - 0.02 * 161 / 20
         assert motor - 2 * (friction + drag * w) == pytest.approx(row.load_torque, abs=1e-3)
     assert number("section3", "largest_difference") < 1e-4
-    assert number("section3", "stall_torque_teeth_together") < 0.5 * number("section3", "stall_torque_both")
+    assert number("section3", "stall_torque_preloaded") < 0.5 * number("section3", "stall_torque_both")
 
 
 def test_section_4_asks_for_speeds_that_section_3_excludes() -> None:
@@ -137,7 +137,7 @@ def test_the_model_fits_the_machine_but_for_its_dry_friction() -> None:
     assert number("figure5", "fit_percent_dry_friction") > 99.9
     assert number("figure5", "dry_friction") == pytest.approx(2 * 5e-4 * 99.2307, rel=0.02)
     assert number("figure5", "inertia") == pytest.approx(2.0 + 2 * 4e-6 * 99.2307**2, rel=0.01)
-    assert number("figure5", "teeth_parted") is False
+    assert number("figure5", "contact_lost") is False
 
 
 def test_equation_5_is_equation_4_to_first_order() -> None:

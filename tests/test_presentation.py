@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import matplotlib
@@ -50,10 +51,11 @@ def results(log, fitted, diagnosed) -> dict[str, Tabled]:
         ),
         "table": drive_table(TRUTH, "friction", points=10),
         "map": capability_map(drives, inertia=2.0, acceleration=axis, load_torque=axis),
+        "loop": ad.closed_loop(ad.Controller(TRUTH, ad.GearTrain.paper()), ad.Rig.paper_like(), 0.1, 0.5, seed=0),
     }
 
 
-NAMES = {"log": 2, "fit": 2, "friction test": 1, "comparison": 1, "table": 1, "map": 1}
+NAMES = {"log": 2, "fit": 2, "friction test": 1, "comparison": 1, "table": 1, "map": 1, "loop": 4}
 
 
 class Text(HTMLParser):
@@ -127,6 +129,18 @@ def test_only_what_has_a_report_offers_one(results):
         "friction test",
         "comparison",
     }
+
+
+def test_a_closed_loop_tells_itself_in_one_line(results):
+    loop = results["loop"]
+    assert "\n" not in repr(loop)
+    assert f"100 samples to 0.495 s; tracking error {loop.tracking_rms:.3g} rad rms" in repr(loop)
+    frame = loop.to_frame()
+    np.testing.assert_array_equal(frame["flank_torque_2"], loop.flank_torques[:, 1])
+    assert frame.attrs["units"]["velocity"] == "rad/s"
+    table = replace(loop, axis="linear").to_frame()
+    np.testing.assert_array_equal(table["position"], loop.angle)
+    assert table.attrs["units"]["flank_torque_1"] == "N"
 
 
 def test_a_model_is_a_table_of_its_parameters():

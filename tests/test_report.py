@@ -286,9 +286,7 @@ def test_words_say_how_sure(diagnosis):
         "Coulomb friction: probability 97 %, evidence decisive (log Bayes factor 321); torque 0.400 ± 0.010 N m; "
         "0.35 N m rms."
     )
-    assert minor == (
-        "Minor: cogging (0.002 N m rms), no larger than what no effect explains; it may be a part of that."
-    )
+    assert minor == ("Minor: cogging (0.002 N m rms), no larger than the unexplained torque; it may be a part of that.")
     assert unknown == "Unexplained: about 2 % of the torque in the log; it depends on velocity."
     assert gain == (
         "On the validation run the simulation error falls from 0.05 rad to 0.01 rad rms (80 %); "
@@ -302,11 +300,11 @@ def test_words_say_how_sure(diagnosis):
     cause = replace(diagnosis.causes[0], probability=0.6, alternatives=(("stribeck_friction", 0.39),))
     torn = replace(diagnosis, verdict="ambiguous", causes=(cause,))
     assert headline(torn) == (
-        "The model probably lacks Coulomb friction or Stribeck friction; this log does not tell which."
+        "The model probably lacks Coulomb friction or Stribeck friction; this log does not show which."
     )
     both = replace(torn, causes=(diagnosis.causes[0], replace(cause, effect="cogging")))
     assert headline(both) == (
-        "The model lacks Coulomb friction. It also probably lacks cogging or Stribeck friction; this log does not tell "
+        "The model lacks Coulomb friction. It also probably lacks cogging or Stribeck friction; this log does not show "
         "which."
     )
     lost = replace(diagnosis, verdict="unknown", causes=())

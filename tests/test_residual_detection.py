@@ -25,8 +25,8 @@ def test_an_effect_in_doubt_is_told_with_its_doubt() -> None:
     (cause,) = diagnosis.causes
     assert cause.effect == "torque_offset"
     assert cause.probability < 0.9
-    assert headline(diagnosis) == "The model probably lacks torque offset; what no effect explains is about as large."
-    assert "What no effect explains is about as large as torque offset" in str(diagnosis.explain())
+    assert headline(diagnosis) == "The model probably lacks torque offset; the unexplained torque is about as large."
+    assert "The unexplained torque is about as large as torque offset" in str(diagnosis.explain())
 
 
 def test_what_chance_explains_too_is_not_told() -> None:

@@ -114,7 +114,7 @@ def test_what_needs_the_angle_is_left_out_and_said():
     assert shown.shape == velocity.shape
     with_angle = Log.from_arrays(time=time, torque=torque, velocity=velocity, angle=np.cumsum(velocity) * 0.005)
     assert with_angle.response == "angle"
-    with pytest.raises(MalformedLog, match="does not go with"):
+    with pytest.raises(MalformedLog, match="use separate commands"):
         Log.merge([log, with_angle])
 
 

@@ -108,7 +108,7 @@ def test_names_that_are_units_too_are_names(tmp_path):
 def test_types_and_descriptions_below_the_names_are_told(tmp_path):
     read = table(tmp_path, NAMES + "REAL64,REAL64,REAL64,REAL64\n" + rows())
     same(read)
-    assert read.notes == ("log.csv: line 2 is not read, as neither names nor units nor numbers stand there",)
+    assert read.notes == ("log.csv: line 2 is skipped, as there are no names, units or numbers",)
 
 
 @pytest.mark.parametrize("above", ["", "the arm moves very slowly\n", "# the arm\n\n", "Station;7\n"])
@@ -138,7 +138,7 @@ def test_files_one_after_the_other(tmp_path):
     one = "# station 7\ntime,torque,angle,velocity\ns,N m,rad,rad/s\n" + rows()
     read = table(tmp_path, one + one)
     same(read, numbers=np.vstack([ROWS, ROWS]))
-    assert read.notes == ("log.csv: the lines above the data stand there again from line 64 on, and are skipped",)
+    assert read.notes == ("log.csv: the header is repeated from line 64 on; the repeats are skipped",)
     assert read.where(60) == "log.csv, row 64 (line 67)"
 
 
@@ -189,7 +189,7 @@ def test_a_garbled_first_line_of_a_serial_port_is_left_out(tmp_path):
     junk = b"4,-0.2\x00\xff3,1\r\n"
     read = table(tmp_path, junk + NAMES.encode() + rows().encode())
     same(read)
-    assert any("first line is garbled" in note for note in read.notes)
+    assert any("first line is incomplete" in note for note in read.notes)
     assert read.where(0) == "log.csv, row 1 (line 3)"
     bare = table(tmp_path, junk + rows().encode())
     np.testing.assert_allclose(bare.columns["2"], SOUND["torque"], rtol=1e-7)

@@ -73,21 +73,21 @@ def sentences_of(settings: CameraSettings, found: Tracked) -> Outcome:
         title=settings.title,
         said=(
             f"A camera of {settings.payload_mass:g} kg follows {settings.targets} targets of each kind over "
-            f"{settings.span:g} rad for {settings.duration:g} s. Its picture measures the angle to "
-            f"{MICRO * settings.picture_noise:.0f} µrad; the motors' encoders are finer, but behind the backlash, and "
-            f"the error of one drive is smaller without its encoder. The target's next {settings.foresight:g} s are "
-            "known.",
+            f"{settings.span:g} rad for {settings.duration:g} s. The image measures the angle "
+            f"with {MICRO * settings.picture_noise:.0f} µrad of noise. The motor encoders are finer, but the backlash "
+            f"is between them and the load; with one drive the error is smaller without its encoder. The next "
+            f"{settings.foresight:g} s of the target are known.",
             f"The error over all targets is {MICRO * overall[PLANNED]:.0f} µrad rms with least effort by flank torque, "
             f"{MICRO * overall[SIZED]:.0f} with constant preload, {MICRO * overall[ONE]:.0f} with one drive. At the "
             f"copper loss of least effort it is {MICRO * overall[WARM]:.0f} with a constant preload, and "
             f"{MICRO * overall[SHAPED]:.0f} with one that falls with the load. Smallest error: {best}.",
-            f"The windings take {watts[PLANNED]:.2f} W with least effort, {watts[SIZED]:.2f} W with a constant preload "
-            f"that is enough for the peak, {watts[ONE]:.2f} W with one drive. Contact was never lost with: "
+            f"The copper losses are {watts[PLANNED]:.2f} W with least effort, {watts[SIZED]:.2f} W with a constant "
+            f"preload that is enough for the peak, {watts[ONE]:.2f} W with one drive. Contact was never lost with: "
             f"{', '.join(kept) or 'none'}.",
             *(verdict(found, kind) for kind in range(len(kinds))),
             "Least effort and a constant preload for the peak both keep contact, and then the motor encoders measure "
-            "the load. A constant preload has more copper loss, and more friction of gears under more load than "
-            "they need be; the controller has the mean friction of each.",
+            "the load. A constant preload has more copper loss, and more gear friction because "
+            "the gears carry more load than they need. The controller knows the mean friction of each.",
         ),
         comparison=[
             (f"{law}, {kind} target", "", f"{errors[law, kind]}, {heats[law, kind].text('W')}")

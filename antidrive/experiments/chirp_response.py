@@ -77,7 +77,7 @@ class ChirpResponse:
         model: those numbers.
         rubbing: of eq. (4) with dry friction beside, found in the same way.
         friction: that dry friction [N m].
-        teeth_parted: whether a flank opened.
+        contact_lost: whether a flank opened.
         steps: (K,) sample times of eq. (5) [s].
         difference: (K,) the most by which it leaves eq. (4) [rad].
     """
@@ -90,7 +90,7 @@ class ChirpResponse:
     model: ServoModel
     rubbing: Array
     friction: float
-    teeth_parted: bool
+    contact_lost: bool
     steps: Array
     difference: Array
 
@@ -119,7 +119,7 @@ def experiment(settings: ChirpSettings, seed: int) -> ChirpResponse:
         model=model,
         rubbing=rubbing,
         friction=float(dry.values[-1]),
-        teeth_parted=bool(np.min(played.least_flank_torques) <= 0.0),
+        contact_lost=bool(np.min(played.least_flank_torques) <= 0.0),
         steps=np.array(settings.steps),
         difference=np.array([_difference(settings, step) for step in settings.steps]),
     )
@@ -157,13 +157,15 @@ def run(settings: ChirpSettings, seed: int) -> Outcome:
     return Outcome(
         title=settings.title,
         said=(
-            f"Under the same chirp eq. (4) with the paper's J = 2, alpha = 0.5, K = 0.8 fits the rig to {of_paper:.1f} "
+            f"With the same chirp, eq. (4) with the paper's J = 2, alpha = 0.5, K = 0.8 fits the rig to {of_paper:.1f} "
             f"%. With numbers found on another sweep, J = {J:.3f}, alpha = {alpha:.3f}, K = {K:.3f}, it fits to "
             f"{of_found:.1f} %. The paper shows a picture and gives no number.",
-            f"What is left is dry friction: with it, {found.friction:.3f} N m, the fit is {of_rubbing:.2f} %. The "
-            f"rig's motors have {rubs:.3f} N m. Its teeth {'parted' if found.teeth_parted else 'never parted'}.",
-            f"Equation (5) leaves eq. (4) by {', '.join(f'{d:.2g}' for d in found.difference)} rad at most, at sample "
-            f"times of {', '.join(f'{1e3 * s:g}' for s in found.steps)} ms: an error of order {order:.2f} in the step.",
+            f"The remaining error is dry friction: with {found.friction:.3f} N m of it in the model the fit is "
+            f"{of_rubbing:.2f} %. The simulated motors have {rubs:.3f} N m. "
+            f"Contact was {'lost' if found.contact_lost else 'never lost'}.",
+            f"Equation (5) differs from eq. (4) by at most {', '.join(f'{d:.2g}' for d in found.difference)} rad at "
+            f"sample times of {', '.join(f'{1e3 * s:g}' for s in found.steps)} ms. The error grows with the sample "
+            f"time to the power {order:.2f}.",
         ),
         comparison=(
             ("J [kg m²]", "2", f"{J:.4f}"),
@@ -171,9 +173,9 @@ def run(settings: ChirpSettings, seed: int) -> Outcome:
             ("K [N m s/rad]", "0.8", f"{K:.4f}"),
             ("fit of the model to the machine [%]", "“approximately close”", f"{of_found:.2f}"),
             ("fit with the paper's numbers [%]", "", f"{of_paper:.2f}"),
-            ("fit with dry friction beside [%]", "", f"{of_rubbing:.2f}"),
+            ("fit with dry friction added [%]", "", f"{of_rubbing:.2f}"),
             *(
-                (f"eq. (5) less eq. (4) at {1e3 * s:g} ms, at most [rad]", "", f"{d:.3g}")
+                (f"largest difference, eq. (5) and eq. (4), at {1e3 * s:g} ms [rad]", "", f"{d:.3g}")
                 for s, d in zip(found.steps, found.difference, strict=True)
             ),
         ),
@@ -186,7 +188,7 @@ def run(settings: ChirpSettings, seed: int) -> Outcome:
             "inertia": J,
             "gravity": alpha,
             "viscous_friction": K,
-            "teeth_parted": found.teeth_parted,
+            "contact_lost": found.contact_lost,
             "equation5_steps": found.steps.tolist(),
             "equation5_differences": found.difference.tolist(),
             "equation5_order": float(order),

@@ -35,11 +35,12 @@ def run(settings: DifferentialSettings, seed: int, tell: Tell | None = None) -> 
             f"in {duration:g} s at standstill, from motor and load encoders of {min(settings.bits):g} to "
             f"{max(settings.bits):g} bits: an error of {100 * abs(worst.error):.2g} % at most, for "
             f"{worst.gap / ARCMIN:.2g} arcmin with {worst.bits} bits (standard error {100 * worst.std:.2g} %).",
-            f"A count of {min(settings.bits):g} bits at the load is {_count(min(settings.bits)):.2g} arcmin. One "
-            f"sample cannot show less; {duration:g} s of samples can, because the load moves slowly over "
-            f"{settings.creep * duration / ARCMIN / _count(min(settings.bits)):.2g} counts and the motors' encoders, "
-            f"finer by the gear ratio of {found.rig.gears.ratio:.1f}, measure its place in a count. While the load "
-            f"stands the standard error is up to {100 * rough.std:.2g} % of the smallest backlash ({rough.bits} bits).",
+            f"One count of {min(settings.bits):g} bits at the load is {_count(min(settings.bits)):.2g} arcmin. One "
+            f"sample cannot resolve less, but {duration:g} s of samples can: the load moves slowly over "
+            f"{settings.creep * duration / ARCMIN / _count(min(settings.bits)):.2g} counts, and the motor encoders, "
+            f"finer by the gear ratio of {found.rig.gears.ratio:.1f}, measure the position within a count. "
+            f"With the load at rest the standard error is up to {100 * rough.std:.2g} % of the smallest backlash "
+            f"({rough.bits} bits).",
             f"Also found: {drive.stiffness.value:.5g} N m/rad of stiffness (true: {found.rig.flank_stiffness:g}), "
             f"and friction of {drive.friction.value:.3f} N m plus {drive.friction_coefficient.value:.4f} of the "
             f"transmitted torque (true: {_coulomb(found):.3f} and {found.rig.mesh_friction:g}; mesh damping counts "

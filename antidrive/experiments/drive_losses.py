@@ -103,8 +103,8 @@ class Losses:
         final: (D, M, R) mean error of the last 20 samples [rad].
         said: whether the status says from the moment that the loss is known, and not before, that backlash control
             is lost.
-        kept: (D, M, R) whether the teeth were together until the loss.
-        parted: (D, M, R) whether those of the drive that is left parted after it.
+        kept: (D, M, R) whether contact was kept until the loss.
+        parted: (D, M, R) whether the remaining drive lost contact after it.
         time, reference: (T,) [s], [rad].
         error: (M, T) error of the first run when drive 2 is lost [rad].
         error_intact: (T,) without a loss [rad].
@@ -222,16 +222,16 @@ def run(settings: LossSettings, seed: int, tell: Tell | None = None) -> Outcome:
     return Outcome(
         title=settings.title,
         said=(
-            f"Either drive is lost {', '.join(MOMENTS)}; {1e3 * settings.detection:g} ms later the controller knows. "
-            f"The platform goes on: at the end it is off by {np.max(np.abs(found.final)):.2g} rad at most.",
-            f"From the loss on the error is {growth.min():.2g} to {growth.max():.2g} times that of the same run "
-            f"without a loss ({before.min():.2g} to {before.max():.2g} rad rms). It is greatest, "
-            f"{worst['largest_error_after_loss']:.2g} rad, where drive {worst['drive']} is lost {worst['moment']}; "
-            f"without a loss {worst['largest_error_without_loss']:.2g} rad.",
-            f"Until the loss the teeth {'never parted' if found.kept.all() else 'parted'}; after it those of the drive "
-            f"that is left parted in {np.mean(found.parted):.0%} of the runs. "
-            + ("The status says at every sample" if found.said else "The status fails to say")
-            + " from then on that backlash control is lost.",
+            f"One drive fails {', '.join(MOMENTS)}; the controller detects it after {1e3 * settings.detection:g} ms. "
+            f"The motion continues. The final error is at most {np.max(np.abs(found.final)):.2g} rad.",
+            f"After the loss the error is {growth.min():.2g} to {growth.max():.2g} times that of the same run without "
+            f"a loss ({before.min():.2g} to {before.max():.2g} rad rms). The largest error is "
+            f"{worst['largest_error_after_loss']:.2g} rad (drive {worst['drive']} fails {worst['moment']}); without a "
+            f"loss it is {worst['largest_error_without_loss']:.2g} rad.",
+            f"Before the loss contact was {'never lost' if found.kept.all() else 'lost'}; after it the remaining drive "
+            f"loses contact in {np.mean(found.parted):.0%} of the runs. The status "
+            f"{'reports' if found.said else 'does not report'} in every sample after detection that backlash control "
+            "is lost.",
         ),
         comparison=[
             (
@@ -245,8 +245,8 @@ def run(settings: LossSettings, seed: int, tell: Tell | None = None) -> Outcome:
         found={
             "cases": cases,
             "backlash_control_said_lost": found.said,
-            "teeth_together_until_loss": bool(found.kept.all()),
-            "share_parted_after_loss": float(np.mean(found.parted)),
+            "contact_kept_until_loss": bool(found.kept.all()),
+            "contact_lost_share_after_loss": float(np.mean(found.parted)),
             "detection": settings.detection,
         },
         columns={

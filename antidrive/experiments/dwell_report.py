@@ -53,7 +53,7 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
     return Outcome(
         title=settings.title,
         said=(
-            f"Dwell is the most samples of {1e3 * settings.sample_time:.3g} ms in a row that lie within "
+            f"Dwell is the greatest number of successive samples ({1e3 * settings.sample_time:.3g} ms) within "
             f"{settings.band:g} rad. It is compared with that of the same machine without backlash, because a "
             "reversal and dry friction cause dwell too.",
             f"At {settings.frequencies[slow]:g} Hz one drive stands {found.samples[slow, one, 0]:.0f} samples without "
@@ -66,11 +66,11 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
             f"With the preload planned by flank torque, dwell differs from that without backlash by "
             f"{np.max(np.abs(beyond[:, planned])):.0f} at most, at every backlash and speed; contact was "
             f"{'lost' if parted else 'never lost'}." + (f" A constant preload of {constant}." if constant else ""),
-            f"The paper's {PAPER[0]} and {PAPER[1]} samples belong to a sample time, a motion and a backlash that it "
-            f"does not give. Here one drive stands {found.samples[slow, one, 1 + widest]:.0f} samples and two drives "
+            f"The paper has {PAPER[0]} and {PAPER[1]} samples, but not their sample time, motion and backlash. "
+            f"Here one drive stands {found.samples[slow, one, 1 + widest]:.0f} samples and two drives "
             f"{found.samples[slow, planned, 1 + widest]:.0f}, and {found.samples[slow, planned, 0]:.0f} where there is "
             "no backlash: the rest is the reversal itself.",
-            "All this is with one draw of the encoders' noise. Another changes a dwell by a sample or two.",
+            "The encoder noise is the same throughout. Other noise changes a dwell by one or two samples.",
         ),
         comparison=(
             (
@@ -84,7 +84,7 @@ def run(settings: DwellSettings, seed: int, tell: Tell | None = None) -> Outcome
             "cases": numbers,
             "most_beyond_gapless": {strategy: float(np.max(beyond[:, s])) for s, strategy in enumerate(names)},
             "planned_differs_at_most": float(np.max(np.abs(beyond[:, planned]))),
-            "planned_teeth_parted": parted,
+            "planned_contact_lost": parted,
             "constant_preload_parts_at": parts_at,
             "heat_over_planned": {name: float(heats[s] / heats[planned]) for s, name in enumerate(names)},
         },

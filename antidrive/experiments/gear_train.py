@@ -31,7 +31,7 @@ class GearTrainSettings:
         motor_speed: without load, at the supply voltage [rpm].
         supply_voltage: [V].
         winding_resistance: of each motor [ohm]; the paper does not give it.
-        holding_torque: pinion torque by which the other drive keeps its flank [N m].
+        holding_torque: pinion torque with which the other drive preloads [N m].
         loads: load torques at which the rig is measured [N m].
         rig: fields of `plant.rig.Rig` that differ from the paper-like machine.
     """
@@ -124,7 +124,7 @@ def run(settings: GearTrainSettings, seed: int) -> Outcome:
     speed = settings.motor_speed * 2.0 * np.pi / 60.0 / gears.ratio
     factors = PAPER_SPEEDS / speed
     fine = np.linspace(0.0, 1.0, 50)
-    names = ("both push", "one pushes, the other holds its flank")
+    names = ("both motors drive", "one drives, one preloads")
     curves = []
     for place, (name, colour) in enumerate(zip(names, (BEFORE, AFTER), strict=True)):
         line = np.polyfit(found.load, np.rad2deg(found.formula[:, place]), 1) if found.load.size > 1 else None
@@ -132,7 +132,7 @@ def run(settings: GearTrainSettings, seed: int) -> Outcome:
             over = fine * -line[1] / line[0]
             curves.append(Curve(name=name, colour=colour, x=over, y=np.polyval(line, over)))
         shown = np.rad2deg(found.measured[:, place])
-        curves.append(Curve(name=f"{name}, on the rig", colour=colour, x=found.load, y=shown, points=True))
+        curves.append(Curve(name=f"{name}, simulated", colour=colour, x=found.load, y=shown, points=True))
     limit = np.rad2deg(speed)
     full = float(2.0 * rig.stall_torques[0])
     curves.append(Curve(name="no-load speed", colour=SECOND, x=np.array([0.0, full]), y=np.array([limit, limit])))
@@ -143,26 +143,27 @@ def run(settings: GearTrainSettings, seed: int) -> Outcome:
             f"The tooth counts give a reduction of {gears.ratio:.3f} to 1; {settings.motor_speed:g} rpm at the motor "
             f"are {np.rad2deg(speed):.1f} deg/s at the platform.",
             f"At {settings.supply_voltage:g} V both motors together stall at {2 * rig.stall_torques[0]:.3g} N m at the "
-            f"platform (winding {settings.winding_resistance:g} ohm, an assumption: the paper does not give it). With "
-            f"the teeth kept together one motor pushes and the other holds {holding:.2g} N m against it: "
-            f"{rig.stall_torques[0] - holding:.3g} N m, about half. The rig agrees with both lines within "
-            f"{100 * found.largest_difference / speed:.2g} % of the no-load speed.",
+            f"platform. The winding resistance of {settings.winding_resistance:g} ohm is assumed; the paper does "
+            f"not give it. To keep contact, one motor drives and the other preloads with {holding:.2g} N m against it. "
+            f"The stall torque is then {rig.stall_torques[0] - holding:.3g} N m, about half. In the test-bench "
+            f"simulation both lines agree within {100 * found.largest_difference / speed:.2g} % of the no-load speed.",
             f"The speeds of section 4, {', '.join(f'{v:g}' for v in PAPER_SPEEDS)} rad/s, are "
-            f"{', '.join(f'{f:.1f}' for f in factors)} times what this machine reaches: that table is a simulation's.",
+            f"{', '.join(f'{f:.1f}' for f in factors)} times the no-load speed of this machine, so that table must "
+            "come from a simulation without the speed limit.",
         ),
         comparison=(
             ("reduction", "99.231", f"{gears.ratio:.3f}"),
             ("platform speed [deg/s]", "120.9", f"{np.rad2deg(speed):.1f}"),
-            ("stall torque, both push [N m]", "", f"{2 * rig.stall_torques[0]:.4g}"),
-            ("stall torque, teeth kept together [N m]", "", f"{rig.stall_torques[0] - holding:.4g}"),
-            ("rig less formula, at most [rad/s]", "", f"{found.largest_difference:.2g}"),
+            ("stall torque, both motors drive [N m]", "", f"{2 * rig.stall_torques[0]:.4g}"),
+            ("stall torque, preloaded [N m]", "", f"{rig.stall_torques[0] - holding:.4g}"),
+            ("largest difference, simulation and formula [rad/s]", "", f"{found.largest_difference:.2g}"),
         ),
         found={
             "ratio": gears.ratio,
             "no_load_speed": speed,
             "no_load_speed_deg": float(np.rad2deg(speed)),
             "stall_torque_both": full,
-            "stall_torque_teeth_together": float(rig.stall_torques[0] - holding),
+            "stall_torque_preloaded": float(rig.stall_torques[0] - holding),
             "largest_difference": found.largest_difference,
             "section4_speeds_over_limit": factors.tolist(),
         },

@@ -24,18 +24,18 @@ def run(settings: SizingSettings, seed: int, tell: Tell | None = None) -> Outcom
             f"At a greatest acceleration of {settings.peak_acceleration:g} rad/s^2 the formulas with T_min = 0 give "
             f"{equal:.1f} N m of preload where both motors share and each carries its own rotor, and {slave:.1f} "
             "N m with one constant torque.",
-            f"In simulation, with the least noise, {_range(found.preload[quiet, 0])} N m kept contact "
-            f"in equal split and {_range(found.preload[quiet, 1])} N m with one constant torque, over meshes of "
-            f"{_list(settings.stiffnesses)} N m/rad and loops of {_list(settings.bandwidths)} Hz: T_min must be "
-            f"{_range(found.least[quiet, 0])} and {_range(found.least[quiet, 1])} N m.",
-            "In equal split every motor compensates its own friction at once. A constant torque does not: where "
-            "acceleration is greatest the friction of its drive changes sign, and the gears vibrate after that step.",
-            f"With noise of {max(settings.noises):g} rad at the motors, seen from the load, which the loops make into "
-            f"{_range(found.noise_torque[found.noises == np.max(found.noises)])} N m rms of torque, T_min must be "
+            f"In simulation with the least noise, contact needs {_range(found.preload[quiet, 0])} N m with equal "
+            f"split and {_range(found.preload[quiet, 1])} N m with one constant torque, for mesh stiffnesses of "
+            f"{_list(settings.stiffnesses)} N m/rad and loop bandwidths of {_list(settings.bandwidths)} Hz. T_min must "
+            f"be {_range(found.least[quiet, 0])} and {_range(found.least[quiet, 1])} N m.",
+            "With equal split every motor compensates its own friction at once. A constant torque does not: at the "
+            "greatest acceleration the friction of its drive changes sign, and the gears vibrate after that step.",
+            f"Encoder noise of {max(settings.noises):g} rad at the motors (seen from the load) becomes a torque noise "
+            f"of {_range(found.noise_torque[found.noises == np.max(found.noises)])} N m rms. T_min must then be "
             f"{_range(found.least[found.noises == np.max(found.noises), 0])} and "
-            f"{_range(found.least[found.noises == np.max(found.noises), 1])} N m; the rotors' inertia keeps most of it "
-            f"from the meshes. T_min is found to {settings.resolution:g} N m for one draw of the noise, and contact "
-            "counts from the second period on.",
+            f"{_range(found.least[found.noises == np.max(found.noises), 1])} N m; the rotor inertia filters most of "
+            f"the noise. T_min is searched to {settings.resolution:g} N m with one noise sequence. The first period is "
+            "not counted.",
         ),
         comparison=(
             ("least preload [N m] by the formulas: equal split, one constant torque", "", f"{equal:.2f}, {slave:.2f}"),
@@ -78,7 +78,7 @@ def run(settings: SizingSettings, seed: int, tell: Tell | None = None) -> Outcom
 
 def _traces(found: Sizing) -> Picture:
     return Picture(
-        caption="Torque of the flank that is pressed less; where it is zero the teeth are apart.",
+        caption="Minimum contact torque; where it is zero, contact is lost.",
         x="time [s]",
         y="flank torque [N m]",
         curves=[

@@ -25,8 +25,8 @@ def with_scatter(runs: Sequence[Outcome]) -> Outcome:
     rows = [(name, paper, _scattered(each)) for (name, paper, _), each in zip(first.comparison, cells, strict=True)]
     if [*said, *(cell for *_, cell in rows)] != [*first.said, *(cell for *_, cell in first.comparison)]:
         said.append(
-            f"± is the standard deviation over {len(runs)} runs with other noise; what stands without it is the same "
-            "in all of them."
+            f"± is the standard deviation over {len(runs)} runs with other noise; numbers without it are the same "
+            "in all runs."
         )
     return replace(first, said=said, comparison=rows)
 

@@ -102,15 +102,15 @@ class Experiment:
         first, second = self.rivals
         if not self.separable:
             return (
-                f"No signal of {self.duration:.3g} s within the limits tells {first} from {second}: the best, "
-                f"{self.signal}, is worth a log-likelihood difference of {self.separation:.2g}."
+                f"No signal of {self.duration:.3g} s within the limits distinguishes {first} from {second}. The "
+                f"best, {self.signal}, has an expected log-likelihood difference of {self.separation:.2g}."
             )
         longest = f"more than {durations(self.sample_time)[-1]:.3g} s"
         chirp = f"{self.chirp_duration:.3g} s" if np.isfinite(self.chirp_duration) else longest
         return (
-            f"Play {self.signal}, reshaped, for {self.duration:.3g} s to tell {first} from {second}: expected "
-            f"log-likelihood difference {self.separation:.3g}, against {self.chirp_separation:.3g} for a plain chirp "
-            f"as long, which would have to last {chirp}."
+            f"Apply {self.signal}, reshaped, for {self.duration:.3g} s to distinguish {first} from {second}. The "
+            f"expected log-likelihood difference is {self.separation:.3g}; a plain chirp of that length has "
+            f"{self.chirp_separation:.3g}, and would have to last {chirp}."
         )
 
 

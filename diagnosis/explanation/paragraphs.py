@@ -112,6 +112,6 @@ def _outcome(diagnosis: Findings) -> tuple[str, ...]:
     # of a squared multiple correlation from n samples (Olkin and Finn 1995)
     past = percent(known, 2.0 * np.sqrt(known / diagnosis.extended.samples) * (1.0 - known))
     lines.append(
-        f"From their past {past} of the variance of the one-step errors can be predicted; of white noise, none."
+        f"Earlier one-step errors predict {past} of the variance of the next; of white noise they would predict none."
     )
     return tuple(lines)

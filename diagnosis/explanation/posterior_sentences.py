@@ -62,4 +62,5 @@ def _minor(diagnosis: Findings) -> list[str]:
     ]
     if not told:
         return []
-    return [f"Minor: {joined_words(told)}, no larger than what no effect explains; it may be a part of that."]
+    acts = torque_or_force(unit)
+    return [f"Minor: {joined_words(told)}, no larger than the unexplained {acts}; it may be a part of that."]

@@ -104,7 +104,7 @@ def _over(diagnosis: Findings, cause: Cause, seen: ResidualOverVariable | None) 
     expected = f"Its signature: {kind.trace}. " if kind is not None else ""
     if seen is None:
         lacked = torque_or_force(diagnosis.residual_before.unit)
-        return f"{expected}The residual {lacked} shows it over no single variable; the one-step predictions do."
+        return f"{expected}The residual {lacked} does not show it over one variable; the one-step predictions do."
     weak = "" if seen.standing_out else "; the one-step predictions show it more clearly"
     return (
         f"{expected}It shows over {seen.variable}: in {seen.standing_out} of {seen.centre.size} intervals the residual "
@@ -138,8 +138,8 @@ def _torn(diagnosis: Findings, cause: Cause, experiment: Experiment | None) -> l
         )
     else:
         lines.append(
-            f"What no effect explains is about as large as {names}, which may be a part of that. A longer log would "
-            "decide, or a motion in which the effect shows more."
+            f"The unexplained {torque_or_force(diagnosis.residual_before.unit)} is about as large as {names}, which "
+            "may be part of it. Record a longer log, or a motion that excites the effect more."
         )
     for other in (effect_of(diagnosis, name) for name in rivals):
         if kind is not None and other is not None:
@@ -155,12 +155,15 @@ def reason_for_none(diagnosis: Findings) -> Reason:
     asked = len(diagnosis.rejected) + len(diagnosis.minor)
     nearest = next((f" The nearest, {_rejected(diagnosis, each)}" for each in diagnosis.rejected), "")
     if diagnosis.verdict == "nothing_missing":
-        lines = [f"{asked} effects were tried. None explains more than it costs.{nearest}", *_could_hide(diagnosis)]
+        lines = [
+            f"{asked} effects were tried. None improves the fit enough to justify its parameters.{nearest}",
+            *_could_hide(diagnosis),
+        ]
         return Reason(title=title, effect=None, sentences=tuple(lines))
     unknown, acts = diagnosis.unknown, torque_or_force(diagnosis.residual_before.unit)
     lines = [
-        f"{asked} effects were tried. None is both probable and larger than what no effect explains: about "
-        f"{percent(unknown.share)} of the {acts} in the log, with a probability of {percent(unknown.probability)}."
+        f"{asked} effects were tried. None is both probable and larger than the unexplained {acts}, about "
+        f"{percent(unknown.share)} of the {acts} in the log (probability {percent(unknown.probability)})."
         f"{nearest}"
     ]
     grown = seen = None
@@ -190,6 +193,6 @@ def _could_hide(diagnosis: Findings) -> list[str]:
     if not told:
         return []
     return [
-        f"Smaller effects may be hidden. This log would show {joined_words(told, 'or')} one time in two; "
-        "half as much hardly ever."
+        f"Smaller effects may be hidden. This log would show {joined_words(told, 'or')} with a probability of "
+        "50 %; half of that hardly ever."
     ]

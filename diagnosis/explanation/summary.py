@@ -40,7 +40,8 @@ def headline(diagnosis: Findings) -> str:
     open_ones = list(dict.fromkeys(title_of(name) for cause in unsure for name in _likeliest_first(cause)))
     torn = any(_close(cause) for cause in unsure)
     known = f"The model lacks {joined_words(named)}" if named else ""
-    which = "; this log does not tell which" if torn else "; what no effect explains is about as large"
+    acts = torque_or_force(diagnosis.residual_before.unit)
+    which = "; this log does not show which" if torn else f"; the unexplained {acts} is about as large"
     unclear = f"probably lacks {joined_words(open_ones, 'or')}{which}" if open_ones else ""
     if known and unclear:
         return f"{known}. It also {unclear}."

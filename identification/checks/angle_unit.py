@@ -40,7 +40,7 @@ def unit_of_the_angle(recording: Recording) -> Iterable[Finding]:
     if lines is not None:
         reason = f"has steps of 360/{lines}, as an encoder of {lines} steps a turn has in degrees"
     elif gravity_in_degrees(recording):
-        reason = "feels a gravity that comes again after 360, as in degrees"
+        reason = "is under a gravity torque that repeats every 360, as in degrees"
     if reason is not None:
         text = f"{recording.label}: '{output}' {reason}: --unit angle=deg"
         yield Finding(kind="degrees", repaired=False, text=text, unusable=True)

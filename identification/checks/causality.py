@@ -43,7 +43,7 @@ def _lag(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
         whole = round(size / dt + 0.5)
         text = (
             f"{recording.label}: '{output}' answers about {whole} samples ({1e3 * whole * dt:.3g} ms) before "
-            f"'{command}' acts, which no machine does, so '{command}' was recorded late: export both columns on one "
+            f"'{command}' acts. That is impossible, so '{command}' was recorded late: export both columns on one "
             f"clock, or move '{command}' ahead by {whole} samples or more"
         )
         yield Finding(kind="lag", repaired=False, text=text)
@@ -54,7 +54,7 @@ def _lag(recording: Recording, found: Sequence[Profile]) -> Iterable[Finding]:
         if any(profile.evidence(1.5 * profile.lag, 0.5 * profile.lag) < _EVIDENCE for profile in found):
             return
         text = (
-            f"{recording.label}: '{output}' answers {1e3 * size:.3g} ms after '{command}', longer than drives delay; "
-            "an offset between the two columns looks the same, so see whether both were recorded on one clock"
+            f"{recording.label}: '{output}' answers {1e3 * size:.3g} ms after '{command}', more than the dead time of "
+            "a drive; check that both columns were recorded on one clock"
         )
         yield Finding(kind="long lag", repaired=False, text=text)

@@ -77,7 +77,7 @@ def _unit_of(recording: Recording, name: str) -> Finding | None:
             return Finding(kind=f"unit of {name}", repaired=False, text=text)
     if -1.25 < ratio < -0.8:
         text = (
-            f"{recording.label}: '{output}' moves against '{asked}', so one of them has another sign: "
+            f"{recording.label}: '{output}' moves against '{asked}', so one of them has the wrong sign: "
             f"--scale {name}=-1 turns it"
         )
         return Finding(kind=f"sign of {name}", repaired=False, text=text)
@@ -115,7 +115,7 @@ def _shafts(recording: Recording) -> Iterable[Finding]:
     ratio = second / first
     names = f"'{recording.name('angle_1')}' turns {ratio:.4g} times as far as '{recording.name('angle_2')}'"
     if ratio < 0:
-        text = f"{recording.label}: {names}, but both drive one gear and turn alike: one has another sign"
+        text = f"{recording.label}: {names}, but both drive one gear in the same direction: one has the wrong sign"
         yield Finding(kind="sign of a shaft", repaired=False, text=text)
     for factor in (180 / np.pi, 1e3):
         if abs(abs(np.log(abs(ratio))) - np.log(factor)) < _TEETH:
@@ -143,7 +143,7 @@ def _pinion_torques(recording: Recording) -> Iterable[Finding]:
         f"{second:+.4g} '{recording.name('torque_2')}'"
     )
     if first * second < 0:
-        text = f"{says}, but two drives of one gear push the same way: one of the torques has another sign"
+        text = f"{says}, but two drives of one gear act in the same direction: one torque has the wrong sign"
         yield Finding(kind="sign of a torque", repaired=False, text=text)
     elif max(first / second, second / first) > 50:
         text = f"{says}, and no two gears differ so much: give the units of both, for example --unit torque_1='mN m'"

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.recording import HUGE, Array, Checked, Finding, Recording, counted
+from identification.recording import Array, Checked, Finding, Recording, counted
+from plant.number import HUGE
 
 AFTER_HELD = 10  # samples that a guessed command still disturbs
 
@@ -93,4 +94,8 @@ def _refuse_huge(recording: Recording, values: Array, name: str) -> None:
         raise MalformedLog(
             f"{recording.where(int(size.argmax()))}: '{name}' is {values[size.argmax()]:.3g}, which no drive can "
             "reach; check the file and the units."
+        )
+    if len(size) and 0.0 < size.max() < 1 / HUGE:
+        raise MalformedLog(
+            f"{recording.label}: '{name}' is {size.max():.3g} at most, which no sensor can show; check its unit."
         )

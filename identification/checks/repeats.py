@@ -88,8 +88,8 @@ def drop_repeats(recording: Recording) -> tuple[list[Recording], list[Finding]]:
     parts = [recording.take(slice(a, b), label=f"{recording.label} stretch {k + 1}") for k, (a, b) in enumerate(spans)]
     more = f", and {len(found) - 1} parts more" if len(found) > 1 else ""
     text = (
-        f"{recording.where(second)}: {length} samples of '{recording.name('output')}' repeat those from row "
-        f"{recording.rows[first]} on digit by digit, noise included{more}; a logger wrote them twice, so they are left "
-        f"out and the run is split into {len(parts)}"
+        f"{recording.where(second)}: {length} samples of '{recording.name('output')}' are an exact copy of those from "
+        f"row {recording.rows[first]} on, noise included{more}; the logger wrote them twice, so the copy is left out "
+        f"and the run is split into {len(parts)}"
     )
     return parts, [Finding(kind="repeat", repaired=True, text=text)]

@@ -181,20 +181,20 @@ def sign_of_the_command(recording: Recording) -> Iterable[Finding]:
     if turned:
         text = (
             f"{recording.label}: '{output}' accelerates against '{command}', as if the inertia were below zero, so one "
-            f"of them has another sign: {_options(turned)} turns it"
+            f"of them has the wrong sign: {_options(turned)} turns it"
         )
         if len(turned) == 1 and pinion_torques(part) is not None:
             first, second = recording.name("torque_1"), recording.name("torque_2")
             text = (
                 f"{recording.label}: '{output}' moves with the difference of '{first}' and '{second}' and not with "
-                f"their sum, so one of them has another sign: {_options(turned)} turns it"
+                f"their sum, so one of them has the wrong sign: {_options(turned)} turns it"
             )
         yield Finding(kind="sign of the command", repaired=False, text=text, unusable=True)
     elif _brakes(part, seen):
         columns = (_column(part),) if pinion_torques(part) is None else ("torque_1", "torque_2")
         text = (
-            f"{recording.label}: '{command}' works against the motion nearly always; unless something else drives the "
-            f"load, it has another sign: {_options(columns)} turns it"
+            f"{recording.label}: '{command}' opposes the motion almost all the time. Unless something else drives the "
+            f"load, its sign is reversed: {_options(columns)} turns it"
         )
         yield Finding(kind="brakes", repaired=False, text=text)
 

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.errors import MalformedLog
-from identification.recording import HUGE, Array, Checked, Finding, Recording, counted
+from identification.recording import Array, Checked, Finding, Recording, counted
+from plant.number import HUGE
 
 MIN_SAMPLES, MIN_DURATION = 50, 0.2
 GAP = 5.0  # median sample times
@@ -183,9 +184,9 @@ def clock(recording: Recording) -> Iterable[Finding]:
     first, last = _drift(np.cumsum(steps), steps, even)
     if abs(last - first) > DRIFT * mean:
         text = (
-            f"{recording.label}: the sample time goes steadily from {1e3 * first:.5g} ms at the start to "
-            f"{1e3 * last:.5g} ms at the end ({(last - first) / first:+.2%}), so the clock or the logger drifts; "
-            "the times are used as they are, check them against the drive's clock"
+            f"{recording.label}: the clock drifts: the sample time changes steadily from {1e3 * first:.5g} ms to "
+            f"{1e3 * last:.5g} ms ({(last - first) / first:+.2%}); the times are used as they are, check them against "
+            "the drive's clock"
         )
         yield Finding(kind="drift", repaired=False, text=text)
 

@@ -116,11 +116,13 @@ def _need_both_flanks(samples: FlankSamples) -> None:
             if found < _LEAST:
                 way = "grows" if loading else "falls"
                 raise Unidentifiable(
-                    f"only {found} samples in which the torque on flank {flank:+.0f} of each drive surely {way}: sweep "
-                    "the preload up and down in both senses, and let the load creep more slowly than that."
+                    f"the torque on flank {flank:+.0f} of each drive {way} in only {found} samples: sweep the preload "
+                    "up and down in both senses, and let the load move more slowly than the sweep."
                 )
     if np.ptp(samples.reading) == 0.0:
-        raise Unidentifiable("the load's reading never changes: let the load creep over a few counts meanwhile.")
+        raise Unidentifiable(
+            "the load encoder never changes: let the load move slowly over a few counts during the sweep."
+        )
 
 
 def _drive(lines: list[Measured]) -> DriveLostMotion:

@@ -104,8 +104,8 @@ def _go_with(file: str, given: list[str], channels: Mapping[str, Array], reading
     gains = [name for name in ("kp", "kd") if getattr(reading, name) is not None or name in channels]
     if gains and "setpoint" not in given and (reading.kp is not None or reading.kd is not None):
         raise BadParameter(
-            f"{' and '.join(gains)}: {file} has no column 'setpoint' for a position servo's gain to act on; name it "
-            "with --map setpoint=NAME."
+            f"{' and '.join(gains)}: a position servo's gain needs its set-point, but {file} has no column "
+            "'setpoint'; name it with --map setpoint=NAME."
         )
     if gains == ["kd"] and "setpoint" in given:
         raise BadParameter("kd is given without kp: give both gains of the position servo, or none.")
@@ -148,7 +148,7 @@ def _servo(file: str, found: Mapping[str, str], channels: Mapping[str, Array], a
         )
     note = (
         f"torque scale unknown: {file} has a set-point but no {torque}, so {torque}s are per {angle} of its error, and "
-        "what the servo's kd brakes counts as viscous friction; give the gains with --kp and --kd, or as columns"
+        "viscous friction includes the damping by the servo's kd; give the gains with --kp and --kd, or as columns"
     )
     return Command(
         values=setpoint,

@@ -25,9 +25,9 @@ _LONGEST = 24  # characters of a text cell that are shown
 class ColumnFacts:
     """One column of a file.
 
-    unit: as the file gives it; assumed: what it is taken for where the file gives none.
+    unit: as the file gives it; assumed: what is assumed where the file gives none.
     range: its least and greatest value as text, of a column of text its first cell; samples: how many are there.
-    taken_for: the column of the log contract, empty if it is left alone; why: why it was taken.
+    used_as: the column of the log contract that it is read as, empty if it is not used; why: the reason.
     may_be: the column of the log contract that it may be, where it was not taken.
     """
 
@@ -35,7 +35,7 @@ class ColumnFacts:
     unit: str
     range: str
     samples: int
-    taken_for: str = ""
+    used_as: str = ""
     why: str = ""
     may_be: str = ""
     assumed: str = ""
@@ -51,7 +51,7 @@ def inventory(table: Table, known: Recognition) -> tuple[ColumnFacts, ...]:
             unit=table.units.get(name, "") or heading(name).unit,
             range=_range(values),
             samples=len(values),
-            taken_for=columns.get(name, ""),
+            used_as=columns.get(name, ""),
             why=known.why.get(columns.get(name, ""), ""),
             may_be=known.guesses.get(name, ""),
             assumed="" if columns.get(name, "") in known.objects else _assumed(columns.get(name, ""), axis),
@@ -69,7 +69,7 @@ def refuse_missing(table: Table, known: Recognition, reading: Reading) -> None:
     if not lacking:
         return
     facts = inventory(table, known)
-    first = f"{table.name}: no column is recognised as {_listed(lacking)}, of those that the file has."
+    first = f"{table.name}: none of its columns is recognised as {_listed(lacking)}."
     options = suggested_options(table, known, lacking_time=lacking[0].startswith("'time'"))
     raise MissingColumns("\n".join([first, *lines(facts)]), options)
 
@@ -119,8 +119,8 @@ def _assumed(column: str, axis: str) -> str:
 
 
 def _use(one: ColumnFacts) -> str:
-    if one.taken_for:
-        return f"{one.taken_for} ({one.why})"
+    if one.used_as:
+        return f"{one.used_as} ({one.why})"
     return f"{one.may_be}?" if one.may_be else ""
 
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from identification.checks.timing import GAP, MIN_SAMPLES
 from identification.errors import MalformedLog
-from identification.recording import HUGE, Array, Recording, counted
+from identification.recording import Array, Recording, counted
+from plant.number import HUGE
 
 
 @dataclass(frozen=True, kw_only=True)

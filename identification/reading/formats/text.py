@@ -46,7 +46,9 @@ def parse_text(content: bytes, name: str, sha256: str) -> Table:
     body = _body(lines, layout.start, name)
     notes = [*_unread(layout, name), *body.notes]
     if garbled:
-        notes.append(f"{name}: the first line is garbled, as where a serial port was opened amid a line, and left out")
+        notes.append(
+            f"{name}: the first line is incomplete, as where a serial port is opened within a line; it is left out"
+        )
     ends = {width, *starts} if grouped else {width}  # where the slower groups have ended, rows are shorter
     last = len(split(body.lines[-1], layout.separator))
     if len(body.lines) > 1 and last < width and last not in ends:
@@ -92,7 +94,7 @@ def _layout(lines: list[str], scope: ScopeHeader | None, name: str) -> tuple[lis
     if scope is not None:
         bare = ("",) * len(scope.names)
         return lines, Layout(separator=scope.separator, names=scope.names, units=bare, start=scope.data_line)
-    return oscilloscope(lines) or (lines, find_layout(lines, name))
+    return oscilloscope(lines, name) or (lines, find_layout(lines, name))
 
 
 def decoded(content: bytes, name: str) -> str:
@@ -156,7 +158,7 @@ def _body(lines: list[str], start: int, name: str) -> _Body:
     out = {k for k in suspects if not lines[k].strip() or lines[k].lstrip().startswith(COMMENT)}.union(again)
     notes: tuple[str, ...] = ()
     if again:
-        notes = (f"{name}: the lines above the data stand there again from line {again[0] + 1} on, and are skipped",)
+        notes = (f"{name}: the header is repeated from line {again[0] + 1} on; the repeats are skipped",)
     if not out:
         return _Body(lines=lines[start:], first_line=start + 1, rows=None, notes=notes)
     kept = [k for k in range(start, len(lines)) if k not in out]
@@ -169,7 +171,7 @@ def _unread(layout: Layout, name: str) -> list[str]:
         return []
     first, last = layout.unread[0], layout.unread[-1]
     lines = f"line {first} is" if first == last else f"the lines {first} to {last} are"
-    return [f"{name}: {lines} not read, as neither names nor units nor numbers stand there"]
+    return [f"{name}: {lines} skipped, as there are no names, units or numbers"]
 
 
 def _called(header: Sequence[str], columns: list[NDArray[Any]]) -> list[str]:
