@@ -100,11 +100,13 @@ def _worsened(less: Fit, fit: Fit, validation: Log) -> float:
     """Share by which prediction errors surely rise from one fit to another; 0 where they do not.
 
     Those of one step in any way, those of many steps to more than twice: what the log leaves open of a small effect's
-    parameters makes them a little larger too.
+    parameters makes them a little larger too. Where one of the two surely falls, the data do not speak against it.
     """
     bandwidth = max(less.bandwidth, fit.bandwidth)
     one_step = cut(*(_squared_innovations(validation, each, bandwidth) for each in (less, fit)))
     tested = ((*one_step, 0.0), (*gain_of(less, fit, validation), _TWICE))
+    if any(gain > SURELY * std for gain, std, _ in tested):
+        return 0.0
     return max(-gain if gain + SURELY * std < -least else 0.0 for gain, std, least in tested)
 
 

@@ -115,7 +115,7 @@ def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert [case["strategy"] for case in summary["cases"]] == list(settings().strategies)
     assert summary["planned_contact_lost"] is False
     assert summary["planned_differs_at_most"] <= 1
-    assert "Dwell is the most samples" in (tmp_path / "out" / "report.html").read_text()
+    assert "Dwell is the greatest number of successive samples" in (tmp_path / "out" / "report.html").read_text()
 
 
 @pytest.mark.parametrize(

@@ -276,7 +276,7 @@ def test_goal_of_a_position_servo():
     assert torque.command_unit == "N m"
     np.testing.assert_array_equal(torque.runs[0].command, SOUND["torque"])
     assert (torque.runs[0].servo_gain == 0.0).all()
-    with pytest.raises(MalformedLog, match="driven in rad"):
+    with pytest.raises(MalformedLog, match="a command in rad"):
         Log.merge([torque, log])
 
 

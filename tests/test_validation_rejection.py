@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
-from diagnosis import Diagnosis, diagnose
+from diagnosis import Diagnosis, diagnose, falsification
 
 
 def told(held_out: Machine) -> Diagnosis:
@@ -29,3 +32,16 @@ def test_where_nothing_was_added_nothing_is_refuted() -> None:
     found = diagnose(log, None, unseen, candidates=["coulomb_friction"])
     assert found.verdict == "nothing_missing"
     assert "validation" not in found.rejected[0].reason
+
+
+@pytest.mark.parametrize(("several", "worse"), [((0.0, 0.01), True), ((0.75, 0.01), False)])
+def test_data_that_several_steps_speak_for_rule_nothing_out(
+    monkeypatch: pytest.MonkeyPatch, several: tuple[float, float], worse: bool
+) -> None:
+    """A true offset made steps of one sample worse by 40 %, and those of many better by 75 %: it stays."""
+    less, fit = (SimpleNamespace(bandwidth=1.0) for _ in range(2))
+    rng = np.random.default_rng(0)
+    squares = {id(less): rng.uniform(0.9, 1.1, 4000), id(fit): rng.uniform(1.8, 2.2, 4000)}
+    monkeypatch.setattr(falsification, "_squared_innovations", lambda log, each, bandwidth: squares[id(each)])
+    monkeypatch.setattr(falsification, "gain_of", lambda *_: several)
+    assert (falsification._worsened(less, fit, None) > 0.3) == worse  # type: ignore[arg-type]
