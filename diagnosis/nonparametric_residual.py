@@ -17,11 +17,13 @@ from diagnosis.holdout import split
 from diagnosis.linear import response
 from diagnosis.refit import fitted_to, problem_near
 from diagnosis.score_test import Screen
+from diagnosis.verdict import HARDLY_EVER
 from identification.fit_result import Fit
 from plant.effects.nonparametric import unnamed
 from plant.effects.nonparametric_curve import Nonparametric
 
-_FITTED = 3  # of all kinds, those that promise most
+_MOST = 2  # things without a name that a model may carry: each further one is found by chance more easily
+_AT_ONCE = 3  # kinds that are fitted before the best of them is looked at
 _ALIKE = 1e-9  # of the largest direction of columns, below which one is rounding
 
 
@@ -33,24 +35,34 @@ def with_curves(fit: Fit, base: Fit) -> Fit:
         base: of the model without them.
     """
     named = [name for name in fit.model.names if name not in base.model.names]
-    while True:
-        carried = [_carried(fit, named, start) for start in _promising(fit)]
-        paying = [other for other in carried if other.converged and _worth(other, fit) > 0.0]
-        ranked = sorted(paying, key=lambda other: -_worth(other, fit))
-        better = next((other for other in ranked if _predicts_better(fit, other)), None)
+    for _ in range(_MOST):
+        better = _better(fit, named)
         if better is None:
-            return fit
+            break
         fit = better
+    return fit
+
+
+def _better(fit: Fit, named: Collection[str]) -> Fit | None:
+    """The fit with one thing more that pays and predicts better, of those that promise most; None where none does."""
+    promising = _promising(fit)
+    for first in range(0, len(promising), _AT_ONCE):
+        carried = [_carried(fit, named, start) for start in promising[first : first + _AT_ONCE]]
+        paying = [other for other in carried if other.converged and _worth(other, fit) > HARDLY_EVER]
+        for other in sorted(paying, key=lambda other: -_worth(other, fit)):
+            if _predicts_better(fit, other):
+                return other
+    return None
 
 
 def _promising(fit: Fit) -> list[Nonparametric]:
-    """Where the fits of those kinds begin that promise most; over time nothing is carried, for it would not go on."""
+    """Where the fits of all kinds begin that promise anything, the best first; over time nothing would go on."""
     screen, found = Screen.of(fit), list[tuple[float, Nonparametric]]()
     for kind in unnamed.values():
         if not kind.clocked and kind.beside(fit.model) and fit.log.shows(kind):
             found.extend(sorted(_asked(screen, kind), key=lambda pair: -pair[0])[:1])
     ranked = sorted((pair for pair in found if pair[0] > 0.0), key=lambda pair: -pair[0])
-    return [start for _, start in ranked[:_FITTED]]
+    return [start for _, start in ranked]
 
 
 def _asked(screen: Screen, kind: type[Nonparametric]) -> Iterator[tuple[float, Nonparametric]]:

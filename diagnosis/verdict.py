@@ -23,7 +23,7 @@ LIKELY = 0.5
 CLEARLY = float(np.log(SURE / (1.0 - SURE)))
 """Log Bayes factor to the same odds."""
 HARDLY_EVER = float(np.log(1000.0))
-"""Log odds against values that a cause hardly ever has."""
+"""Log odds against values that a cause hardly ever has, or a dependence without a name that nobody asked for."""
 _CARRIES = 0.8  # of what the most telling variable explains, from which another is told too
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
 _TELLING = 0.2  # share of the residual torque's variance from which a variable is said to carry it
