@@ -43,7 +43,7 @@ CONSTANTS: dict[str, tuple[str, str]] = {
     "explore._BELOW": ("diagnosis.evidence.explore", "that a set may promise below the best"),
     "explore._NEAR": ("diagnosis.evidence.explore", "... as a share"),
     "explore._ASKED": ("diagnosis.evidence.explore", "sets that are fitted at once"),
-    "explore._ITERATIONS": ("diagnosis.evidence.explore", "iterations of a fit"),
+    "explored._ITERATIONS": ("diagnosis.evidence.explored", "iterations of a fit"),
     "verdict.SURE": ("diagnosis.verdict", "probability from which a name is sure"),
     "verdict.LIKELY": ("diagnosis.verdict", "... and is told"),
     "verdict.HARDLY_EVER": ("diagnosis.verdict", "log odds against odd values"),

@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 
 from diagnosis import Diagnosis, diagnose
 from diagnosis.evidence.discrepancy import _at
-from diagnosis.evidence.explore import _fitted
+from diagnosis.evidence.explored import fitted as fitted_near
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import families_along, weigh
 from diagnosis.evidence.posterior import over_blocks
@@ -128,7 +128,7 @@ def test_the_size_of_an_unmodelled_torque_is_learned(size: float) -> None:
     fitted = fit(log, ServoModel.paper().with_effect(CoulombFriction(torque=0.5)))
     families = families_along(fitted)
     assert families is not None
-    slower = _fitted(fitted, [fitted.model], fitted.bandwidth / 4.0)  # a fast observer follows the torque
+    slower = fitted_near(fitted, [fitted.model], fitted.bandwidth / 4.0)  # a fast observer follows the torque
     beside = weigh(slower, {"dead_zone"}, families, catalogue=5, observer=fitted.bandwidth)
     assert beside is not None
     assert size / 4.0 < beside.weighed.share < size * 4.0
@@ -140,7 +140,7 @@ def test_a_parameter_that_others_can_follow_wins_no_evidence() -> None:
     plain = fit(log_of(8, coulomb_friction={"torque": 0.5}), ServoModel.paper().with_effect(beside))
     families = families_along(plain)
     assert families is not None
-    more = _fitted(plain, [plain.model.with_effect(TorqueOffset(torque=0.01))], plain.bandwidth)
+    more = fitted_near(plain, [plain.model.with_effect(TorqueOffset(torque=0.01))], plain.bandwidth)
     base = {"dead_zone", "asymmetric_friction"}
     less, wider = (weigh(each, base, families, catalogue=5, observer=plain.bandwidth) for each in (plain, more))
     assert less is not None

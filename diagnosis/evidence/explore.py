@@ -6,24 +6,21 @@ judged by the bandwidth that suits it best. What needs no observer behind it is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain, combinations
 
 import numpy as np
 
-from diagnosis.evidence.families import Families
-from diagnosis.evidence.marginal import Explanation, families_along, weigh
+from diagnosis.evidence.explored import Explored, fitted, fitted_with
+from diagnosis.evidence.marginal import Explanation, families_along
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.evidence.signatures import Proposal, Signatures
-from diagnosis.refit import is_its_special_case, most_promising, problem_near
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
 from identification.predictor import HELD
-from identification.standard_errors import fit_with_errors
 from identification.threads import in_threads, without_blas_threads
 from plant.effects import Effect
-from plant.servo import ServoModel
 
 _ASKED = 2  # sets with one name more, and with two, that are tried beside a set; and names in the place of one
 _BELOW = 5.0  # that a set may promise below the one at hand: linearised, a promise is rough
@@ -32,67 +29,6 @@ _NOTHING = 1e-3  # rise of the log-likelihood that says nothing
 _RETUNED = 3  # sets whose observer is chosen anew
 _MOST = 5  # times that names are added
 _STEP, _STEPS = 4.0, 4  # from bandwidth to bandwidth, and how many below that of the base model alone
-_STAGES = (0, 1, 2, 2)  # of a search among shapes that look alike
-_ITERATIONS = 20
-
-
-@dataclass(eq=False)
-class Explored:
-    """The sets that were fitted, by their names and the bandwidth of the observer [rad/s].
-
-    Attributes:
-        null: the base model alone, along whose motion the families are drawn.
-        proposed: what was proposed beside each of them.
-        held: whether all are predicted behind one observer that holds a motion in which small errors grow.
-    """
-
-    null: Fit
-    effects: Mapping[str, type[Effect]]
-    tell: Callable[[str], None]
-    families: Families
-    fits: dict[tuple[frozenset[str], float], Explanation] = field(default_factory=dict)
-    proposed: dict[tuple[frozenset[str], float], list[Proposal]] = field(default_factory=dict)
-    held: bool = False
-
-    @property
-    def known(self) -> dict[frozenset[str], Explanation]:
-        """Each set behind the observer that suits it best."""
-        ranked = sorted(self.fits.values(), key=lambda each: each.log_marginal)
-        return {each.names: each for each in ranked}
-
-    @property
-    def best(self) -> Explanation:
-        """The likeliest."""
-        return max(self.fits.values(), key=lambda each: each.log_marginal)
-
-    def add(self, explanations: Iterable[Explanation | None]) -> None:
-        """Keep the better fit of each set at each bandwidth."""
-        for each in filter(None, explanations):
-            key = each.names, each.fit.bandwidth
-            if key not in self.fits or each.log_marginal > self.fits[key].log_marginal:
-                self.fits[key] = each
-
-    def weighed(self, fit: Fit) -> Explanation | None:
-        """A fit as an explanation, where an effect came out as its special case with that; None where it is none."""
-        held = {effect.name for effect in self.null.model.effects}
-        names = {effect.name for effect in fit.model.effects} - held
-        for name in sorted(names):
-            if is_its_special_case(fit, name):
-                (narrow,) = self.narrowed(fit, name) or (None,)
-                return None if narrow is None else self.weighed(narrow)
-        if not fit.converged:
-            return None
-        return weigh(fit, held, self.families, catalogue=len(self.effects), observer=self.null.bandwidth)
-
-    def narrowed(self, fit: Fit, name: str) -> list[Fit]:
-        """A fit with the special case of an effect in its place, if that has one and it may be named."""
-        effect, rest = fit.model.effect(name), fit.model.without_effect(name)
-        special = effect.reduced()[:1] if effect is not None else ()
-        return [
-            _fitted(fit, [rest.with_effect(each)], fit.bandwidth)
-            for each in special
-            if each.name in self.effects and not rest.holds(each.name)
-        ]
 
 
 @without_blas_threads
@@ -104,7 +40,7 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
         raise Unidentifiable("The motion of the base model grows without bound.")
     found = Explored(null=null, effects=effects, tell=tell, families=families)
     grid = {0.0, null.bandwidth, null.bandwidth / _STEP**2}
-    found.add(in_threads(lambda bandwidth: found.weighed(_fitted(null, [null.model], bandwidth)), sorted(grid)))
+    found.add(in_threads(lambda bandwidth: found.weighed(fitted(null, [null.model], bandwidth)), sorted(grid)))
     if not found.fits:
         raise Unidentifiable("The motion of the base model grows without bound.")
     _extend(found, list(found.fits.values()))
@@ -128,7 +64,7 @@ def _fit_leading(found: Explored) -> None:
             effect, model = model.effect(name), model.without_effect(name)
             if effect is not None and special in names:
                 model = model.with_effect(effect.reduced()[0])
-        found.add([found.weighed(_fitted(holder.fit, [model], holder.fit.bandwidth))])
+        found.add([found.weighed(fitted(holder.fit, [model], holder.fit.bandwidth))])
 
 
 def _improve(found: Explored) -> None:
@@ -179,7 +115,7 @@ def with_slower_observers(
     while best.fit.bandwidth:
         bandwidth = best.fit.bandwidth / _STEP
         slower = bandwidth if bandwidth > fastest / _STEP**_STEPS else 0.0
-        moved = weighed(_fitted(best.fit, [best.fit.model], slower))
+        moved = weighed(fitted(best.fit, [best.fit.model], slower))
         if moved is None:
             return
         yield moved
@@ -249,7 +185,7 @@ def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanatio
     observers = {best.fit.bandwidth} if found.held else {best.fit.bandwidth, found.null.bandwidth}
     for bandwidth in sorted(observers):
         if (names, bandwidth) not in found.fits:
-            found.add([found.weighed(_fitted(best.fit, [model], bandwidth))])
+            found.add([found.weighed(fitted(best.fit, [model], bandwidth))])
     known = [found.fits[names, each] for each in observers if (names, each) in found.fits]
     best_one = max(known, key=lambda each: each.log_marginal, default=None)
     if best_one is not None and best_one.fit.bandwidth > best.fit.bandwidth and not found.held:
@@ -316,10 +252,10 @@ def _tried(found: Explored, parent: Explanation, proposal: Proposal, bandwidth: 
 
     Without an observer a fit may end astray; so where it is no better there, it begins behind that of the base model.
     """
-    fit = _with(parent.fit, proposal, parent.fit.bandwidth)
+    fit = fitted_with(parent.fit, proposal, parent.fit.bandwidth)
     if fit.log_likelihood <= parent.fit.log_likelihood + _NOTHING:
         if parent.fit.bandwidth < found.null.bandwidth and not found.held:
-            begun = found.weighed(_with(parent.fit, proposal, found.null.bandwidth))
+            begun = found.weighed(fitted_with(parent.fit, proposal, found.null.bandwidth))
             if begun is not None:
                 yield begun
                 yield from with_slower_observers(begun, found.null.bandwidth, found.weighed)
@@ -327,7 +263,7 @@ def _tried(found: Explored, parent: Explanation, proposal: Proposal, bandwidth: 
     weighed = found.weighed(fit)
     yield weighed
     if bandwidth < fit.bandwidth:
-        yield found.weighed(_fitted(fit, [fit.model], bandwidth))
+        yield found.weighed(fitted(fit, [fit.model], bandwidth))
     if weighed is None and len(proposal.starts) > 1:  # where two do not get on, each is asked alone
         for starts in proposal.starts:
             yield from _tried(found, parent, replace(proposal, starts=(starts,)), bandwidth)
@@ -339,52 +275,16 @@ def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -
     Where such a set is likelier there than the best of the others, all go on behind that observer.
     """
     bandwidth = max(HELD / found.null.log.sample_time, *(parent.fit.bandwidth for parent, _ in chosen))
-    tried = in_threads(lambda pair: found.weighed(_with(pair[0].fit, pair[1], bandwidth)), chosen)
+    tried = in_threads(lambda pair: found.weighed(fitted_with(pair[0].fit, pair[1], bandwidth)), chosen)
     loose = max((each for each in tried if each is not None), key=lambda each: each.log_marginal, default=None)
     if found.held or loose is None:
         found.add(tried)
         return
     best = found.best
-    rival = found.weighed(_fitted(best.fit, [best.fit.model], loose.fit.bandwidth))
+    rival = found.weighed(fitted(best.fit, [best.fit.model], loose.fit.bandwidth))
     if rival is None or loose.log_marginal > rival.log_marginal:
         found.held, found.fits = True, {}
         found.add((*tried, rival))
-
-
-def _with(fit: Fit, proposal: Proposal, bandwidth: float) -> Fit:
-    """The model of a fit with what is proposed, fitted from there."""
-    models = [fit.model]
-    for starts in proposal.starts:
-        models = [model.with_effect(start) for model in models for start in starts]
-    found = _fitted(fit, models, bandwidth)
-    for starts in proposal.starts:
-        found = _among_look_alikes(found, starts[0].name, bandwidth)
-    return found
-
-
-def _fitted(start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
-    """The best fit of some models at a bandwidth, from another fit."""
-    near = replace(start, bandwidth=bandwidth)
-    problems = [problem_near(start, model) for model in models]
-    if len(problems) > 1:
-        problems = most_promising(problems, near, bandwidth)[:1]
-    (problem,) = problems
-    begun = problem.begun(near)
-    ended = problem.minimise(begun.point, bandwidth, 0.0, iterations=_ITERATIONS, at_start=begun.equations)
-    return fit_with_errors(problem, bandwidth, ended, begun.evaluations)
-
-
-def _among_look_alikes(fit: Fit, name: str, bandwidth: float) -> Fit:
-    """The best among shapes of an effect between which a descent cannot choose."""
-    for stage in _STAGES:
-        effect = fit.model.effect(name)
-        alike = () if effect is None else effect.similar_shapes(stage)
-        if not alike:
-            break
-        rest = fit.model.without_effect(name)
-        other = _fitted(replace(fit, model=rest), [rest.with_effect(each) for each in alike], bandwidth)
-        fit = max((fit, other), key=lambda each: each.log_likelihood)
-    return fit
 
 
 def _would_add(fit: Fit, kind: type[Effect]) -> bool:

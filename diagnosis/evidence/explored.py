@@ -1,0 +1,113 @@
+"""The sets of effects that a search has fitted, and how one is: exactly, near another fit, behind a given observer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+from diagnosis.evidence.families import Families
+from diagnosis.evidence.marginal import Explanation, weigh
+from diagnosis.evidence.signatures import Proposal
+from diagnosis.refit import is_its_special_case, most_promising, problem_near
+from identification.fit_result import Fit
+from identification.standard_errors import fit_with_errors
+from plant.effects import Effect
+from plant.servo import ServoModel
+
+_STAGES = (0, 1, 2, 2)  # of a search among shapes that look alike
+_ITERATIONS = 20
+
+
+@dataclass(eq=False)
+class Explored:
+    """The sets that were fitted, by their names and the bandwidth of the observer [rad/s].
+
+    Attributes:
+        null: the base model alone, along whose motion the families are drawn.
+        proposed: what was proposed beside each of them.
+        held: whether all are predicted behind one observer that holds a motion in which small errors grow.
+    """
+
+    null: Fit
+    effects: Mapping[str, type[Effect]]
+    tell: Callable[[str], None]
+    families: Families
+    fits: dict[tuple[frozenset[str], float], Explanation] = field(default_factory=dict)
+    proposed: dict[tuple[frozenset[str], float], list[Proposal]] = field(default_factory=dict)
+    held: bool = False
+
+    @property
+    def known(self) -> dict[frozenset[str], Explanation]:
+        """Each set behind the observer that suits it best."""
+        ranked = sorted(self.fits.values(), key=lambda each: each.log_marginal)
+        return {each.names: each for each in ranked}
+
+    @property
+    def best(self) -> Explanation:
+        """The likeliest."""
+        return max(self.fits.values(), key=lambda each: each.log_marginal)
+
+    def add(self, explanations: Iterable[Explanation | None]) -> None:
+        """Keep the better fit of each set at each bandwidth."""
+        for each in filter(None, explanations):
+            key = each.names, each.fit.bandwidth
+            if key not in self.fits or each.log_marginal > self.fits[key].log_marginal:
+                self.fits[key] = each
+
+    def weighed(self, fit: Fit) -> Explanation | None:
+        """A fit as an explanation, where an effect came out as its special case with that; None where it is none."""
+        held = {effect.name for effect in self.null.model.effects}
+        names = {effect.name for effect in fit.model.effects} - held
+        for name in sorted(names):
+            if is_its_special_case(fit, name):
+                (narrow,) = self.narrowed(fit, name) or (None,)
+                return None if narrow is None else self.weighed(narrow)
+        if not fit.converged:
+            return None
+        return weigh(fit, held, self.families, catalogue=len(self.effects), observer=self.null.bandwidth)
+
+    def narrowed(self, fit: Fit, name: str) -> list[Fit]:
+        """A fit with the special case of an effect in its place, if that has one and it may be named."""
+        effect, rest = fit.model.effect(name), fit.model.without_effect(name)
+        special = effect.reduced()[:1] if effect is not None else ()
+        return [
+            fitted(fit, [rest.with_effect(each)], fit.bandwidth)
+            for each in special
+            if each.name in self.effects and not rest.holds(each.name)
+        ]
+
+
+def fitted_with(fit: Fit, proposal: Proposal, bandwidth: float) -> Fit:
+    """The model of a fit with what is proposed, fitted from there."""
+    models = [fit.model]
+    for starts in proposal.starts:
+        models = [model.with_effect(start) for model in models for start in starts]
+    found = fitted(fit, models, bandwidth)
+    for starts in proposal.starts:
+        found = _among_look_alikes(found, starts[0].name, bandwidth)
+    return found
+
+
+def fitted(start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
+    """The best fit of some models at a bandwidth, from another fit."""
+    near = replace(start, bandwidth=bandwidth)
+    problems = [problem_near(start, model) for model in models]
+    if len(problems) > 1:
+        problems = most_promising(problems, near, bandwidth)[:1]
+    (problem,) = problems
+    begun = problem.begun(near)
+    ended = problem.minimise(begun.point, bandwidth, 0.0, iterations=_ITERATIONS, at_start=begun.equations)
+    return fit_with_errors(problem, bandwidth, ended, begun.evaluations)
+
+
+def _among_look_alikes(fit: Fit, name: str, bandwidth: float) -> Fit:
+    """The best among shapes of an effect between which a descent cannot choose."""
+    for stage in _STAGES:
+        effect = fit.model.effect(name)
+        alike = () if effect is None else effect.similar_shapes(stage)
+        if not alike:
+            break
+        rest = fit.model.without_effect(name)
+        other = fitted(replace(fit, model=rest), [rest.with_effect(each) for each in alike], bandwidth)
+        fit = max((fit, other), key=lambda each: each.log_likelihood)
+    return fit
