@@ -12,6 +12,7 @@ from machine import Machine, excitation, record
 from scipy.stats import multivariate_normal
 
 from diagnosis import Diagnosis, diagnose
+from diagnosis.evidence import explore, explored
 from diagnosis.evidence.discrepancy import _at
 from diagnosis.evidence.explored import fitted as fitted_near
 from diagnosis.evidence.families import Families
@@ -19,6 +20,7 @@ from diagnosis.evidence.marginal import families_along, weigh
 from diagnosis.evidence.posterior import over_blocks
 from diagnosis.evidence.signatures import Signatures
 from identification.fit import fit
+from identification.fit_result import Fit
 from identification.least_squares import bounded_least_squares
 from identification.log import Log
 from plant.effects import AsymmetricFriction, CoulombFriction, TorqueOffset, catalogue
@@ -74,6 +76,18 @@ def test_an_effect_above_the_unmodelled_torque_keeps_its_name() -> None:
     found = diagnose(with_smooth_torque(hidden, 0.01), candidates=FEW)
     assert "coulomb_friction" in names(found)
     assert found.causes[0].probability > 0.9
+
+
+def test_a_base_model_that_converges_slowly_is_no_obstacle(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Inertia and damping that trade places take more iterations than a set has; the base model had its own."""
+
+    def in_few_iterations(start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
+        return replace(fitted_near(start, models, bandwidth), converged=False)
+
+    for module in (explore, explored):
+        monkeypatch.setattr(module, "fitted", in_few_iterations)
+    found = diagnose(log_of(4), candidates=["quadratic_drag"])
+    assert [each.effects for each in found.sets] == [()]
 
 
 def test_probabilities_of_the_sets_sum_to_one() -> None:

@@ -39,8 +39,9 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     if families is None:
         raise Unidentifiable("The motion of the base model grows without bound.")
     found = Explored(null=null, effects=effects, tell=tell, families=families)
-    grid = {0.0, null.bandwidth, null.bandwidth / _STEP**2}
-    found.add(in_threads(lambda bandwidth: found.weighed(fitted(null, [null.model], bandwidth)), sorted(grid)))
+    grid = sorted({0.0, null.bandwidth / _STEP**2} - {null.bandwidth})
+    found.add([found.weighed(null)])
+    found.add(in_threads(lambda bandwidth: found.weighed(fitted(null, [null.model], bandwidth)), grid))
     if not found.fits:
         raise Unidentifiable("The motion of the base model grows without bound.")
     _extend(found, list(found.fits.values()))
