@@ -69,6 +69,7 @@ def test_a_reversal_has_dwell_without_any_gap() -> None:
     assert dwell(turning, 2e-4) == pytest.approx(expected, abs=1.5)
 
 
+@pytest.mark.long
 def test_one_drive_stands_while_it_crosses_its_gap() -> None:
     one = place(ONE)
     assert found().beyond_gapless[0, one, 0] > 10
