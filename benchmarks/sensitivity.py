@@ -45,7 +45,7 @@ CONSTANTS: dict[str, tuple[str, str]] = {
     "explore._ASKED": ("diagnosis.evidence.explore", "sets that are fitted at once"),
     "explored._ITERATIONS": ("diagnosis.evidence.explored", "iterations of a fit"),
     "verdict.SURE": ("diagnosis.verdict", "probability from which a name is sure"),
-    "verdict.LIKELY": ("diagnosis.verdict", "... and is told"),
+    "posterior.LIKELY": ("diagnosis.evidence.posterior", "... and is told"),
     "verdict.HARDLY_EVER": ("diagnosis.verdict", "log odds against odd values"),
     "verdict._NOISE": ("diagnosis.verdict", "share of the torque that may pass for noise"),
     "verdict._CARRIES": ("diagnosis.verdict", "from which a variable is told beside the most telling"),

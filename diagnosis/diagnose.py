@@ -11,7 +11,7 @@ from diagnosis.candidates import Choice, chosen
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.evidence.explore import explore
 from diagnosis.evidence.marginal import Explanation
-from diagnosis.evidence.posterior import Posterior
+from diagnosis.evidence.posterior import LIKELY, Posterior
 from diagnosis.extrapolation import extrapolation_warning
 from diagnosis.falsification import Tenable, tenable
 from diagnosis.formula_suggestion import suggested_formula
@@ -26,7 +26,7 @@ from diagnosis.repeated_runs import repeats
 from diagnosis.residual_torque import effects_over, residual_torque, torque_of
 from diagnosis.result import Cause, EffectSet, Minor, Unknown
 from diagnosis.stretches import stretches
-from diagnosis.verdict import CLEARLY, HARDLY_EVER, LIKELY, Judgement, judged, log_bayes, rivals
+from diagnosis.verdict import CLEARLY, HARDLY_EVER, Judgement, judged, log_bayes, rivals
 from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable
 from identification.fit import base_model, fit_with_prior, known_of

@@ -11,15 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.evidence.posterior import Posterior
+from diagnosis.evidence.posterior import LIKELY, Posterior
 from diagnosis.residual_torque import ResidualTorque, effects_over
 from diagnosis.result import LISTED, Verdict
 from plant.effects import catalogue
 
 SURE = 0.9
 """Probability from which a name stands alone."""
-LIKELY = 0.5
-"""... and from which it is told."""
 CLEARLY = float(np.log(SURE / (1.0 - SURE)))
 """Log Bayes factor to the same odds."""
 HARDLY_EVER = float(np.log(1000.0))

@@ -53,12 +53,14 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
 
 def _fit_leading(found: Explored) -> None:
     """Fit the set of all names that are likelier there than not, if it was not yet: it will be the model."""
-    for _ in range(_MOST):
+    tried = set[frozenset[str]]()
+    while True:
         posterior = Posterior.over(found.known.values())
         names = posterior.leading
         holder = next((each for each in posterior.sets if names <= each.may_be), None)
-        if names in found.known or holder is None:
+        if names in found.known or names in tried or holder is None:
             return
+        tried.add(names)
         model = holder.fit.model
         for name in sorted(holder.names - names):
             special, _ = holder.sizes.beyond_special.get(name, ("", 0.0))

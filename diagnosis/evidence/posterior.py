@@ -29,6 +29,8 @@ from diagnosis.evidence.marginal import Explanation
 from diagnosis.jackknife import BLOCKS
 from plant.effects.effect import Array
 
+LIKELY = 0.5
+"""Probability from which a name is told, and is in the model."""
 _NEGLIGIBLE = 1e-4  # probability of a set that is not weighed against the discrepancy any further
 _EXACT = 0.01  # of an effect: no law is exact to less, so a wider form has to add more to be told
 _DRAWS = 1000  # of the blocks
@@ -68,7 +70,7 @@ class Posterior:
         (The median probability model; Barbieri and Berger 2004.)
         """
         names = frozenset(name for each in self.believed for name in each)
-        return frozenset(name for name in names if self.told(name) > 0.5) or next(iter(self.believed))
+        return frozenset(name for name in names if self.told(name) > LIKELY) or next(iter(self.believed))
 
     @cached_property
     def best(self) -> Explanation:

@@ -1,0 +1,99 @@
+"""From sets of effects to what is said of each name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis.evidence.explored import Explored, fitted
+from diagnosis.evidence.marginal import families_along
+from diagnosis.evidence.posterior import Posterior, beside_discrepancy
+from diagnosis.falsification import tenable
+from diagnosis.verdict import rivals
+from identification.fit import fit
+from plant.effects import Compliance, StribeckFriction, catalogue
+
+
+def believing(**shares: float) -> Posterior:
+    """A posterior over sets, whose names are joined by two underscores; fitted are all."""
+    sets = {frozenset(filter(None, names.split("__"))): p for names, p in shares.items()}
+    fits: Any = tuple(SimpleNamespace(names=names) for names in sets)
+    return Posterior(sets=fits, probabilities=tuple(sets.values()), believed=sets)
+
+
+def test_the_model_holds_names_likelier_there_than_not() -> None:
+    """Also where no set of them alone is the likeliest, as that of one name is here."""
+    posterior = believing(a=0.3, a__b__c=0.25, a__b=0.2, b=0.15, c=0.1)
+    assert posterior.leading == {"a", "b"}
+    assert posterior.best.names == {"a", "b"}
+
+
+def test_without_a_likely_name_the_model_is_the_likeliest_set() -> None:
+    assert believing(a=0.4, b=0.35, c=0.25).leading == {"a"}
+
+
+def test_a_fit_that_holds_the_leading_names_is_the_model() -> None:
+    posterior = believing(a=0.3, a__b__c=0.25, a__b=0.2, b=0.15, c=0.1)
+    rest = tuple(each for each in posterior.sets if each.names != {"a", "b"})
+    assert replace(posterior, sets=rest).best.names == {"a", "b", "c"}
+
+
+def test_a_rival_is_likelier_without_a_name_than_beside_it() -> None:
+    """`b` stands in the place of `a`; `c` is about as likely in any case."""
+    posterior = believing(a=0.5, b=0.25, a__c=0.15, b__c=0.07, c=0.03)
+    told = dict(rivals(posterior, "a"))
+    assert told["b"] == pytest.approx(0.32)
+    found = dict(rivals(believing(a=0.5, b=0.3, a__c=0.18, b__c=0.02), "a"))
+    assert "c" not in found
+
+
+def test_look_alikes_do_not_take_each_other_away() -> None:
+    """Each changes little beside the other, and one of them alone much: one of them is there."""
+    small = {"a": 0.3, "b": 0.6}
+
+    def beyond(name: str, without: frozenset[str] = frozenset()) -> float:
+        return 5.0 if without else small[name]
+
+    sizes = SimpleNamespace(beyond=beyond, beyond_special={}, discrepancy=1.0, effects=small)
+    explanation: Any = SimpleNamespace(names=frozenset(small), sizes=sizes)
+    found = beside_discrepancy(explanation, 1.0)
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert found.get(frozenset(), 0.0) < 0.05
+    assert found[frozenset({"b"})] > 0.85
+
+
+def explored_of(**hidden: dict[str, float]) -> Explored:
+    null = fit(record(Machine().hiding(**hidden) if hidden else Machine(), excitation(3, duration=12.0), seed=3).log())
+    families = families_along(null)
+    assert families is not None
+    return Explored(null=null, effects=dict(catalogue), tell=lambda line: None, families=families)
+
+
+def test_a_wider_form_may_come_out_as_its_special_case() -> None:
+    found = explored_of(coulomb_friction={"torque": 0.3})
+    narrow = StribeckFriction(coulomb=0.3, excess=0.01, velocity=1e-9)
+    wide = fitted(found.null, [found.null.model.with_effect(narrow)], found.null.bandwidth)
+    weighed = found.weighed(replace(wide, model=wide.model.with_effect(narrow)))
+    assert weighed is not None
+    assert weighed.names == {"coulomb_friction"}
+
+
+def test_a_spring_at_the_fastest_swing_is_ruled_out() -> None:
+    found = explored_of()
+    spring = Compliance(frequency=50.0, damping=0.2, motor_share=0.3)
+    soft = fitted(found.null, [found.null.model.with_effect(spring)], found.null.bandwidth)
+    lines = [replace(p, at_bound=p.name == "compliance.frequency") for p in soft.parameters]
+    weighed = found.weighed(replace(soft, parameters=tuple(lines), converged=True))
+    base = found.weighed(found.null)
+    assert weighed is not None
+    assert base is not None
+    wanted = replace(weighed, log_marginal=base.log_marginal + 100.0)
+    left = tenable(found.null, [base, wanted], found.null.log)
+    assert left.falsified["compliance"] == "its resonance is faster than this log can show"
+    assert np.isfinite(left.lost)
+    assert left.posterior.best.names == frozenset()
