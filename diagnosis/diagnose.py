@@ -9,9 +9,9 @@ import numpy as np
 
 from diagnosis.candidates import Choice, chosen
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.evidence.explore import explore
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import LIKELY, Posterior
+from diagnosis.evidence.search_over_sets import explore
 from diagnosis.extrapolation import extrapolation_warning
 from diagnosis.falsification import Tenable, tenable
 from diagnosis.formula_suggestion import suggested_formula

@@ -12,10 +12,10 @@ from machine import Machine, excitation, record
 from scipy.stats import multivariate_normal
 
 from diagnosis import Diagnosis, diagnose
-from diagnosis.evidence import explore, explored
+from diagnosis.evidence import fitted_sets, search_over_sets
 from diagnosis.evidence.discrepancy import _at
-from diagnosis.evidence.explored import fitted as fitted_near
 from diagnosis.evidence.families import Families
+from diagnosis.evidence.fitted_sets import fitted as fitted_near
 from diagnosis.evidence.marginal import families_along, weigh
 from diagnosis.evidence.posterior import over_blocks
 from diagnosis.evidence.signatures import Signatures
@@ -84,7 +84,7 @@ def test_a_base_model_that_converges_slowly_is_no_obstacle(monkeypatch: pytest.M
     def in_few_iterations(start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
         return replace(fitted_near(start, models, bandwidth), converged=False)
 
-    for module in (explore, explored):
+    for module in (search_over_sets, fitted_sets):
         monkeypatch.setattr(module, "fitted", in_few_iterations)
     found = diagnose(log_of(4), candidates=["quadratic_drag"])
     assert [each.effects for each in found.sets] == [()]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
-from diagnosis.evidence.explored import Explored, fitted
+from diagnosis.evidence.fitted_sets import Explored, fitted
 from diagnosis.evidence.marginal import families_along
 from diagnosis.evidence.posterior import Posterior, beside_discrepancy
 from diagnosis.falsification import tenable

@@ -12,7 +12,7 @@ from itertools import chain, combinations
 
 import numpy as np
 
-from diagnosis.evidence.explored import Explored, fitted, fitted_with
+from diagnosis.evidence.fitted_sets import Explored, fitted, fitted_with
 from diagnosis.evidence.marginal import Explanation, families_along
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.evidence.signatures import Proposal, Signatures
