@@ -1,8 +1,8 @@
 """What carries an unmodelled torque, so that its gain is had without a name: curves, laws that vary, loops and ripples.
 
 The named effects keep their values; what describes best what they leave is added, and what describes best what that
-leaves. Each must pay for its parameters, and predict a part of the log that it was not fitted to better than the model
-without.
+leaves. Each must predict a part of the log that it was not fitted to better than the model without, and then pay for
+its parameters on the whole log.
 """
 
 from __future__ import annotations
@@ -19,11 +19,15 @@ from diagnosis.refit import fitted_to, problem_near
 from diagnosis.score_test import Screen
 from diagnosis.verdict import HARDLY_EVER
 from identification.fit_result import Fit
+from identification.log import Log
+from identification.problem import Problem
+from identification.standard_errors import fit_with_errors
+from identification.threads import in_threads
 from plant.effects.nonparametric import unnamed
 from plant.effects.nonparametric_curve import Nonparametric
 
 _MOST = 2  # things without a name that a model may carry: each further one is found by chance more easily
-_AT_ONCE = 3  # kinds that are fitted before the best of them is looked at
+_AT_ONCE = 3  # kinds that are tried before the best of them is taken
 _ALIKE = 1e-9  # of the largest direction of columns, below which one is rounding
 
 
@@ -44,14 +48,17 @@ def with_curves(fit: Fit, base: Fit) -> Fit:
 
 
 def _better(fit: Fit, named: Collection[str]) -> Fit | None:
-    """The fit with one thing more that pays and predicts better, of those that promise most; None where none does."""
+    """The fit with one thing more that predicts better and pays, of those that promise most; None where none does."""
     promising = _promising(fit)
-    for first in range(0, len(promising), _AT_ONCE):
-        carried = [_carried(fit, named, start) for start in promising[first : first + _AT_ONCE]]
+    first, rest, _ = split(fit.log)
+    less = fitted_to(first, fit)
+    for begin in range(0, len(promising), _AT_ONCE):
+        tried = promising[begin : begin + _AT_ONCE]
+        surely = in_threads(lambda start: _surely_better(less, start, rest), tried)
+        carried = [_carried(fit, named, start) for start, sure in zip(tried, surely, strict=True) if sure > SURELY]
         paying = [other for other in carried if other.converged and _worth(other, fit) > HARDLY_EVER]
-        for other in sorted(paying, key=lambda other: -_worth(other, fit)):
-            if _predicts_better(fit, other):
-                return other
+        if paying:
+            return max(paying, key=lambda other: _worth(other, fit))
     return None
 
 
@@ -80,9 +87,12 @@ def _asked(screen: Screen, kind: type[Nonparametric]) -> Iterator[tuple[float, N
 
 
 def _carried(fit: Fit, named: Collection[str], start: Nonparametric) -> Fit:
-    held = (*start.shape(), *named)
-    after = problem_near(fit, fit.model.with_effect(start.begun()), fixed=held).descend(fit)
+    after = _beside(fit, start, named).descend(fit)
     return replace(after, parameters=tuple(fit[p.name] if p.name in named else p for p in after.parameters))
+
+
+def _beside(fit: Fit, start: Nonparametric, held: Collection[str] = ()) -> Problem:
+    return problem_near(fit, fit.model.with_effect(start.begun()), fixed=(*start.shape(), *held))
 
 
 def _worth(fit: Fit, than: Fit) -> float:
@@ -91,8 +101,10 @@ def _worth(fit: Fit, than: Fit) -> float:
     return fit.log_likelihood - than.log_likelihood - 0.5 * more * float(np.log(fit.samples))
 
 
-def _predicts_better(less: Fit, fit: Fit) -> bool:
-    """Whether it does so several steps ahead, where the rest of the log tells both models their parameters."""
-    first, rest, _ = split(fit.log)
-    gain, std = gain_of(fitted_to(first, less), fitted_to(first, fit), rest)
-    return gain > SURELY * std
+def _surely_better(less: Fit, start: Nonparametric, rest: Log) -> float:
+    """Standard errors by which the rest of a log is predicted better, several steps ahead, by a fit with one more."""
+    problem = _beside(less, start)
+    begun = problem.begun(less)
+    ended = problem.minimise(begun.point, less.bandwidth, 0.0, at_start=begun.equations)
+    gain, std = gain_of(less, fit_with_errors(problem, less.bandwidth, ended, ended.evaluations), rest)
+    return gain / std if std > 0.0 else 0.0

@@ -17,6 +17,8 @@ from identification.threads import in_threads
 from plant.effects import Effect
 from plant.servo import ServoModel
 
+_MANY = 12  # starts, of which each can be followed for a few iterations
+
 
 def problem_near(fit: Fit, model: ServoModel, fixed: tuple[str, ...] = ()) -> Problem:
     """The problem of fitting another model to a fit's log; what was fixed stays so, as far as the model has it."""
@@ -44,7 +46,13 @@ def fitted_to(log: Log, fit: Fit) -> Fit:
 
 
 def most_promising(problems: list[Problem], fit: Fit, bandwidth: float, iterations: int = 4) -> list[Problem]:
-    """The problems by how well a few iterations from a fit serve them, the best first."""
+    """The problems by how well a few iterations from a fit serve them, the best first.
+
+    Of many only those are tried that begin best.
+    """
+    if len(problems) > _MANY:
+        begun = in_threads(lambda each: each.glance(fit, bandwidth, 0), problems)
+        problems = [problems[place] for place in np.argsort(begun, kind="stable")[:_MANY]]
     costs = in_threads(lambda each: each.glance(fit, bandwidth, iterations), problems)
     return [problems[place] for place in np.argsort(costs, kind="stable")]
 

@@ -213,7 +213,9 @@ class Problem(Objective):
             best, bandwidth = trial, 4.0 * bandwidth
 
     def glance(self, start: Fit, bandwidth: float, iterations: int = 4) -> float:
-        """Cost after a few iterations from another fit, at a bandwidth: is it worth a descent?"""
+        """Cost after a few iterations from another fit, at a bandwidth, or where they begin: is it worth a descent?"""
+        if not iterations:
+            return self.cost(self._taken_over(start), bandwidth, 0.0)
         return self.minimise(self._taken_over(start), bandwidth, 0.0, iterations).equations.cost
 
     def _taken_over(self, start: Fit) -> Array:

@@ -34,6 +34,8 @@ def normal_equations(pieces: Iterable[tuple[int, Prediction]], runs: int, own: S
         at = places(piece.jacobian.shape[1] - 2, run, runs, own)
         part = NormalEquations.of(piece.innovations, piece.jacobian)
         cost += part.cost
+        if not np.isfinite(cost):
+            break
         with np.errstate(over="ignore", invalid="ignore"):
             gradient[at] += part.gradient
             information[np.ix_(at, at)] += part.information

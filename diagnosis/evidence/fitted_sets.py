@@ -10,6 +10,7 @@ from diagnosis.evidence.marginal import Explanation, weigh
 from diagnosis.evidence.signatures import Proposal
 from diagnosis.refit import is_its_special_case, most_promising, problem_near
 from identification.fit_result import Fit
+from identification.noise import log_likelihood
 from identification.standard_errors import fit_with_errors
 from plant.effects import Effect
 from plant.servo import ServoModel
@@ -84,8 +85,15 @@ def fitted_with(fit: Fit, proposal: Proposal, bandwidth: float) -> Fit:
         models = [model.with_effect(start) for model in models for start in starts]
     found = fitted(fit, models, bandwidth)
     for starts in proposal.starts:
-        found = _among_look_alikes(found, starts[0].name, bandwidth)
+        found = _among_look_alikes(found, starts[0].name, bandwidth, least=_without(fit, bandwidth))
     return found
+
+
+def _without(fit: Fit, bandwidth: float) -> float:
+    """Log-likelihood of a fit as it is behind another observer."""
+    problem = problem_near(fit, fit.model)
+    cost = problem.cost(problem.pack(fit.model.values, fit.initial), bandwidth, 0.0)
+    return log_likelihood(cost, fit.samples)
 
 
 def fitted(start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
@@ -100,8 +108,11 @@ def fitted(start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
     return fit_with_errors(problem, bandwidth, ended, begun.evaluations)
 
 
-def _among_look_alikes(fit: Fit, name: str, bandwidth: float) -> Fit:
-    """The best among shapes of an effect between which a descent cannot choose."""
+def _among_look_alikes(fit: Fit, name: str, bandwidth: float, least: float) -> Fit:
+    """The best among shapes of an effect between which a descent cannot choose; at first anywhere, then nearby.
+
+    Where none comes up to the log-likelihood `least`, there is nothing to be looked for nearby.
+    """
     for stage in _STAGES:
         effect = fit.model.effect(name)
         alike = () if effect is None else effect.similar_shapes(stage)
@@ -110,4 +121,6 @@ def _among_look_alikes(fit: Fit, name: str, bandwidth: float) -> Fit:
         rest = fit.model.without_effect(name)
         other = fitted(replace(fit, model=rest), [rest.with_effect(each) for each in alike], bandwidth)
         fit = max((fit, other), key=lambda each: each.log_likelihood)
+        if fit.log_likelihood < least:
+            break
     return fit
