@@ -131,9 +131,9 @@ def _assessed(plant: Any, feedback: Any, torque: float) -> LoopAnalysis:
     frequencies = np.geomspace(0.5e-4, 0.5, _POINTS) / dt
     at = np.exp(2j * np.pi * frequencies * dt)
     seen = control.frd(np.asarray(gain(at)), 2 * np.pi * frequencies)
-    gains, phases, distances, _, crossings, _ = control.stability_margins(seen, returnall=True)
-    last = int(np.argmax(crossings))
-    phase, crossover = float(phases[last]), float(crossings[last] / (2 * np.pi))
+    gains, phases, _, _, crossings, _ = control.stability_margins(seen, returnall=True)
+    order = np.argsort(crossings)
+    phase, crossover = (float(values[order[-1]]) if order.size else np.nan for values in (phases, crossings))
     return LoopAnalysis(
         plant=plant,
         controller=feedback,
@@ -142,9 +142,9 @@ def _assessed(plant: Any, feedback: Any, torque: float) -> LoopAnalysis:
         complementary=complementary,
         gain_margin=float(np.min(gains[gains > 1.0], initial=np.inf)),
         phase_margin=phase,
-        crossover=crossover,
+        crossover=crossover / (2 * np.pi),
         delay_margin=float(np.min(np.radians(np.mod(phases, 360.0)) / crossings, initial=np.inf)),
-        peak_sensitivity=float(1.0 / np.min(distances)),
+        peak_sensitivity=float(np.max(np.abs(np.asarray(sensitivity(at))))),
         bandwidth=_last_above(frequencies, np.abs(np.asarray(complementary(at))), float(np.sqrt(0.5))),
         torque=torque,
     )

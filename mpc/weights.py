@@ -14,17 +14,19 @@ Array = NDArray[np.float64]
 def rate_weight(model: ServoModel, bandwidth: float, sample_time: float) -> float:
     """s/Ts^2, weight of a change of torque from sample to sample [rad^2/(N m)^2].
 
-    s = 1/(J^2 w^6) puts the unconstrained poles of the rigid servo on a Butterworth pattern of bandwidth w = 2 pi f.
+    s = 1/(w^4 (J^2 w^2 + K^2)) puts the unconstrained poles of the rigid servo on a Butterworth pattern of bandwidth
+    w = 2 pi f: of third order where its inertia counts there, of second where its viscous friction does.
     """
     w = 2 * np.pi * bandwidth
-    return float(1.0 / (model.inertia**2 * w**6 * sample_time**2))
+    impedance = (model.inertia * w) ** 2 + model.viscous_friction**2
+    return float(1.0 / (w**4 * impedance * sample_time**2))
 
 
 def terminal_weight(model: ServoModel, rate: float, sample_time: float) -> Array:
     """P of the rigid servo for angle and velocity (2, 2), from its Riccati equation, the torque minimised away."""
+    from scipy.linalg import expm
 
-    dt, J, K = sample_time, model.inertia, model.viscous_friction
-    A = np.array([[1.0, dt, dt**2 / (2 * J)], [0.0, 1.0 - K * dt / J, dt / J], [0.0, 0.0, 1.0]])
-    B = np.array([[dt**2 / (2 * J)], [dt / J], [1.0]])
-    P = rate * settled(A.T, B[:, 0], np.diag([1.0 / rate, 0.0, 0.0]))
+    J, K = model.inertia, model.viscous_friction
+    A = expm(sample_time * np.array([[0.0, 1.0, 0.0], [0.0, -K / J, 1.0 / J], [0.0, 0.0, 0.0]]))
+    P = rate * settled(A.T, np.array([A[0, 2], A[1, 2], 1.0]), np.diag([1.0 / rate, 0.0, 0.0]))
     return np.asarray(P[:2, :2] - np.outer(P[:2, 2], P[2, :2]) / P[2, 2])

@@ -83,7 +83,7 @@ def test_terminal_cost_equals_the_lqr_cost_of_python_control() -> None:
     A = np.block([[plant.A, plant.B], [np.zeros((1, 2)), np.eye(1)]])  # with the torque of the last sample
     _, cost, _ = control.dlqr(A, A[:, 2:], np.diag([1.0, 0.0, 0.0]), [[rate]])
     free = np.linalg.inv(np.linalg.inv(cost)[:2, :2])  # from the last torque that costs least
-    assert terminal_weight(RIGID, rate, dt) == pytest.approx(free, rel=5e-3)
+    assert terminal_weight(RIGID, rate, dt) == pytest.approx(free, rel=1e-6)
 
 
 def test_margins_are_where_the_loop_becomes_unstable() -> None:
