@@ -85,12 +85,12 @@ def test_what_is_not_sure_is_not_compensated() -> None:
 
 
 def test_at_rest_friction_does_nothing() -> None:
-    # too high by half, the load stays within the count that the encoder shows: no jump to and fro
-    for seed in range(3):
+    # too high by half, the load stays within a count and a half of the encoder, which shows it to half of one: no jump
+    for seed in range(4):
         loop = closed_loop(
             controller(CoulombFriction(torque=0.38)), LIGHT, lambda t: 0.05 * np.minimum(t, 0.5), 2.0, seed=seed
         )
-        assert np.max(np.abs(loop.angle[-500:] - loop.reference[-500:])) < 2 * np.pi / 2**17
+        assert np.max(np.abs(loop.angle[-500:] - loop.reference[-500:])) < 1.5 * 2 * np.pi / 2**17
 
 
 def test_friction_changes_no_faster_than_the_teeth_bear() -> None:
