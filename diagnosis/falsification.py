@@ -1,7 +1,7 @@
 """What rules an effect out, however likely it is: values that no machine has, or validation data.
 
-An effect does not stand where all its sizes are zero within their standard errors, where its torque is larger than any
-in the log, nor where it makes predictions of the validation data worse.
+An effect does not stand where the log tells none of its parameters, where all its sizes are zero within their standard
+errors, where its torque is larger than any in the log, nor where it makes predictions of the validation data worse.
 """
 
 from __future__ import annotations
@@ -135,7 +135,9 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
     """Why a fitted effect cannot be there by its values; None if it can."""
     fit = explanation.fit
     values = estimates(fit, name)
-    if not np.isfinite(explanation.log_marginal):
+    lines = [line for line in fit.parameters if line.name.split(".")[0] == name and not line.fixed]
+    untold = bool(lines) and all(line.value is None or line.at_bound for line in lines)
+    if untold or not np.isfinite(explanation.log_marginal):
         return "this log does not tell its parameters from those of the others"
     torques = {key: value for key, value in values.items() if value.unit == fit.log.command_unit}
     sizes = {key: values[key] for key in {*torques, *_sizes(name)} & values.keys()}

@@ -88,23 +88,28 @@ class Weighed:
 
 
 def _held(fit: Fit, here: Linearised, own: list[int], remaining: Array) -> list[int]:
-    """Rows of the effects' parameters that the log does not move: the others can follow, or their bounds hold them.
+    """Rows of the effects' parameters that the log does not move: the others can follow, or a bound holds them.
 
-    The latter once the discrepancy is taken out of the innovations. There the likeliest value lies beyond the bound,
-    and what would be won there must not count.
+    The latter once the discrepancy is taken out of the innovations: where the likeliest value lies beyond a bound, what
+    would be won there must not count. They are held one by one, the first to be followed or stopped first: of two that
+    trade places the log knows what they are worth together, which is still free.
     """
-    if not own:
-        return []
-    beyond = here.beyond_the_rest(own)
-    followed = np.linalg.norm(beyond, axis=0) <= _FOLLOWED * np.linalg.norm(here.slopes(own), axis=0)
-    if followed.any():
-        lost = [row for row, gone in zip(own, followed, strict=True) if gone]
-        return [*lost, *_held(fit, here, [row for row in own if row not in lost], remaining)]
-    size = np.maximum(np.linalg.norm(beyond, axis=0), 1e-300)
-    step = -np.linalg.lstsq(beyond / size, remaining, rcond=1e-9)[0] / size
     problem = Problem.of(fit.log, fit.model, known=fit.known)
-    ends = problem.pack(fit.model.values, fit.initial)[own] + step
-    return [row for row, end in zip(own, ends, strict=True) if not problem.lower[row] <= end <= problem.upper[row]]
+    values, held = problem.pack(fit.model.values, fit.initial), list[int]()
+    while free := [row for row in own if row not in held]:
+        beyond = here.beyond_the_rest(free, held)
+        size = np.maximum(np.linalg.norm(beyond, axis=0), 1e-300)
+        moved = size / np.maximum(np.linalg.norm(here.slopes(free), axis=0), 1e-300)
+        if moved.min() <= _FOLLOWED:
+            held.append(free[int(np.argmin(moved))])
+            continue
+        step = -np.linalg.lstsq(beyond / size, remaining, rcond=1e-9)[0] / size
+        ends = np.where(step > 0.0, problem.upper[free], problem.lower[free])
+        share = np.divide(ends - values[free], step, out=np.full(len(free), np.inf), where=step != 0.0)
+        if share.min() >= 1.0:
+            break
+        held.append(free[int(np.argmin(share))])
+    return held
 
 
 def _volume(fit: Fit, here: Linearised, free: list[int], held: list[int]) -> float:
