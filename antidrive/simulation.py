@@ -13,7 +13,7 @@ from antidrive.closed_loop_run import ClosedLoopRun
 from antidrive.drive_loss import loop_with_drive_loss
 from antidrive.remaining_time import Parts, Tell
 from antidrive.scenario import Scenario
-from antidrive.test_bench import is_built, test_bench
+from antidrive.test_bench import is_built, on_the_bench, test_bench
 from mpc import Controller, closed_loop
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
@@ -58,7 +58,7 @@ def run_scenario(
     rig, notes = _machine(scenario, model, train)
     if rig.gears.drives == 1 and (scenario.drive_loss is not None or scenario.compare_single_drive):
         raise BadParameter(f"{scenario.name}: is about two drives; leave --one-drive out.")
-    design = rigid_model(rig) if model is None else model
+    design = rigid_model(rig) if model is None else on_the_bench(model) if is_built(scenario.rig) else model
     samples = scenario.pushes().size * (1 + (scenario.drive_loss is not None) + scenario.compare_single_drive)
     done = Parts((1 + repetitions) * samples, tell).done
     trial = _played(scenario, rig, design, seed, done)

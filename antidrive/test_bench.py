@@ -50,11 +50,10 @@ def test_bench(
         max_torque: of a drive [N m].
         told: attributes of the controller that say what the machine is: rotors, motor friction, encoder.
     """
-    said, missing = {"gravity": model.gravity, "viscous_friction": model.viscous_friction}, []
+    said = {"gravity": model.gravity, "viscous_friction": model.viscous_friction}
     for effect in model.effects:
-        found = _fields(effect)
-        missing += [effect.title] if found is None else []
-        said |= found or {}
+        said |= _fields(effect) or {}
+    missing = [effect.title for effect in model.effects if _fields(effect) is None]
     squares = train.motor_ratios**2
     rotor = float(np.max(told.get("rotor_inertia", 0.0))) or _ROTORS * model.inertia / float(np.sum(squares))
     seen = rotor * squares
@@ -77,8 +76,18 @@ def test_bench(
     unit = "kg m^2" if model.axis == "rotary" else "kg"
     notes = [f"The test-bench simulation is built from the model: {model.inertia:.4g} {unit}, drives {train}."]
     if missing:
-        notes.append(f"In the model, but not in the test-bench simulation: {', '.join(missing)}.")
+        notes.append(
+            f"In the model, but not in the test-bench simulation, and so not in its controller: {', '.join(missing)}."
+        )
     return rig, notes
+
+
+def on_the_bench(model: ServoModel) -> ServoModel:
+    """A model less the effects that no rig has: a controller that made up for one would push where nothing gives."""
+    for effect in model.effects:
+        if _fields(effect) is None:
+            model = model.without_effect(effect.name)
+    return model
 
 
 def _fields(effect: Effect) -> dict[str, float] | None:

@@ -176,6 +176,14 @@ def test_a_model_is_tried_on_a_bench_of_its_own() -> None:
     assert "that of the scenario, 2.079 kg m^2" in own.sentences()[0]
 
 
+def test_what_no_bench_has_is_not_made_up_for_on_it() -> None:
+    """The inverse of a dead zone jumps where the torque turns; on a bench without one that cost contact."""
+    model = ServoModel.paper()  # with a dead zone of 0.5 N m
+    trial = run_scenario(parse_scenario("short", SHORT.replace("[0.3, 0.2]", "0.3")), model=model)
+    assert not trial.summary()["contact_lost"]
+    assert "not in its controller: dead zone" in " ".join(trial.sentences())
+
+
 def test_the_commands_take_the_drives_and_a_model_of_either_axis(tmp_path: Path) -> None:
     linear = ServoModel(inertia=95.0, gravity=0.0, viscous_friction=200.0, axis="linear")
     model = write_model(tmp_path / "linear.json", linear)
