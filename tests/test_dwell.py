@@ -76,6 +76,7 @@ def test_one_drive_stands_while_it_crosses_its_gap() -> None:
     assert found().error[0, one, 1] > 3 * found().error[0, one, 0]
 
 
+@pytest.mark.long
 def test_a_planned_preload_cannot_be_told_from_no_gap() -> None:
     planned = place(PLANNED)
     assert abs(found().beyond_gapless[0, planned, 0]) <= 1

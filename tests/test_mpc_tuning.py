@@ -27,7 +27,7 @@ def test_the_peak_sensitivity_is_below_two(inertia: float, sample_time: float) -
 
 @pytest.mark.parametrize("sample_time", [0.001, 0.005])
 @pytest.mark.parametrize("settles", [0.5, 5.0, 50.0])
-def test_an_axis_that_is_all_viscous_friction_is_followed_as_fast(settles: float, sample_time: float) -> None:
+def test_an_axis_of_viscous_friction_alone_is_as_fast(settles: float, sample_time: float) -> None:
     """It settles within a sample: K Ts/J is above one. A step by Euler's rule left 0.64 Hz, or refused it."""
     model = ServoModel(inertia=sample_time / settles, gravity=0.0, viscous_friction=1.0)
     controller = Controller(model, PAPER, sample_time=sample_time)

@@ -221,6 +221,7 @@ def simulated(effect: Nonparametric) -> tuple[Log, Log]:
     return logs[0], logs[1]
 
 
+@pytest.mark.long
 def test_friction_that_varies_over_the_turn_has_no_sure_name() -> None:
     log, validation = simulated(FrictionOverTurn(**TURN, c0=0.1, c1=0.2, c2=0.3, c3=0.2, c4=0.1))
     found = diagnose(log, None, validation)
