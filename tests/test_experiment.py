@@ -96,7 +96,9 @@ def test_limits_hold_under_both_rivals(pair: str) -> None:
         assert states[:-1, 0] == pytest.approx(shown, abs=1e-6)
 
 
-@pytest.mark.parametrize("pair", PAIRS)
+@pytest.mark.parametrize(
+    "pair", [pytest.param(pair, marks=[pytest.mark.long] if pair == "lag" else []) for pair in PAIRS]
+)
 def test_it_tells_more_than_a_chirp(pair: str) -> None:
     experiment = designed(pair)
     assert experiment.separable
