@@ -55,10 +55,9 @@ def run_scenario(
     """
     numbers = {"sample_time": scenario.sample_time, **scenario.controller, **options}
     scenario = replace(scenario, sample_time=numbers.pop("sample_time"), controller=numbers)
-    rig, notes = _machine(scenario, model, train)
+    rig, design, notes = _machine(scenario, model, train)
     if rig.gears.drives == 1 and (scenario.drive_loss is not None or scenario.compare_single_drive):
         raise BadParameter(f"{scenario.name}: is about two drives; leave --one-drive out.")
-    design = rigid_model(rig) if model is None else on_the_bench(model) if is_built(scenario.rig) else model
     samples = scenario.pushes().size * (1 + (scenario.drive_loss is not None) + scenario.compare_single_drive)
     done = Parts((1 + repetitions) * samples, tell).done
     trial = _played(scenario, rig, design, seed, done)
@@ -66,17 +65,22 @@ def run_scenario(
     return replace(trial, again=tuple(other.summary() for other in again), notes=tuple(notes))
 
 
-def _machine(scenario: Scenario, model: ServoModel | None, train: DriveTrain | None) -> tuple[Rig, list[str]]:
-    """The rig, and what is to be said of it."""
+def _machine(
+    scenario: Scenario, model: ServoModel | None, train: DriveTrain | None
+) -> tuple[Rig, ServoModel, list[str]]:
+    """The rig, the design model of its controller, and what is to be said of them."""
     if model is not None and is_built(scenario.rig):
         limits = np.max(np.asarray(scenario.controller.get("max_torque", MAX_TORQUE)))
-        return test_bench(
+        rig, notes = test_bench(
             model, train or GearTrain.paper(), scenario.rig, max_torque=float(limits), told=scenario.controller
         )
+        return rig, on_the_bench(model), notes
     rig = scenario.machine()
     if train is not None:
         rig = replace(rig, gears=train, drives=tuple(range(1, train.drives + 1)))
-    return rig, [] if model is None else [f"The test bench is that of the scenario, {rig.total_inertia:.4g} kg m^2."]
+    if model is None:
+        return rig, rigid_model(rig), []
+    return rig, model, [f"The test bench is that of the scenario, {rig.total_inertia:.4g} kg m^2."]
 
 
 def _played(scenario: Scenario, rig: Rig, design: ServoModel, seed: int, done: Callable[[], None]) -> ClosedLoopRun:

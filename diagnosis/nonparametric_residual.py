@@ -15,13 +15,12 @@ import numpy as np
 from diagnosis.falsification import SURELY, gain_of
 from diagnosis.holdout import split
 from diagnosis.linear import response
-from diagnosis.refit import fitted_to, problem_near
+from diagnosis.refit import fitted_from, fitted_to, problem_near
 from diagnosis.score_test import Screen
 from diagnosis.verdict import HARDLY_EVER
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem
-from identification.standard_errors import fit_with_errors
 from identification.threads import in_threads
 from plant.effects.nonparametric import unnamed
 from plant.effects.nonparametric_curve import Nonparametric
@@ -103,8 +102,5 @@ def _worth(fit: Fit, than: Fit) -> float:
 
 def _surely_better(less: Fit, start: Nonparametric, rest: Log) -> float:
     """Standard errors by which the rest of a log is predicted better, several steps ahead, by a fit with one more."""
-    problem = _beside(less, start)
-    begun = problem.begun(less)
-    ended = problem.minimise(begun.point, less.bandwidth, 0.0, at_start=begun.equations)
-    gain, std = gain_of(less, fit_with_errors(problem, less.bandwidth, ended, ended.evaluations), rest)
+    gain, std = gain_of(less, fitted_from(less, _beside(less, start)), rest)
     return gain / std if std > 0.0 else 0.0

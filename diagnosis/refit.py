@@ -45,6 +45,13 @@ def fitted_to(log: Log, fit: Fit) -> Fit:
     return fit_with_errors(problem, fit.bandwidth, found, found.evaluations)
 
 
+def fitted_from(start: Fit, problem: Problem, iterations: int = 30) -> Fit:
+    """The fit of a problem from another fit that lies near, behind the same observer."""
+    begun = problem.begun(start)
+    ended = problem.minimise(begun.point, start.bandwidth, 0.0, iterations=iterations, at_start=begun.equations)
+    return fit_with_errors(problem, start.bandwidth, ended, begun.evaluations)
+
+
 def most_promising(problems: list[Problem], fit: Fit, bandwidth: float, iterations: int = 4) -> list[Problem]:
     """The problems by how well a few iterations from a fit serve them, the best first.
 

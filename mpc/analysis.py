@@ -30,8 +30,8 @@ class LoopAnalysis:
         sensitivity: S = 1/(1 + L), from a torque that enters with the controller's to their sum.
         complementary: T = L/(1 + L), from noise of the reading to the angle, with its sign.
         gain_margin: by how much L may grow until the loop oscillates [-]; inf if it never does.
-        phase_margin: [deg].
-        crossover: at which |L| = 1 for the last time [Hz].
+        phase_margin: [deg]; nan where |L| is nowhere 1.
+        crossover: at which |L| = 1 for the last time [Hz]; nan likewise.
         delay_margin: least dead time that makes the loop oscillate [s].
         peak_sensitivity: max |S| [-]; below 2 is comfortable.
         bandwidth: at which |T| falls below -3 dB for the last time [Hz].

@@ -86,6 +86,12 @@ def test_a_reference_jump_keeps_contact_without_overshoot(seed: int) -> None:
     assert result.least_flank_torque > 0.0
 
 
+def test_a_reference_jump_is_followed_with_little_margin_too() -> None:
+    result = closed_loop(four_hertz(RIGID, PAPER), RIG, lambda t: 0.5 * (t > 0.2), 3.0, seed=0)
+    assert np.max(result.angle) < 0.512
+    assert abs(result.angle[-1] - 0.5) < 2 * COUNT
+
+
 def test_a_reference_out_of_reach_is_approached_without_cycling() -> None:
     result = closed_loop(four_hertz(RIGID, PAPER), RIG, lambda t: 0.4 * np.sin(2 * np.pi * 0.25 * t), 3.0, seed=0)
     assert np.max(np.abs(result.angle)) < 0.5

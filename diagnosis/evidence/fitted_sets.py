@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, replace
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import Explanation, weigh
 from diagnosis.evidence.signatures import Proposal
-from diagnosis.refit import is_its_special_case, most_promising, problem_near
+from diagnosis.refit import fitted_from, is_its_special_case, most_promising, problem_near
 from identification.fit_result import Fit
 from identification.noise import log_likelihood
-from identification.standard_errors import fit_with_errors
 from plant.effects import Effect
 from plant.servo import ServoModel
 
@@ -85,12 +84,12 @@ def fitted_with(fit: Fit, proposal: Proposal, bandwidth: float) -> Fit:
         models = [model.with_effect(start) for model in models for start in starts]
     found = fitted(fit, models, bandwidth)
     for starts in proposal.starts:
-        found = _among_look_alikes(found, starts[0].name, bandwidth, least=_without(fit, bandwidth))
+        found = _among_look_alikes(found, starts[0].name, bandwidth, without=fit)
     return found
 
 
-def _without(fit: Fit, bandwidth: float) -> float:
-    """Log-likelihood of a fit as it is behind another observer."""
+def _likelihood(fit: Fit, bandwidth: float) -> float:
+    """Log-likelihood of a fit as it is, behind another observer."""
     problem = problem_near(fit, fit.model)
     cost = problem.cost(problem.pack(fit.model.values, fit.initial), bandwidth, 0.0)
     return log_likelihood(cost, fit.samples)
@@ -103,15 +102,13 @@ def fitted(start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
     if len(problems) > 1:
         problems = most_promising(problems, near, bandwidth)[:1]
     (problem,) = problems
-    begun = problem.begun(near)
-    ended = problem.minimise(begun.point, bandwidth, 0.0, iterations=_ITERATIONS, at_start=begun.equations)
-    return fit_with_errors(problem, bandwidth, ended, begun.evaluations)
+    return fitted_from(near, problem, _ITERATIONS)
 
 
-def _among_look_alikes(fit: Fit, name: str, bandwidth: float, least: float) -> Fit:
+def _among_look_alikes(fit: Fit, name: str, bandwidth: float, without: Fit) -> Fit:
     """The best among shapes of an effect between which a descent cannot choose; at first anywhere, then nearby.
 
-    Where none comes up to the log-likelihood `least`, there is nothing to be looked for nearby.
+    Where the best of all says less than the fit without the effect, there is nothing to be looked for nearby.
     """
     for stage in _STAGES:
         effect = fit.model.effect(name)
@@ -121,6 +118,6 @@ def _among_look_alikes(fit: Fit, name: str, bandwidth: float, least: float) -> F
         rest = fit.model.without_effect(name)
         other = fitted(replace(fit, model=rest), [rest.with_effect(each) for each in alike], bandwidth)
         fit = max((fit, other), key=lambda each: each.log_likelihood)
-        if fit.log_likelihood < least:
+        if stage == 0 and fit.log_likelihood < _likelihood(without, bandwidth):
             break
     return fit
