@@ -1,7 +1,8 @@
 """What rules an effect out, however likely it is: values that no machine has, or validation data.
 
 An effect does not stand where the log tells none of its parameters, where all its sizes are zero within their standard
-errors, where its torque is larger than any in the log, nor where it makes predictions of the validation data worse.
+errors, where its torque is larger than any in the log, nor where it surely makes predictions of the validation data
+worse. Where they get worse within chance, it loses as much evidence as they speak against it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.explanation.wording import measured, percent
 from diagnosis.holdout import bounded, cut, restart_window, squared_errors
+from diagnosis.jackknife import BLOCKS
 from diagnosis.refit import estimates, is_plausible, settled, without
 from diagnosis.result import Estimate
 from identification.fit_result import Fit
@@ -61,28 +63,35 @@ def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -
         validation: runs that no step has seen.
     """
     left, falsified = _possible(explanations)
+    against: dict[str, Array] = {}
     while True:
-        posterior = Posterior.over(left)
+        posterior = Posterior.over(left, against)
         leading = posterior.best
         names = sorted(leading.names)
         fit = settled(leading.fit, base.bandwidth) if names else base
         less = {name: base if len(names) == 1 else without(fit, name, base.bandwidth) for name in names}
-        wrong = {name: worse for name, other in less.items() if (worse := _worsened(other, fit, validation)) > 0.0}
+        found = {name: _objection(other, fit, validation) for name, other in less.items()}
+        wrong = {name: each.worse for name, each in found.items() if each.worse > 0.0}
         worst = max(wrong, key=lambda name: wrong[name], default=None)
         rest = [each for each in left if worst not in each.names]
-        if worst is None or not rest:
-            first = max(explanations, key=lambda each: each.log_marginal)
-            return Tenable(
-                posterior=posterior,
-                fit=fit,
-                without=less,
-                gains={name: gain_of(other, fit, validation) for name, other in less.items()},
-                falsified=falsified,
-                lost=first.log_marginal - posterior.sets[0].log_marginal,
-                likeliest=first.names,
-            )
-        reason = f"the validation error is larger with it, by {percent(wrong[worst])}"
-        left, falsified = rest, {worst: reason} | falsified
+        if worst is not None and rest:
+            reason = f"the validation error is larger with it, by {percent(wrong[worst])}"
+            left, falsified = rest, {worst: reason} | falsified
+            continue
+        fresh = {n: each.against for n, each in found.items() if n not in against and each.against.sum() < 0.0}
+        if not fresh:
+            break
+        against |= fresh
+    first = max(explanations, key=lambda each: each.log_marginal)
+    return Tenable(
+        posterior=posterior,
+        fit=fit,
+        without=less,
+        gains={name: gain_of(other, fit, validation) for name, other in less.items()},
+        falsified=falsified,
+        lost=first.log_marginal - posterior.sets[0].log_marginal,
+        likeliest=first.names,
+    )
 
 
 def gain_of(less: Fit, fit: Fit, validation: Log) -> tuple[float, float]:
@@ -96,18 +105,40 @@ def gain_of(less: Fit, fit: Fit, validation: Log) -> tuple[float, float]:
     return cut(before, after)
 
 
-def _worsened(less: Fit, fit: Fit, validation: Log) -> float:
-    """Share by which prediction errors surely rise from one fit to another; 0 where they do not.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Objection:
+    """What validation data say against an effect.
 
-    Those of one step in any way, those of many steps to more than twice: what the log leaves open of a small effect's
-    parameters makes them a little larger too. Where one of the two surely falls, the data do not speak against it.
+    Attributes:
+        worse: share by which prediction errors surely rise with it; 0 where they do not.
+        against: (B,) log-likelihood that it gains on the validation data by block; the data may only take away.
+    """
+
+    worse: float
+    against: Array
+
+
+def _objection(less: Fit, fit: Fit, validation: Log) -> _Objection:
+    """The objection to an effect, from a fit without it and one with it.
+
+    Errors of one step may not rise surely, those of many steps not to more than twice: what the log leaves open of a
+    small effect's parameters makes them a little larger too. Where one of the two surely falls, nothing speaks against
+    the effect.
     """
     bandwidth = max(less.bandwidth, fit.bandwidth)
-    one_step = cut(*(_squared_innovations(validation, each, bandwidth) for each in (less, fit)))
-    tested = ((*one_step, 0.0), (*gain_of(less, fit, validation), _TWICE))
+    before, after = (_squared_innovations(validation, each, bandwidth) for each in (less, fit))
+    tested = ((*cut(before, after), 0.0), (*gain_of(less, fit, validation), _TWICE))
     if any(gain > SURELY * std for gain, std, _ in tested):
-        return 0.0
-    return max(-gain if gain + SURELY * std < -least else 0.0 for gain, std, least in tested)
+        return _Objection(worse=0.0, against=np.zeros(BLOCKS))
+    worse = max(-gain if gain + SURELY * std < -least else 0.0 for gain, std, least in tested)
+    return _Objection(worse=worse, against=_log_likelihood(after) - _log_likelihood(before))
+
+
+def _log_likelihood(squares: Array) -> Array:
+    """(B,) log-likelihood of blocks of white noise (T,) of unknown variance, from its squares."""
+    variance = max(float(np.mean(squares)), 1e-300)
+    told = -0.5 * (squares / variance + np.log(variance))
+    return np.array([part.sum() for part in np.array_split(told, BLOCKS)])
 
 
 def _squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:

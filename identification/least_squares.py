@@ -191,8 +191,10 @@ def uncertainty(information: Array, coloured: Array, variance: float) -> Uncerta
     inverse = (vectors[:, ~lost] / eigenvalues[~lost]) @ vectors[:, ~lost].T
     silent = np.where(np.abs(vectors[:, lost]) > _ROUNDING, vectors[:, lost], 0.0)
     size = np.outer(scale, scale)
+    power, along = np.linalg.eigh(coloured / size)
+    half = inverse @ (along * np.sqrt(np.maximum(power, 0.0)))  # its square has no negative variance by rounding
     with np.errstate(over="ignore", invalid="ignore"):
-        covariance, white = inverse @ (coloured / size) @ inverse / size, variance * inverse / size
+        covariance, white = half @ half.T / size, variance * inverse / size
     return Uncertainty(
         covariance=covariance,
         white=white,

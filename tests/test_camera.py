@@ -55,6 +55,7 @@ def watts(law: str) -> float:
 # Who errs how much.
 
 
+@pytest.mark.long
 def test_least_effort_tracks_as_well_at_a_third_of_the_loss() -> None:
     assert rms(PLANNED) < 1.02 * rms(SIZED)
     assert watts(PLANNED) < watts(SIZED) / 3

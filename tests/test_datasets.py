@@ -245,6 +245,7 @@ def test_hsm150s_own_torque_is_the_one_with_which_its_runs_agree():
     assert viscous == pytest.approx(6.8e-5, abs=0.4e-5)  # catalogue 7.03e-5
 
 
+@pytest.mark.long
 def test_bam_rubs_by_its_load():
     """As the authors of the data set say; but for that, what is missing depends on the torque a moment before."""
     dataset = load_dataset("bam", folder("bam"))

@@ -86,6 +86,7 @@ def test_a_planned_preload_cannot_be_told_from_no_gap() -> None:
     assert 0.4 * kept < found().least[0, planned, 1] < kept + 2 * friction
 
 
+@pytest.mark.long
 def test_two_drives_without_preload_are_no_better_than_one() -> None:
     loose = place("both, no preload")
     assert found().beyond_gapless[0, loose, 0] > 10

@@ -101,13 +101,15 @@ def test_probabilities_of_the_sets_sum_to_one() -> None:
     assert joined_words[0]["effects"] == ["coulomb_friction"]
 
 
-def weighed_by_blocks(log_marginal: float, of_blocks: Any) -> Any:
+def weighed_by_blocks(log_marginal: float, of_blocks: Any, names: tuple[str, ...] = ()) -> Any:
     """A set of effects as far as its probability needs it."""
 
     def by_block(blocks: int) -> Any:
         return np.array([part.sum() for part in np.array_split(np.asarray(of_blocks, dtype=float), blocks)])
 
-    return SimpleNamespace(log_marginal=log_marginal, weighed=SimpleNamespace(by_block=by_block))
+    return SimpleNamespace(
+        names=frozenset(names), log_marginal=log_marginal, weighed=SimpleNamespace(by_block=by_block)
+    )
 
 
 def test_a_set_is_sure_where_the_blocks_of_a_log_agree() -> None:
@@ -116,8 +118,20 @@ def test_a_set_is_sure_where_the_blocks_of_a_log_agree() -> None:
     agreed, disagreed = np.full(100, 0.2), np.r_[np.full(5, 16.0), np.full(95, -60.0 / 95.0)]
     assert agreed.sum() == pytest.approx(20.0)
     assert disagreed.sum() == pytest.approx(20.0)
-    assert over_blocks([weighed_by_blocks(20.0, agreed), none])[0] > 0.999
-    assert 0.3 < over_blocks([weighed_by_blocks(20.0, disagreed), none])[0] < 0.7
+    assert over_blocks([weighed_by_blocks(20.0, agreed), none], {})[0] > 0.999
+    assert 0.3 < over_blocks([weighed_by_blocks(20.0, disagreed), none], {})[0] < 0.7
+
+
+def test_validation_data_take_evidence_and_give_none() -> None:
+    """Five in log odds do not stand against ten on validation data; nor do those make a name surer that they favour."""
+    none, wave = (weighed_by_blocks(odds, np.zeros(100), names) for odds, names in ((0.0, ()), (5.0, ("wave",))))
+    alone, opposed, favoured, of_another = (
+        over_blocks([wave, none], against)[0]
+        for against in ({}, {"wave": np.full(20, -0.5)}, {"wave": np.full(20, 0.5)}, {"drag": np.full(20, -0.5)})
+    )
+    assert opposed < 0.05 < 0.99 < alone
+    assert favoured == pytest.approx(alone)
+    assert of_another == pytest.approx(alone)
 
 
 def test_the_blocks_of_a_log_make_its_whole_likelihood() -> None:

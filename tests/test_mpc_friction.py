@@ -44,10 +44,12 @@ def test_known_friction_improves_tracking_on_a_light_axis(rig: Rig, factor: floa
     values = [getattr(friction, spec.name) for spec in friction.parameters()]
     told = friction.bound([factor * value for value in values[:2]] + values[2:])
     known, unknown = (
-        [closed_loop(controller(*effects), rig, swing, 3.0, seed=seed) for seed in range(3)]
+        [closed_loop(controller(*effects), rig, swing, 3.0, seed=seed) for seed in range(5)]
         for effects in ((told,), ())
     )
-    assert sum(map(error, known)) < 0.55 * sum(map(error, unknown))
+    errors = np.array([[error(loop) for loop in loops] for loops in (known, unknown)])  # one that sticks is far out
+    assert np.median(errors[0]) < 0.55 * np.median(errors[1])
+    assert errors[0].max() < 1.5 * np.median(errors[1])
     assert min(loop.least_flank_torque for loop in known) > 0
 
 

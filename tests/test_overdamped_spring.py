@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import pytest
+
 from diagnosis import diagnose
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -12,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from drawn_machines import drawn
 
 
+@pytest.mark.long
 def test_what_imitates_a_lag_pays_for_what_the_log_knows_of_it() -> None:
     """Its three parameters trade places, and bounds stop them: all were held, and the spring cost nothing."""
     lags = ["sensor_lag", "actuator_lag", "input_delay"]

@@ -20,6 +20,7 @@ def test_a_rough_log_ends_in_a_result_or_a_sentence(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [578, 828])
+@pytest.mark.long
 def test_of_a_thousand_logs_two_once_ended_otherwise(seed: int) -> None:
     """A model whose motion grew without bound, and a part of a log shorter than a filter's padding."""
     assert diagnosed(rough_log(seed, longest=2000)).faults == ()

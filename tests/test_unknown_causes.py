@@ -85,6 +85,7 @@ def test_what_the_catalogue_lacks_is_unknown_and_its_gain_is_had(
     assert any(re.search(formula, warning) for warning in found.warnings)
 
 
+@pytest.mark.long
 def test_of_what_the_catalogue_lacks_only_a_true_part_is_sure() -> None:
     """Friction that differs by direction holds Coulomb friction and an offset."""
     near = ("coulomb_friction", "stribeck_friction", "presliding_hysteresis", "torque_offset", "friction_drift")

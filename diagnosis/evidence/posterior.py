@@ -8,6 +8,9 @@ news. So the log is drawn again: with Dirichlet weights z of its blocks a set k 
 and its probability is the average over z (pseudo-BMA+; Yao, Vehtari, Simpson and Gelman 2018). It is sure where nearly
 all blocks speak for it.
 
+What validation data say against an effect, block by block, is drawn again likewise, and taken from every set that holds
+it: they can make a name less likely, never more.
+
 What is significant, but smaller than what no name explains, may well be a part of that. So a name keeps
 
     r^2 / (1 + r^2)
@@ -52,10 +55,10 @@ class Posterior:
     believed: Mapping[frozenset[str], float]
 
     @classmethod
-    def over(cls, explanations: Iterable[Explanation]) -> Posterior:
-        """Of all that were weighed."""
+    def over(cls, explanations: Iterable[Explanation], against: Mapping[str, Array] | None = None) -> Posterior:
+        """Of all that were weighed; `against` has (B,) log-likelihoods by which validation data speak against names."""
         ordered = sorted(explanations, key=lambda each: -each.log_marginal)
-        probabilities = tuple(over_blocks(ordered).tolist())
+        probabilities = tuple(over_blocks(ordered, against or {}).tolist())
         believed: dict[frozenset[str], float] = {}
         for each, p in zip(ordered, probabilities, strict=True):
             for names, share in beside_discrepancy(each, p).items():
@@ -98,11 +101,18 @@ class Posterior:
         return holder.sizes.effects[name] / max(holder.sizes.discrepancy, 1e-300)
 
 
-def over_blocks(sets: Sequence[Explanation]) -> Array:
+def over_blocks(sets: Sequence[Explanation], against: Mapping[str, Array]) -> Array:
     """(S,) probabilities of sets, averaged over logs that consist of blocks of this one drawn again."""
+    draw = np.random.default_rng(0)
+
+    def again(count: int) -> Array:
+        return np.asarray(draw.dirichlet(np.ones(count), size=_DRAWS) * count)
+
     blocks = np.array([each.weighed.by_block(BLOCKS) for each in sets])
-    again = np.random.default_rng(0).dirichlet(np.ones(BLOCKS), size=_DRAWS) * BLOCKS
-    scores = np.array([each.log_marginal for each in sets]) + (again - 1.0) @ blocks.T
+    scores = np.array([each.log_marginal for each in sets]) + (again(BLOCKS) - 1.0) @ blocks.T
+    for name, told in sorted(against.items()):
+        taken = np.minimum(again(told.size) @ told, 0.0)
+        scores += np.outer(taken, [name in each.names for each in sets])
     weights = np.exp(scores - scores.max(axis=1, keepdims=True))
     return np.asarray(np.mean(weights / weights.sum(axis=1, keepdims=True), axis=0))
 
