@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -29,6 +29,7 @@ class Course:
         start, half, end: at the start, after half of the step, at its end [N m].
         early: share of the way from start to end that is missing in the mean of the three [-].
         path: where the torque is after a share of the step [N m]; None where its way is straight, or there is none.
+        seen: where it was looked at.
     """
 
     start: Expression
@@ -36,6 +37,7 @@ class Course:
     end: Expression
     early: Expression
     path: Callable[[float], Expression] | None = None
+    seen: dict[float, Expression] = field(default_factory=dict)
 
     @classmethod
     def held(cls, torque: Expression) -> Course:
@@ -77,13 +79,12 @@ class Course:
         """Behind a law that is linear."""
         if self.is_held:
             return Course.held(factor * self.start + shift)
-        path = self.path
         return Course(
             start=factor * self.start + shift,
             half=factor * self.half + shift,
             end=factor * self.end + shift,
             early=self.early,
-            path=None if path is None else lambda share: factor * path(share) + shift,
+            path=None if self.path is None else lambda share: factor * self.at(share) + shift,
         )
 
     def limited(self, limit: Expression) -> Course:
@@ -96,8 +97,11 @@ class Course:
         return behind if self.path is not None else replace(behind, early=0.0)
 
     def at(self, share: float) -> Expression:
-        """After a share of the step [N m]."""
-        return self.start + share * (self.end - self.start) if self.path is None else self.path(share)
+        """After a share of the step [N m]; the same expression each time, for what comes behind looks at it too."""
+        if share not in self.seen:
+            straight = self.start + share * (self.end - self.start)
+            self.seen[share] = straight if self.path is None else self.path(share)
+        return self.seen[share]
 
     def _seen_along(self) -> Expression:
         """What the path has more in the mean than the three values [N m]."""

@@ -20,7 +20,7 @@ def found(offset: float, friction: float = 0.0) -> Diagnosis:
 
 
 def test_an_effect_in_doubt_is_told_with_its_doubt() -> None:
-    diagnosis = found(1.5e-5)
+    diagnosis = found(2.2e-5)
     assert diagnosis.verdict == "ambiguous"
     (cause,) = diagnosis.causes
     assert cause.effect == "torque_offset"

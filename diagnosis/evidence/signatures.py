@@ -221,7 +221,7 @@ class Signatures:
             at_hand = best[shape.name][0] if shape.name in best else -np.inf
             if self._value(self._evidence(products, bound), shape) <= at_hand:
                 continue
-            explained = _explained(products, self.plain, shape)
+            explained = _explained(products, self.plain, shape) if any(shape.positive) else bound
             value = self._value(self._evidence(products, explained), shape)
             if explained > 0.0 and value > at_hand:
                 best[shape.name] = value, shape
@@ -253,15 +253,13 @@ class Signatures:
     def _others(self, products: Products, best: Signature) -> Iterator[Effect]:
         """Other shapes of the same effect, nearly as good."""
 
-        def evidence(shape: Signature) -> float:
-            return self._evidence(products, _explained(products, self.plain, shape))
-
-        least = _NEAR * evidence(best)
-        like = [(evidence(s), s) for s in self.shapes if s.name == best.name and s is not best]
+        own = [best, *(shape for shape in self.shapes if shape.name == best.name and shape is not best)]
+        evidence = [self._evidence(products, power) for power in _powers(products, self.plain, own)]
+        least, like = _NEAR * evidence[0], list(zip(evidence[1:], own[1:], strict=True))
         near = sorted((pair for pair in like if pair[0] > least), key=lambda pair: -pair[0])
         for _, shape in near[: _STARTS - 1]:
-            own = slice(shape.columns.start, shape.columns.stop)
-            yield shape.start(bounded_least_squares(products.gram[own, own], products.pull[own], shape.positive))
+            at = shape.columns
+            yield shape.start(bounded_least_squares(products.gram[at, at], products.pull[at], shape.positive))
 
 
 def _unbounded(products: Products, plain: Products, shapes: Sequence[Signature]) -> Array:
@@ -282,6 +280,15 @@ def _unbounded(products: Products, plain: Products, shapes: Sequence[Signature])
     return found
 
 
+def _powers(products: Products, plain: Products, shapes: Sequence[Signature]) -> list[float]:
+    """(S,) of the innovations' power that each shape explains."""
+    most = _unbounded(products, plain, shapes)
+    return [
+        _explained(products, plain, shape) if any(shape.positive) else float(bound)
+        for shape, bound in zip(shapes, most, strict=True)
+    ]
+
+
 def _explained(products: Products, plain: Products, shape: Signature) -> float:
     """Of the innovations' power by one signature; nothing by one that the others have absorbed."""
     own = shape.columns
@@ -297,8 +304,8 @@ def _explained(products: Products, plain: Products, shape: Signature) -> float:
 def _closer(shapes: Sequence[Signature], products: Products, motion: Motion) -> Iterator[tuple[str, Trace]]:
     """Traces between those that promise most, of each effect."""
     by_name: dict[str, list[tuple[float, Signature]]] = {}
-    for shape in shapes:
-        by_name.setdefault(shape.name, []).append((_explained(products, products, shape), shape))
+    for power, shape in zip(_powers(products, products, shapes), shapes, strict=True):
+        by_name.setdefault(shape.name, []).append((power, shape))
     for name, own in by_name.items():
         for _, shape in sorted(own, key=lambda pair: -pair[0])[:_CLOSER]:
             at = shape.columns

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import MISSING, dataclass, field, fields
+from functools import lru_cache
 from typing import Any, Literal, TypeAlias
 
 from plant.errors import BadParameter
@@ -112,7 +113,12 @@ def fastest_swing(sample_time: float) -> float:
 
 def parameters_of(owner: Any) -> tuple[Parameter, ...]:
     """The parameters among the fields of a dataclass or an instance of it, in order."""
-    return tuple(Parameter(name=f.name, **f.metadata) for f in fields(owner) if "unit" in f.metadata)
+    return _of_kind(owner if isinstance(owner, type) else type(owner))
+
+
+@lru_cache(maxsize=1024)
+def _of_kind(kind: Any) -> tuple[Parameter, ...]:
+    return tuple(Parameter(name=f.name, **f.metadata) for f in fields(kind) if "unit" in f.metadata)
 
 
 def within(value: float, owner: type, name: str, *, floor: float = 0.0) -> float:
