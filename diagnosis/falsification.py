@@ -64,13 +64,14 @@ def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -
     """
     left, falsified = _possible(explanations)
     against: dict[str, Array] = {}
+    asked: dict[frozenset[str], _Question] = {}
     while True:
         posterior = Posterior.over(left, against)
         leading = posterior.best
-        names = sorted(leading.names)
-        fit = settled(leading.fit, base.bandwidth) if names else base
-        less = {name: base if len(names) == 1 else without(fit, name, base.bandwidth) for name in names}
-        found = {name: _objection(other, fit, validation) for name, other in less.items()}
+        if leading.names not in asked:
+            asked[leading.names] = _Question.of(base, leading, validation)
+        here = asked[leading.names]
+        found = here.objections
         wrong = {name: each.worse for name, each in found.items() if each.worse > 0.0}
         worst = max(wrong, key=lambda name: wrong[name], default=None)
         rest = [each for each in left if worst not in each.names]
@@ -85,13 +86,37 @@ def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -
     first = max(explanations, key=lambda each: each.log_marginal)
     return Tenable(
         posterior=posterior,
-        fit=fit,
-        without=less,
-        gains={name: gain_of(other, fit, validation) for name, other in less.items()},
+        fit=here.fit,
+        without=here.less,
+        gains={name: gain_of(other, here.fit, validation) for name, other in here.less.items()},
         falsified=falsified,
         lost=first.log_marginal - posterior.sets[0].log_marginal,
         likeliest=first.names,
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Question:
+    """A set of effects before the validation data.
+
+    Attributes:
+        fit: of all of them, behind the observer that it needs without a discrepancy.
+        less: for each of them that without it, fitted again.
+        objections: to each of them.
+    """
+
+    fit: Fit
+    less: Mapping[str, Fit]
+    objections: Mapping[str, _Objection]
+
+    @classmethod
+    def of(cls, base: Fit, explanation: Explanation, validation: Log) -> _Question:
+        """Of an explanation; without effects the fit is that of the base model."""
+        names = sorted(explanation.names)
+        fit = settled(explanation.fit, base.bandwidth) if names else base
+        less = {name: base if len(names) == 1 else without(fit, name, base.bandwidth) for name in names}
+        objections = {name: _objection(other, fit, validation) for name, other in less.items()}
+        return cls(fit=fit, less=less, objections=objections)
 
 
 def gain_of(less: Fit, fit: Fit, validation: Log) -> tuple[float, float]:

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
+from diagnosis import falsification
 from diagnosis.evidence.fitted_sets import Explored, fitted
 from diagnosis.evidence.marginal import families_along
 from diagnosis.evidence.posterior import Posterior, beside_discrepancy
 from diagnosis.falsification import tenable
 from diagnosis.verdict import rivals
 from identification.fit import fit
-from plant.effects import Compliance, StribeckFriction, catalogue
+from plant.effects import Compliance, StribeckFriction, TorqueOffset, catalogue
 
 
 def believing(**shares: float) -> Posterior:
@@ -97,3 +98,22 @@ def test_a_spring_at_the_fastest_swing_is_ruled_out() -> None:
     assert left.falsified["compliance"] == "its resonance is faster than this log can show"
     assert np.isfinite(left.lost)
     assert left.posterior.best.names == frozenset()
+
+
+@pytest.mark.parametrize(("a_block", "stays"), [(-2.0, False), (0.0, True), (2.0, True)])
+def test_what_validation_data_say_is_taken_from_a_name(
+    monkeypatch: pytest.MonkeyPatch, a_block: float, stays: bool
+) -> None:
+    """An effect of 20 in log odds, to which they object with 40 in log-likelihood; or not, or that they favour."""
+    found = explored_of()
+    offset = fitted(found.null, [found.null.model.with_effect(TorqueOffset(torque=0.01))], found.null.bandwidth)
+    base, wanted = found.weighed(found.null), found.weighed(offset)
+    assert base is not None
+    assert wanted is not None
+    monkeypatch.setattr(falsification, "_impossible", lambda *_: None)
+    objection = falsification._Objection(worse=0.0, against=np.full(20, a_block))
+    monkeypatch.setattr(falsification, "_objection", lambda *_: objection)
+    sure = replace(wanted, log_marginal=base.log_marginal + 20.0)
+    left = tenable(found.null, [base, sure], found.null.log)
+    assert (left.posterior.best.names == {"torque_offset"}) == stays
+    assert (left.posterior.of("torque_offset") > 0.9) == stays
