@@ -64,12 +64,12 @@ def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -
     """
     left, falsified = _possible(explanations)
     against: dict[str, Array] = {}
-    asked: dict[frozenset[str], _Question] = {}
+    asked: dict[frozenset[str], _Validated] = {}
     while True:
         posterior = Posterior.over(left, against)
         leading = posterior.best
         if leading.names not in asked:
-            asked[leading.names] = _Question.of(base, leading, validation)
+            asked[leading.names] = _Validated.of(base, leading, validation)
         here = asked[leading.names]
         found = here.objections
         wrong = {name: each.worse for name, each in found.items() if each.worse > 0.0}
@@ -96,8 +96,8 @@ def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Question:
-    """A set of effects before the validation data.
+class _Validated:
+    """A set of effects with what the validation data say against each.
 
     Attributes:
         fit: of all of them, behind the observer that it needs without a discrepancy.
@@ -110,7 +110,7 @@ class _Question:
     objections: Mapping[str, _Objection]
 
     @classmethod
-    def of(cls, base: Fit, explanation: Explanation, validation: Log) -> _Question:
+    def of(cls, base: Fit, explanation: Explanation, validation: Log) -> _Validated:
         """Of an explanation; without effects the fit is that of the base model."""
         names = sorted(explanation.names)
         fit = settled(explanation.fit, base.bandwidth) if names else base

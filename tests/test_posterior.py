@@ -100,18 +100,21 @@ def test_a_spring_at_the_fastest_swing_is_ruled_out() -> None:
     assert left.posterior.best.names == frozenset()
 
 
-@pytest.mark.parametrize(("a_block", "stays"), [(-2.0, False), (0.0, True), (2.0, True)])
-def test_what_validation_data_say_is_taken_from_a_name(
-    monkeypatch: pytest.MonkeyPatch, a_block: float, stays: bool
-) -> None:
+SAID = {"object": np.full(20, -2.0), "silent": np.zeros(20), "favour": np.full(20, 2.0), "mixed": np.full(20, -10.0)}
+SAID["mixed"][0] = 400.0  # on the whole they favour it
+
+
+@pytest.mark.parametrize("said", SAID)
+def test_what_validation_data_say_is_taken_from_a_name(monkeypatch: pytest.MonkeyPatch, said: str) -> None:
     """An effect of 20 in log odds, to which they object with 40 in log-likelihood; or not, or that they favour."""
+    stays = said != "object"
     found = explored_of()
     offset = fitted(found.null, [found.null.model.with_effect(TorqueOffset(torque=0.01))], found.null.bandwidth)
     base, wanted = found.weighed(found.null), found.weighed(offset)
     assert base is not None
     assert wanted is not None
     monkeypatch.setattr(falsification, "_impossible", lambda *_: None)
-    objection = falsification._Objection(worse=0.0, against=np.full(20, a_block))
+    objection = falsification._Objection(worse=0.0, against=SAID[said])
     monkeypatch.setattr(falsification, "_objection", lambda *_: objection)
     sure = replace(wanted, log_marginal=base.log_marginal + 20.0)
     left = tenable(found.null, [base, sure], found.null.log)

@@ -221,7 +221,7 @@ class Signatures:
             at_hand = best[shape.name][0] if shape.name in best else -np.inf
             if self._value(self._evidence(products, bound), shape) <= at_hand:
                 continue
-            explained = _explained(products, self.plain, shape) if any(shape.positive) else bound
+            explained = _explained(products, self.plain, shape, bound)
             value = self._value(self._evidence(products, explained), shape)
             if explained > 0.0 and value > at_hand:
                 best[shape.name] = value, shape
@@ -283,14 +283,16 @@ def _unbounded(products: Products, plain: Products, shapes: Sequence[Signature])
 def _powers(products: Products, plain: Products, shapes: Sequence[Signature]) -> list[float]:
     """(S,) of the innovations' power that each shape explains."""
     most = _unbounded(products, plain, shapes)
-    return [
-        _explained(products, plain, shape) if any(shape.positive) else float(bound)
-        for shape, bound in zip(shapes, most, strict=True)
-    ]
+    return [_explained(products, plain, shape, float(free)) for shape, free in zip(shapes, most, strict=True)]
 
 
-def _explained(products: Products, plain: Products, shape: Signature) -> float:
-    """Of the innovations' power by one signature; nothing by one that the others have absorbed."""
+def _explained(products: Products, plain: Products, shape: Signature, free: float) -> float:
+    """Of the innovations' power by one signature; nothing by one that the others have absorbed.
+
+    Where its sizes may have any sign, that is what it explains with signs left free.
+    """
+    if not any(shape.positive):
+        return free
     own = shape.columns
     gram, pull = products.gram[own, own], products.pull[own]
     if np.any(np.diag(gram) <= _ABSORBED * np.diag(plain.gram[own, own])):
