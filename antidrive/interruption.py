@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
+from plant.machine_code import start_no_more
+
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -65,6 +67,7 @@ def _handled(handler: Any) -> Iterator[None]:
 
 def leave(code: int) -> NoReturn:
     """End the process without waiting for its threads; compilers at work and their folders go."""
+    start_no_more()
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         stream.flush()

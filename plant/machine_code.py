@@ -27,8 +27,15 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 _GROUPS = hasattr(os, "killpg")  # of processes
+_changing = threading.RLock()  # held while a compiler is started, until it is known how to end it, and while it ends
 _FLAGS = ("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 """No number changes by them: `errno` and traps are not used, so that a comparison needs no jump."""
+
+
+if hasattr(os, "register_at_fork"):  # a fork that copied the lock as another thread's would wait for ever
+    os.register_at_fork(
+        before=_changing.acquire, after_in_parent=_changing.release, after_in_child=_changing.release
+    )
 
 
 class MachineCode:
@@ -101,6 +108,11 @@ class _Build:
 
     @classmethod
     def start(cls, command: tuple[str, ...], name: str, source: str) -> _Build | None:
+        with _changing:
+            return cls._started(command, name, source)
+
+    @classmethod
+    def _started(cls, command: tuple[str, ...], name: str, source: str) -> _Build | None:
         folder = None
         try:
             folder = Path(tempfile.mkdtemp(prefix="antidrive-"))
@@ -148,13 +160,19 @@ class _Build:
         return True
 
 
+def start_no_more() -> None:
+    """Let what is being started or ended come so far, and start nothing from now on: the process is about to end."""
+    _changing.acquire(timeout=1.0)  # a disk that hangs shall not keep it from ending
+
+
 def _abandon(process: subprocess.Popen[bytes], folder: Path) -> None:
-    if process.poll() is None:
-        if _GROUPS:
-            os.killpg(process.pid, signal.SIGKILL)
-        process.kill()
-        process.wait()
-    shutil.rmtree(folder, ignore_errors=True)
+    with _changing:
+        if process.poll() is None:
+            if _GROUPS:
+                os.killpg(process.pid, signal.SIGKILL)
+            process.kill()
+            process.wait()
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @lru_cache(maxsize=1)

@@ -58,6 +58,29 @@ def test_a_command_that_is_stopped_leaves_nothing(number, code, after, log, tmp_
     assert [path.name for path in tmp_path.iterdir() if path.is_dir() and path.name != "cache"] == []
 
 
+SLOW_TO_START = """
+import subprocess, threading, time
+from antidrive.interruption import leave
+from plant.machine_code import MachineCode
+begun, real = threading.Event(), subprocess.Popen
+def slow(*words, **options):
+    begun.set()
+    time.sleep(0.3)
+    return real(*words, **options)
+subprocess.Popen = slow
+kept = []
+threading.Thread(target=lambda: kept.append(MachineCode("code", "int one(void) { return 1; }")), daemon=True).start()
+begun.wait()
+leave(0)
+"""
+
+
+def test_a_stop_while_a_thread_starts_a_compiler_leaves_nothing(tmp_path):
+    here = {"TMPDIR": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path), "CC": "sleep 60 #", "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", SLOW_TO_START], env={**os.environ, **here}, timeout=60)
+    assert (done.returncode, listing(tmp_path)) == (0, {})
+
+
 def stopped_while_moving(out: Path) -> None:
     with stoppable(), whole_folder(out) as draft:
         for name in "abc":
