@@ -24,6 +24,7 @@ from identification.log import Log
 from identification.problem import Problem, first_states
 from plant.effects import catalogue
 from plant.effects.effect import Array
+from plant.servo import ServoModel
 
 SURELY = 3.0
 """Standard errors from which validation data speak for or against something."""
@@ -88,7 +89,7 @@ def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -
         posterior=posterior,
         fit=here.fit,
         without=here.less,
-        gains={name: gain_of(other, here.fit, validation) for name, other in here.less.items()},
+        gains=here.gains,
         falsified=falsified,
         lost=first.log_marginal - posterior.sets[0].log_marginal,
         likeliest=first.names,
@@ -102,11 +103,13 @@ class _Validated:
     Attributes:
         fit: of all of them, behind the observer that it needs without a discrepancy.
         less: for each of them that without it, fitted again.
+        gains: of each of them, as in `Tenable`.
         objections: to each of them.
     """
 
     fit: Fit
     less: Mapping[str, Fit]
+    gains: Mapping[str, tuple[float, float]]
     objections: Mapping[str, _Objection]
 
     @classmethod
@@ -115,19 +118,21 @@ class _Validated:
         names = sorted(explanation.names)
         fit = settled(explanation.fit, base.bandwidth) if names else base
         less = {name: base if len(names) == 1 else without(fit, name, base.bandwidth) for name in names}
-        objections = {name: _objection(other, fit, validation) for name, other in less.items()}
-        return cls(fit=fit, less=less, objections=objections)
+        gains = dict[str, tuple[float, float]]()
+        if names:
+            after = errors_of_many_steps(fit.model, validation)
+            gains = {name: cut(errors_of_many_steps(other.model, validation), after) for name, other in less.items()}
+        objections = {name: _objection(other, fit, validation, gains[name]) for name, other in less.items()}
+        return cls(fit=fit, less=less, gains=gains, objections=objections)
 
 
-def gain_of(less: Fit, fit: Fit, validation: Log) -> tuple[float, float]:
-    """Share by which the error of multi-step prediction falls from one fit to another, and its standard error.
+def errors_of_many_steps(model: ServoModel, validation: Log) -> Array:
+    """(T,) squared errors of multi-step prediction.
 
     Errors of a simulation from end to end are one draw: where a run goes astray, all that follows does. Those of pieces
     that begin anew are many.
     """
-    window = restart_window(validation)
-    before, after = (squared_errors(validation, each.model, window)[0] for each in (less, fit))
-    return cut(before, after)
+    return squared_errors(validation, model, restart_window(validation))[0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,8 +148,8 @@ class _Objection:
     against: Array
 
 
-def _objection(less: Fit, fit: Fit, validation: Log) -> _Objection:
-    """The objection to an effect, from a fit without it and one with it.
+def _objection(less: Fit, fit: Fit, validation: Log, gain: tuple[float, float]) -> _Objection:
+    """The objection to an effect, from a fit without it and one with it, and its gain over many steps.
 
     Errors of one step may not rise surely, those of many steps not to more than twice: what the log leaves open of a
     small effect's parameters makes them a little larger too. Where one of the two surely falls, nothing speaks against
@@ -152,10 +157,10 @@ def _objection(less: Fit, fit: Fit, validation: Log) -> _Objection:
     """
     bandwidth = max(less.bandwidth, fit.bandwidth)
     before, after = (_squared_innovations(validation, each, bandwidth) for each in (less, fit))
-    tested = ((*cut(before, after), 0.0), (*gain_of(less, fit, validation), _TWICE))
-    if any(gain > SURELY * std for gain, std, _ in tested):
+    tested = ((*cut(before, after), 0.0), (*gain, _TWICE))
+    if any(fell > SURELY * std for fell, std, _ in tested):
         return _Objection(worse=0.0, against=np.zeros(BLOCKS))
-    worse = max(-gain if gain + SURELY * std < -least else 0.0 for gain, std, least in tested)
+    worse = max(-fell if fell + SURELY * std < -least else 0.0 for fell, std, least in tested)
     return _Objection(worse=worse, against=_log_likelihood(after) - _log_likelihood(before))
 
 

@@ -12,16 +12,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.falsification import SURELY, gain_of
-from diagnosis.holdout import split
+from diagnosis.falsification import SURELY, errors_of_many_steps
+from diagnosis.holdout import cut, split
 from diagnosis.linear import response
-from diagnosis.refit import fitted_from, fitted_to, problem_near
+from diagnosis.refit import fitted_to, problem_near
 from diagnosis.score_test import Screen
 from diagnosis.verdict import HARDLY_EVER
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem
 from identification.threads import in_threads
+from plant.effects.effect import Array
 from plant.effects.nonparametric import unnamed
 from plant.effects.nonparametric_curve import Nonparametric
 
@@ -51,9 +52,10 @@ def _better(fit: Fit, named: Collection[str]) -> Fit | None:
     promising = _promising(fit)
     first, rest, _ = split(fit.log)
     less = fitted_to(first, fit)
+    before = errors_of_many_steps(less.model, rest)
     for begin in range(0, len(promising), _AT_ONCE):
         tried = promising[begin : begin + _AT_ONCE]
-        surely = in_threads(lambda start: _surely_better(less, start, rest), tried)
+        surely = in_threads(lambda start: _surely_better(less, start, rest, before), tried)
         carried = [_carried(fit, named, start) for start, sure in zip(tried, surely, strict=True) if sure > SURELY]
         paying = [other for other in carried if other.converged and _worth(other, fit) > HARDLY_EVER]
         if paying:
@@ -100,7 +102,16 @@ def _worth(fit: Fit, than: Fit) -> float:
     return fit.log_likelihood - than.log_likelihood - 0.5 * more * float(np.log(fit.samples))
 
 
-def _surely_better(less: Fit, start: Nonparametric, rest: Log) -> float:
-    """Standard errors by which the rest of a log is predicted better, several steps ahead, by a fit with one more."""
-    gain, std = gain_of(less, fitted_from(less, _beside(less, start)), rest)
+def _surely_better(less: Fit, start: Nonparametric, rest: Log, before: Array) -> float:
+    """Standard errors by which the rest of a log is predicted better, many steps ahead, by a fit with one more.
+
+    Args:
+        less: the fit to the first part, without it.
+        start: where it begins; what predicts better does so before it fits best.
+        rest: of the log.
+        before: (T,) squared errors there without it.
+    """
+    problem = _beside(less, start)
+    values, _ = problem.unpack(problem.begun(less).point)
+    gain, std = cut(before, errors_of_many_steps(problem.model.with_values(values), rest))
     return gain / std if std > 0.0 else 0.0

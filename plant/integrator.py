@@ -6,6 +6,7 @@ forces that depend on the travel, the sensor, and dry friction at a reversal.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,30 +48,19 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
     motor = model.drivetrain
     start = [state[0], state[1], *(own[motor.name] if motor else ())]
     x, v = start[:2]
-
-    def moment(motion: list[Any], torque: Any, elapsed: Any) -> Moment:
-        return Moment(
-            angle=motion[0],
-            velocity=motion[1],
-            torque=torque,
-            time=step.time + elapsed,
-            travel=motion[0] - x,
-            step=h,
-            inertia=model.inertia,
-        )
+    way = _Way.of(model, own, step)
+    accelerates = _accelerates(model, own, step, x, v)
 
     def arriving(motion: list[Any], part: str) -> tuple[Any, Any]:
         """Torque behind the actuator and behind the drivetrain, at the start, middle or end of the step."""
-        course, _ = actuated(model, own, step.drive(model, own, motion[0], motion[1]), h, motion[-1])
-        torque = getattr(course, part)
+        torque = way.torque(part, motion[0], motion[1], motion[-1])
         if motor is None:
             return torque, torque
         return torque, motor.coupling(motion[2] - motion[0], motion[3] - motion[1], model.inertia)
 
     def rates(motion: list[Any], part: str) -> list[Any]:
         torque, behind = arriving(motion, part)
-        at = moment(motion, behind, {"start": 0.0, "middle": h / 2, "end": h}[part])
-        load = [motion[1], model.smooth_acceleration(at, own) - _slowing(model, at, v)]
+        load = [motion[1], accelerates(motion[0], motion[1], behind, {"start": 0.0, "middle": h / 2, "end": h}[part])]
         if motor is None:
             return load
         return [*load, motion[3], (torque - behind) / (motor.share() * model.inertia)]
@@ -85,18 +75,82 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
     end = [s + h / 6 * (a + 2 * b + 2 * c + d) for s, a, b, c, d in zip(start, k1, k2, k3, k4, strict=True)]
     half = moved(h / 2, k1)
     if model.slides:
-        at = moment([x, (v + end[1]) / 2, *half[2:]], arriving(half, "middle")[1], h / 2)
+        at = _moment(model, step, x, (x, (v + end[1]) / 2), arriving(half, "middle")[1], h / 2)
         end[:2] = _stop_and_go(model, x, v, end[0], end[1], at, step)
-    return ca.vertcat(end[0], end[1], *_own_after(model, own, step, (x, half[0], end[0]), half[1], end))
+    return ca.vertcat(end[0], end[1], *_own_after(model, own, step, way, (x, half[0], end[0]), half[1], end))
+
+
+def _moment(model: ServoModel, step: Step, begin: Any, motion: tuple[Any, Any], torque: Any, elapsed: Any) -> Moment:
+    """The load in motion (angle, velocity), some time after the step began at an angle."""
+    return Moment(
+        angle=motion[0],
+        velocity=motion[1],
+        torque=torque,
+        time=step.time + elapsed,
+        travel=motion[0] - begin,
+        step=step.length,
+        inertia=model.inertia,
+    )
+
+
+def _accelerates(model: ServoModel, own: Own, step: Step, begin: Any, direction: Any) -> Callable[..., Any]:
+    """Acceleration of the load by angle, velocity, torque and elapsed time: written once, for each stage asks it."""
+    angle, velocity, torque, elapsed = asked = [ca.SX.sym("asked") for _ in range(4)]
+    at = _moment(model, step, begin, (angle, velocity), torque, elapsed)
+    acceleration = model.smooth_acceleration(at, own) - _slowing(model, at, direction)
+    return lambda *values: _at(acceleration, asked, values)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Way:
+    """The way of the torque through the actuator in a step, for any motion of the load: written once likewise.
+
+    Attributes:
+        asked: angle and velocity of the load, which the drive's law sees, and velocity of the motor.
+        course: of the torque behind the actuator.
+        states: of the actuator's effects after the step.
+    """
+
+    asked: list[Any]
+    course: Course
+    states: dict[str, tuple[Any, ...]]
+
+    @classmethod
+    def of(cls, model: ServoModel, own: Own, step: Step) -> _Way:
+        angle, velocity, motor = asked = [ca.SX.sym("asked") for _ in range(3)]
+        course, states = actuated(model, own, step.drive(model, own, angle, velocity), step.length, motor)
+        return cls(asked=asked, course=course, states=states)
+
+    def torque(self, part: str, *motion: Any) -> Any:
+        """At the start, middle or end of the step [N m]."""
+        return _at(getattr(self.course, part), self.asked, motion)
+
+    def after(self, *motion: Any) -> dict[str, tuple[Any, ...]]:
+        """The states after the step."""
+        return {name: tuple(_at(each, self.asked, motion) for each in own) for name, own in self.states.items()}
+
+
+def _at(expression: Any, asked: list[Any], values: Sequence[Any]) -> Any:
+    """An expression with values in the place of what is asked for."""
+    expression = ca.SX(expression)
+    if not ca.depends_on(expression, ca.vertcat(*asked)):
+        return expression
+    return ca.substitute(expression, ca.vertcat(*asked), ca.vertcat(*values))
 
 
 def _own_after(
-    model: ServoModel, own: Own, step: Step, angles: tuple[Any, Any, Any], velocity: Any, end: list[Any]
+    model: ServoModel,
+    own: Own,
+    step: Step,
+    way: _Way,
+    angles: tuple[Any, Any, Any],
+    velocity: Any,
+    end: list[Any],
 ) -> list[Any]:
     """The states of the effects after a step, given the angle at its start, middle and end, the velocity in between."""
     h = step.length
     on_the_way = played(model, own, step.command, step.gain, h)[1]
-    on_the_way |= actuated(model, own, step.drive(model, own, angles[1], velocity), h, end[-1])[1]
+    on_the_way |= way.after(angles[1], velocity, end[-1])
     before, after = angles[0], angles[2]  # what enters the sensor
     states: list[Any] = []
     for effect in model.effects:

@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Callable
 from functools import lru_cache
 from importlib.util import find_spec
 from multiprocessing.util import Finalize
@@ -33,9 +34,7 @@ _FLAGS = ("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fPIC",
 
 
 if hasattr(os, "register_at_fork"):  # a fork that copied the lock as another thread's would wait for ever
-    os.register_at_fork(
-        before=_changing.acquire, after_in_parent=_changing.release, after_in_child=_changing.release
-    )
+    os.register_at_fork(before=_changing.acquire, after_in_parent=_changing.release, after_in_child=_changing.release)
 
 
 class MachineCode:
@@ -44,25 +43,42 @@ class MachineCode:
     Nothing of this can fail: without a compiler, a writable cache or patience there is no library.
     """
 
-    def __init__(self, name: str, source: str, *, level: int = 2) -> None:
-        """Look for the library of a source, and start the compiler if there is none yet.
+    def __init__(
+        self, name: str, source: str | Callable[[], str], *, level: int = 2, mark: str | None = None, start: bool = True
+    ) -> None:
+        """Look for the library of a source.
 
         Args:
             name: of the library.
-            source: its C code.
+            source: its C code, or what writes it once it is needed.
             level: how much the compiler does for speed; each level takes it longer.
+            mark: what two sources have in common only if they are the same; by default the source itself.
+            start: the compiler at once if there is no library yet, and not when `start` is called.
         """
         self._lock = threading.Lock()
         self._library: ctypes.CDLL | None = None
         self._build: _Build | None = None
+        self._name, self._source = name, source
         command = compiler()
+        self._failed = command is None
         if command is None:
             return
-        command = (*command, f"-O{level}", *_FLAGS)
+        self._command = (*command, f"-O{level}", *_FLAGS)
         machine = (sys.platform, platform.machine())  # several may share a home
-        self._kept = "-".join((name, _mark("\n".join((*machine, *command, source)).encode())))
-        if not self._adopt():
-            self._build = _Build.start(command, name, source)
+        mark = self._text() if mark is None else mark
+        self._kept = "-".join((name, _mark("\n".join((*machine, *self._command, mark)).encode())))
+        if not self._adopt() and start:
+            self.start()
+
+    def start(self) -> None:
+        """Start the compiler, unless there is a library, one is at work already, or none works."""
+        with self._lock:
+            if self._library is None and self._build is None and not self._failed:
+                self._build = _Build.start(self._command, self._name, self._text())
+                self._failed = self._build is None
+
+    def _text(self) -> str:
+        return self._source if isinstance(self._source, str) else self._source()
 
     @property
     def library(self) -> ctypes.CDLL | None:
@@ -71,8 +87,7 @@ class MachineCode:
             build = self._build
             if build is not None and build.finished:
                 self._build = None
-                if build.deliver(self._kept):
-                    self._adopt()
+                self._failed = not (build.deliver(self._kept) and self._adopt())
             return self._library
 
     def wait(self) -> bool:

@@ -1,7 +1,9 @@
 """A function followed along a log: what it hands on goes round, what it shows is written down row by row.
 
-Predictions, linearisations and the traces of effects with memory are such recursions. They run as machine code where
-there is a compiler, and in CasADi's virtual machine where there is none or while it is at work.
+Predictions, linearisations and the traces of effects with memory are such recursions. They begin as a list of
+instructions that a compiled loop follows. What is followed long is compiled itself meanwhile, which is three times as
+fast; without a compiler CasADi's virtual machine serves, which is ten times slower. All give the same numbers to the
+last bit.
 """
 
 from __future__ import annotations
@@ -15,12 +17,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from plant.instruction_tape import InstructionTape, pointers
 from plant.machine_code import MachineCode
 from plant.symbolic import one_at_a_time
 
 Array: TypeAlias = NDArray[np.float64]
 CHUNK = 250  # rows that one call of the virtual machine covers
-PATIENCE = 1000  # rows after which it is left: it takes from the compiler what it could do in a tenth of the time
+PIECE = 4096  # rows that are followed by instructions before it is asked whether the compiler is done
+PATIENCE = 100_000_000  # instructions after which it is called: by then they have taken about as long as it does
 _DUST = 1e-150  # also its square is a number that is not denormal
 _LEVEL = 1  # of optimisation: the second takes a third longer to compile and makes a step 3 % faster at most
 
@@ -65,9 +69,12 @@ class Recursion:
         self._function, self._handed = _without_dust(function, carried), carried
         self._entering = [function.size_in(place) for place in range(function.n_in())]
         self._leaving = [function.size_out(place) for place in range(function.n_out())]
-        self._code = MachineCode(function.name(), self._source(), level=_LEVEL)
+        tape = self._tape = InstructionTape.of(self._function, carried)
+        mark = None if tape is None else "\n".join((ca.CasadiMeta.version(), _LOOP, tape.mark))
+        self._code = MachineCode(function.name(), self._source, level=_LEVEL, mark=mark, start=tape is None)
+        self._patience = 0 if tape is None else PATIENCE // max(len(tape.first), 1)
+        self._followed = 0  # rows, without machine code
         self._chunk: Any = None
-        self._slowly = 0  # rows that the virtual machine has followed
 
     def __call__(self, begin: Sequence[Array], rows: Array, *constants: Array) -> tuple[list[Array], list[Array]]:
         """Follow the function along `rows`; other threads run meanwhile.
@@ -86,37 +93,46 @@ class Recursion:
         shown = [np.empty((len(rows), a * b)) for a, b in self._leaving[self._handed :]]
         first = 0
         while first < len(rows):
-            if self._slowly >= PATIENCE:
-                self._code.wait()
-            library = self._code.library
-            last = len(rows) if library is not None else min(first + CHUNK, len(rows))
+            library = self._library()
+            last = len(rows) if library is not None else min(first + PIECE, len(rows))
             part, written = rows[first:last], [values[first:last] for values in shown]
             if library is not None:
                 _in_machine_code(library, carried, part, fixed, written)
             else:
-                carried = self._in_virtual_machine(carried, part, fixed, written)
-                self._slowly += len(part)
+                self._followed += len(part)
+                if self._tape is None or not self._tape.follow(carried, part, fixed, written):
+                    carried = self._in_virtual_machine(carried, part, fixed, written)
             first = last
         return carried, shown
 
     def wait(self) -> bool:
-        """Wait for the compiler; whether there is machine code."""
+        """Have it compiled and wait for that; whether there is machine code."""
+        self._code.start()
         return self._code.wait()
+
+    def _library(self) -> ctypes.CDLL | None:
+        """The machine code, if there is some; the compiler is called, and waited for, once that pays."""
+        if self._code.library is None and self._followed >= self._patience:
+            self.wait()
+        return self._code.library
 
     def _in_virtual_machine(
         self, carried: list[Array], rows: Array, fixed: list[Array], shown: list[Array]
     ) -> list[Array]:
         if self._chunk is None:
             self._chunk = _chunk_of(self._function, self._handed)
-        padded = np.zeros((CHUNK, rows.shape[1]))
-        padded[: len(rows)] = rows
-        before = [np.reshape(v, s, order="F") for v, s in zip(carried, self._entering, strict=False)]
         after = [np.reshape(v, s, order="F") for v, s in zip(fixed, self._entering[self._handed + 1 :], strict=True)]
-        found = self._chunk.call([ca.DM(value) for value in (*before, padded.T, *after)])
-        flat = [np.array(v).T.reshape(CHUNK, a * b) for v, (a, b) in zip(found, self._leaving, strict=True)]
-        for values, written in zip(flat[self._handed :], shown, strict=True):
-            written[:] = values[: len(rows)]
-        return [values[len(rows) - 1].copy() for values in flat[: self._handed]]
+        for first in range(0, len(rows), CHUNK):
+            part = rows[first : first + CHUNK]
+            padded = np.zeros((CHUNK, rows.shape[1]))
+            padded[: len(part)] = part
+            before = [np.reshape(v, s, order="F") for v, s in zip(carried, self._entering, strict=False)]
+            found = self._chunk.call([ca.DM(value) for value in (*before, padded.T, *after)])
+            flat = [np.array(v).T.reshape(CHUNK, a * b) for v, (a, b) in zip(found, self._leaving, strict=True)]
+            for values, written in zip(flat[self._handed :], shown, strict=True):
+                written[first : first + len(part)] = values[: len(part)]
+            carried = [values[len(part) - 1].copy() for values in flat[: self._handed]]
+        return carried
 
     def _source(self) -> str:
         """C code of the function and of the loop around it."""
@@ -171,14 +187,10 @@ def _in_machine_code(
     """Follow in compiled code; what is carried is changed in place."""
     failed = library.follow_rows(
         ctypes.c_longlong(len(rows)),
-        _pointers(carried),
+        pointers(carried),
         ctypes.c_void_p(rows.ctypes.data),
-        _pointers(fixed),
-        _pointers(shown),
+        pointers(fixed),
+        pointers(shown),
     )
     if failed:
         raise MemoryError("There is no memory left to follow a log.")
-
-
-def _pointers(arrays: Sequence[Array]) -> Any:
-    return (ctypes.c_void_p * (len(arrays) + 1))(*(values.ctypes.data for values in arrays))

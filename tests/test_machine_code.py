@@ -1,11 +1,10 @@
-"""Machine code gives the same numbers as the virtual machine, and its absence costs time alone."""
+"""Machine code gives the same numbers as instructions and the virtual machine; its absence costs time alone."""
 
 from __future__ import annotations
 
 import inspect
 import multiprocessing
 import os
-import shlex
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -17,11 +16,12 @@ import numpy as np
 import pytest
 
 from identification import predictor
-from plant import ServoModel, machine_code
+from plant import ServoModel, instruction_tape, machine_code
 from plant.discrete import Structure
 from plant.effects import Compliance, StribeckFriction
 from plant.effects.effect import Array
-from plant.recursion import CHUNK, PATIENCE, Recursion
+from plant.instruction_tape import InstructionTape
+from plant.recursion import CHUNK, Recursion
 
 with_compiler = pytest.mark.skipif(machine_code.compiler() is None, reason="no C compiler here")
 ROWS = 2 * CHUNK + 7
@@ -68,7 +68,7 @@ def is_right(recursion: Recursion, factor: float = 1.0) -> bool:
     [StribeckFriction(coulomb=0.1, excess=0.1, velocity=0.3), Compliance(frequency=80.0, damping=0.1, motor_share=0.3)],
     ids=["one integration step", "several"],
 )
-def test_both_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_all_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.MonkeyPatch) -> None:
     model = ServoModel.paper().with_effect(effect)
     substeps = 5 if isinstance(effect, Compliance) else 1
     time = 0.005 * np.arange(ROWS)
@@ -89,17 +89,19 @@ def test_both_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.Mo
     )
     begin = (np.resize([0.1, -0.3], len(model.states)), np.eye(6, len(model.states)))
     forms = []
-    for compiled in (False, True):
+    for form in ("virtual machine", "instructions", "machine code"):
         with monkeypatch.context() as patch:
-            if not compiled:
-                patch.setattr(machine_code, "compiler", lambda: None)
+            if form == "virtual machine":
+                patch.setattr(InstructionTape, "follow", lambda *_: False)
             follow = inspect.unwrap(predictor._prediction)(Structure(model), (0, 1, 2, 3), substeps, True, "angle")
-            assert follow.wait() == compiled
+            if form == "machine code":
+                assert follow.wait()
             carried, shown = follow(begin, np.column_stack(columns), model.values)
+            assert (follow._code.library is not None) == (form == "machine code")
             forms.append([*carried, *shown])
-    for slow, fast in zip(*forms, strict=True):
-        assert np.isfinite(slow).all()
-        assert np.array_equal(slow, fast)
+    for first, *others in zip(*forms, strict=True):
+        assert np.isfinite(first).all()
+        assert all(np.array_equal(first, other) for other in others)
 
 
 def test_rows_stay_in_order_while_the_compiler_works() -> None:
@@ -110,22 +112,51 @@ def test_rows_stay_in_order_while_the_compiler_works() -> None:
 
 
 @with_compiler
-def test_the_virtual_machine_yields_to_the_compiler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    slow, own = tmp_path / "cc", machine_code.compiler()
-    assert own is not None
-    slow.write_text(f'#!/bin/sh\nsleep 1\nexec {shlex.join(own)} "$@"\n')
-    slow.chmod(0o755)
-    monkeypatch.setattr(machine_code, "compiler", lambda: (str(slow),))
-    recursion, slowly = example(), []
-    virtual = Recursion._in_virtual_machine
+def test_what_is_followed_long_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("plant.recursion.PATIENCE", 3 * ROWS * len(example()._tape.first))
+    recursion = example()
+    for _ in range(3):
+        assert is_right(recursion)
+        assert recursion._code.library is None
+    assert is_right(recursion)
+    assert recursion._code.library is not None
 
-    def counted(self: Recursion, carried: list[Array], rows: Array, *rest: list[Array]) -> list[Array]:
-        slowly.append(len(rows))
-        return virtual(self, carried, rows, *rest)
 
-    monkeypatch.setattr(Recursion, "_in_virtual_machine", counted)
-    assert all(is_right(recursion) for _ in range(2 * PATIENCE // ROWS + 1))
-    assert PATIENCE <= sum(slowly) < PATIENCE + CHUNK
+OPERATIONS = {
+    "of any number": ["sin", "cos", "tan", "atan", "sinh", "cosh", "tanh", "asinh", "exp", "expm1", "fabs", "erf"],
+    "up to one": ["asin", "acos", "atanh"],
+    "above zero": ["log", "log1p", "sqrt"],
+    "of steps": ["floor", "ceil", "sign"],
+}
+
+
+@with_compiler
+def test_every_operation_is_that_of_the_virtual_machine() -> None:
+    row, numbers = ca.SX.sym("row", 2), np.random.default_rng(0).normal(size=(ROWS, 2))
+    numbers[:6] = [[0.0, -0.0], [-0.0, 0.0], [np.nan, 1.0], [1.0, np.nan], [np.inf, -np.inf], [-1.0, 0.0]]
+    x, y = ca.vertsplit(row)
+    within, above = x / (1.0 + ca.fabs(x)), ca.fabs(x) + 0.1
+    asked = {"of any number": x, "up to one": within, "above zero": above, "of steps": 3.0 * x}
+    results = [getattr(ca, name)(asked[kind]) for kind, names in OPERATIONS.items() for name in names]
+    results += [ca.acosh(1.0 + above), above**y, x**2, x**3, x + y, x - y, x * y, x / y, -x, 1.0 / x, 2.0 * x, x + x]
+    results += [x < y, x <= y, x == y, x != y, ca.logic_and(x, y), ca.logic_or(x, y), ca.logic_not(x)]
+    results += [ca.fmin(x, y), ca.fmax(x, y), ca.atan2(x, y), ca.hypot(x, y), ca.fmod(x, y), ca.remainder(x, y)]
+    results += [ca.copysign(x, y), ca.if_else(x > 0, y, 2.5), row[1], ca.SX(0.25)]
+    function = ca.Function("every", [row], [ca.densify(ca.vertcat(*results))])
+    tape = InstructionTape.of(function, 0)
+    assert tape is not None
+    shown = np.empty((ROWS, len(results)))
+    assert tape.follow([], numbers, [], [shown])
+    np.testing.assert_array_equal(shown, np.array(function.map(ROWS)(numbers.T)).T)
+
+
+@with_compiler
+def test_an_operation_that_is_not_known_is_compiled() -> None:
+    row = ca.SX.sym("row")
+    recursion = Recursion(ca.Function("inverse", [row], [ca.erfinv(row)]), carried=0)
+    assert recursion._tape is None
+    _, (shown,) = recursion((), np.linspace(-0.9, 0.9, ROWS)[:, None])
+    assert shown[-1, 0] == pytest.approx(1.1630871536766743)
 
 
 def test_a_function_that_carries_nothing_is_mapped() -> None:
@@ -155,7 +186,7 @@ def test_a_function_may_have_any_name(name: str) -> None:
 @with_compiler
 def test_what_was_compiled_is_found_again() -> None:
     first = example()
-    assert first._code.library is None  # the compiler has just begun
+    assert first._code.library is None  # no compiler has begun
     assert first.wait()
     assert example()._code.library is not None
 
@@ -173,9 +204,12 @@ def test_without_a_working_compiler_the_function_serves(
     command: tuple[str, ...] | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(machine_code, "compiler", lambda: command)
+    instruction_tape._code.cache_clear()
     recursion = example()
     assert not recursion.wait()
     assert is_right(recursion)
+    assert instruction_tape._code().library is None
+    instruction_tape._code.cache_clear()
 
 
 @with_compiler

@@ -15,7 +15,7 @@ from identification.fit_result import Fit
 from identification.least_squares import Minimum, NormalEquations
 from identification.predictor import Prediction
 from identification.problem import Problem, first_states
-from plant.recursion import PATIENCE, Recursion
+from plant.recursion import Recursion
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_a_long_log_started_from_parts_gives_the_same_fit(monkeypatch: pytest.Mo
 def test_decaying_values_reach_zero_before_denormals() -> None:
     state, row = ca.SX.sym("state"), ca.SX.sym("row")
     fading = Recursion(ca.Function("fading", [state, row], [0.1 * state + row, state]), carried=1)
-    rows = np.zeros((PATIENCE + 1, 1))
+    rows = np.zeros((1001, 1))
     rows[0] = 1.0
     _, (slow,) = fading([np.zeros(1)], rows)
     assert slow[150, 0] == pytest.approx(1e-149)

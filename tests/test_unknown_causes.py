@@ -43,7 +43,7 @@ def cable_beside_gravity() -> Diagnosis:
 def test_a_curve_has_to_predict_better(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a part of the log that it was not fitted to; paying for its parameters is not enough."""
     assert cable_beside_gravity().model.effect("curve_over_angle") is not None
-    monkeypatch.setattr(nonparametric_residual, "gain_of", lambda *_: (0.2, 0.1))  # two standard errors
+    monkeypatch.setattr(nonparametric_residual, "cut", lambda *_: (0.2, 0.1))  # two standard errors
     again = diagnose(log_of(**CABLE), candidates=["gravity_offset"])
     assert again.model.effect("curve_over_angle") is None
 

@@ -43,7 +43,6 @@ def test_data_that_several_steps_speak_for_rule_nothing_out(
     rng = np.random.default_rng(0)
     squares = {id(less): rng.uniform(0.9, 1.1, 4000), id(fit): rng.uniform(1.8, 2.2, 4000)}
     monkeypatch.setattr(falsification, "_squared_innovations", lambda log, each, bandwidth: squares[id(each)])
-    monkeypatch.setattr(falsification, "gain_of", lambda *_: several)
-    objection = falsification._objection(less, fit, None)  # type: ignore[arg-type]
+    objection = falsification._objection(less, fit, None, several)  # type: ignore[arg-type]
     assert (objection.worse > 0.3) == worse
     assert (objection.against.sum() < 0.0) == worse

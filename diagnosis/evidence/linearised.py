@@ -59,10 +59,15 @@ class Linearised:
         return self.nuisance((*rows, *without)).beyond(self.slopes(rows))
 
 
-def predicted(fit: Fit, model: ServoModel, bandwidth: float) -> tuple[Problem, list[Prediction]]:
+def predicted(
+    fit: Fit, model: ServoModel, bandwidth: float, *, sensitivities: bool = True
+) -> tuple[Problem, list[Prediction]]:
     """A model predicted along a fit's log from its initial states."""
     problem = Problem.of(fit.log, model, known=fit.known)
-    return problem, problem.predictor.predict(model.values, fit.initial, bandwidth=bandwidth, width=0.0)
+    told = problem.predictor.predict(
+        model.values, fit.initial, bandwidth=bandwidth, width=0.0, sensitivities=sensitivities
+    )
+    return problem, told
 
 
 def is_bounded(told: Sequence[Prediction]) -> bool:

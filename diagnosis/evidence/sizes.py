@@ -86,7 +86,8 @@ class Sizes:
         """(T,) what each effect changes in the innovations, but for those without which the motion runs off."""
         found = {}
         for name in sorted(self.names) if self.here is not None else ():
-            _, told = predicted(self.fit, self.fit.model.without_effect(name), self.bandwidth)
+            less = self.fit.model.without_effect(name)
+            _, told = predicted(self.fit, less, self.bandwidth, sensitivities=False)
             if is_bounded(told) and self.here is not None:
                 found[name] = np.concatenate([p.innovations for p in told]) - self.here.innovations
         return found

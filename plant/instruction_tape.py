@@ -1,0 +1,236 @@
+"""A CasADi function as a list of its instructions, which one compiled loop follows, whatever the function is.
+
+To compile each function takes as long as following it along a hundred thousand rows; most functions of a search over
+models are followed along fewer. So the compiler translates the loop alone, once for all of them. Instructions of one
+kind that do not need one another stand side by side and are done in one go, which saves three quarters of the time.
+The numbers are those of machine code and of CasADi's virtual machine to the last bit: the same operations, of which
+each still finds what it needs.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from hashlib import sha256
+from typing import Any, TypeAlias
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from plant.machine_code import MachineCode
+from plant.symbolic import one_at_a_time
+
+Array: TypeAlias = NDArray[np.float64]
+Places: TypeAlias = NDArray[np.int32]
+
+_OF_ONE = {
+    **{name: f"{name.lower()}(x)" for name in ("EXP", "LOG", "SQRT", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN")},
+    **{name: f"{name.lower()}(x)" for name in ("FLOOR", "CEIL", "FABS", "ERF", "SINH", "COSH", "TANH")},
+    **{name: f"{name.lower()}(x)" for name in ("ASINH", "ACOSH", "ATANH", "LOG1P", "EXPM1")},
+    **{"ASSIGN": "x", "NEG": "-x", "SQ": "x * x", "TWICE": "x + x", "INV": "1.0 / x", "NOT": "!x"},
+    **{"SIGN": "x < 0.0 ? -1.0 : x > 0.0 ? 1.0 : x"},
+}
+_OF_TWO = {
+    **{"ADD": "x + y", "SUB": "x - y", "MUL": "x * y", "DIV": "x / y", "POW": "pow(x, y)", "CONSTPOW": "pow(x, y)"},
+    **{"LT": "x < y", "LE": "x <= y", "EQ": "x == y", "NE": "x != y", "AND": "x && y", "OR": "x || y"},
+    **{"FMIN": "x < y || y != y ? x : y", "FMAX": "x > y || y != y ? x : y", "IF_ELSE_ZERO": "x != 0.0 ? y : 0.0"},
+    **{name: f"{name.lower()}(x, y)" for name in ("FMOD", "REMAINDER", "COPYSIGN", "ATAN2", "HYPOT")},
+}
+"""C expressions of CasADi's operations, as CasADi's own code has them."""
+
+_LOOP = """
+#include <math.h>
+#include <string.h>
+#ifdef _WIN32
+__declspec(dllexport)
+#endif
+int follow_tape(long long rows, long long width, const double* row, long long handed, const long long* size,
+                double** carried, long long written, const long long* shown_size, double** shown, const int* outputs,
+                long long groups, const int* kinds, const int* counts, const int* first, const int* second,
+                double* values, double* results) {
+  long long i, j, k, g;
+  for (k = 0; k < rows; ++k) {
+    double *entry = values, *out = results;
+    const int *a = first, *b = second, *o = outputs;
+    for (i = 0; i < handed; entry += size[i++]) memcpy(entry, carried[i], size[i] * sizeof(double));
+    memcpy(entry, row + k * width, width * sizeof(double));
+    for (g = 0; g < groups; a += counts[g], b += counts[g], out += counts[g], ++g) {
+      const long long n = counts[g];
+      switch (kinds[g]) {
+%s
+      default: return 1;
+      }
+    }
+    for (i = 0; i < handed; ++i) for (j = 0; j < size[i]; ++j) carried[i][j] = values[*o++];
+    for (i = 0; i < written; ++i) for (j = 0; j < shown_size[i]; ++j) shown[i][k * shown_size[i] + j] = values[*o++];
+  }
+  return 0;
+}
+"""
+_ONE = "      case %d: for (i = 0; i < n; ++i) { const double x = values[a[i]]; out[i] = %s; } break;"
+_TWO = "      case %d: for (i = 0; i < n; ++i) { const double x = values[a[i]], y = values[b[i]]; out[i] = %s; } break;"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InstructionTape:
+    """Instructions on numbered values: all inputs, then the constants, then one result of each instruction.
+
+    Attributes:
+        inputs: number of elements of each input; the carried ones, the row, then what stays the same.
+        carried: how many inputs are carried on.
+        shown: number of elements of each output that is not.
+        constants: that the instructions need.
+        kinds, counts: operation of each group of instructions, and how many it has.
+        first, second: places of each instruction's operands.
+        outputs: places of the elements of all outputs.
+    """
+
+    inputs: tuple[int, ...]
+    carried: int
+    shown: tuple[int, ...]
+    constants: Array
+    kinds: Places
+    counts: Places
+    first: Places
+    second: Places
+    outputs: Places
+
+    @classmethod
+    @one_at_a_time
+    def of(cls, function: Any, carried: int) -> InstructionTape | None:
+        """Of a function, dense in all inputs and outputs; None where it has an operation that the loop does not."""
+        flat = function if function.is_a("SXFunction") else function.expand()
+        inputs = [flat.nnz_in(place) for place in range(flat.n_in())]
+        begins = np.concatenate(([0], np.cumsum(inputs))).tolist()
+        constants: dict[str, int] = {}
+        values: dict[int, int] = {}  # which value is in a cell of CasADi's memory
+        kinds, operands, outputs = list[int](), list[tuple[int, int]](), dict[tuple[int, int], int]()
+        unplaced = -1  # results get their places when the instructions have been put in order
+        for k in range(flat.n_instructions()):
+            kind, cells = flat.instruction_id(k), flat.instruction_input(k)
+            if kind == ca.OP_INPUT:
+                values[flat.instruction_output(k)[0]] = begins[cells[0]] + cells[1]
+            elif kind == ca.OP_CONST:
+                constant = flat.instruction_constant(k)
+                same = constants.setdefault(constant.hex(), len(constants))
+                values[flat.instruction_output(k)[0]] = begins[-1] + same
+            elif kind == ca.OP_OUTPUT:
+                place, element = flat.instruction_output(k)
+                outputs[place, element] = values[cells[0]]
+            elif kind in _kinds():
+                operands.append((values[cells[0]], values[cells[-1]]))
+                kinds.append(kind)
+                values[flat.instruction_output(k)[0]] = unplaced
+                unplaced -= 1
+            else:
+                return None
+        order, groups = _grouped(kinds, operands)
+        results = begins[-1] + len(constants)
+        place_of = np.empty(len(order), dtype=np.int32)
+        place_of[order] = results + np.arange(len(order))
+
+        def placed(those: Sequence[int]) -> Places:
+            found = np.array(those, dtype=np.int32)
+            return np.where(found < 0, place_of[np.maximum(-1 - found, 0)], found) if order else found
+
+        shown = [flat.nnz_out(place) for place in range(flat.n_out())]
+        return cls(
+            inputs=tuple(inputs),
+            carried=carried,
+            shown=tuple(shown[carried:]),
+            constants=np.array([float.fromhex(constant) for constant in constants]),
+            kinds=np.array([kind for kind, _ in groups], dtype=np.int32),
+            counts=np.array([count for _, count in groups], dtype=np.int32),
+            first=placed([operands[k][0] for k in order]),
+            second=placed([operands[k][1] for k in order]),
+            outputs=placed([outputs[p, e] for p, size in enumerate(shown) for e in range(size)]),
+        )
+
+    @property
+    def mark(self) -> str:
+        """What two tapes have in common only if they are the same."""
+        arrays = (self.constants, self.kinds, self.counts, self.first, self.second, self.outputs)
+        sizes = repr((self.inputs, self.carried, self.shown))
+        return sha256(sizes.encode() + b"".join(values.tobytes() for values in arrays)).hexdigest()
+
+    def follow(self, carried: list[Array], rows: Array, fixed: list[Array], shown: list[Array]) -> bool:
+        """Follow along rows (T, width), with what is carried changed in place; False where there is no loop."""
+        library = _loop()
+        if library is None:
+            return False
+        values = np.concatenate(
+            (np.empty(sum(self.inputs[: self.carried + 1])), *fixed, self.constants, np.empty(len(self.first)))
+        )
+        results = values[values.size - len(self.first) :]
+        sizes, written = np.array([*self.inputs[: self.carried], 0]), np.array([*self.shown, 0])
+        failed = library.follow_tape(
+            *(ctypes.c_longlong(len(rows)), ctypes.c_longlong(rows.shape[1]), _pointer(rows)),
+            *(ctypes.c_longlong(self.carried), _pointer(sizes), pointers(carried)),
+            *(ctypes.c_longlong(len(self.shown)), _pointer(written), pointers(shown), _pointer(self.outputs)),
+            *(ctypes.c_longlong(len(self.kinds)), _pointer(self.kinds), _pointer(self.counts)),
+            *(_pointer(self.first), _pointer(self.second), _pointer(values), _pointer(results)),
+        )
+        return not failed
+
+
+def _grouped(kinds: Sequence[int], operands: Sequence[tuple[int, int]]) -> tuple[list[int], list[tuple[int, int]]]:
+    """An order in which each instruction comes after those that it needs, and its groups of one kind.
+
+    The kind of which most are ready is always next. Operands below zero are results: -1 that of the first instruction.
+    """
+    users: list[list[int]] = [[] for _ in kinds]
+    missing = [0] * len(kinds)
+    ready: dict[int, list[int]] = defaultdict(list)
+    for k, both in enumerate(operands):
+        needed = {-1 - each for each in both if each < 0}
+        missing[k] = len(needed)
+        for each in needed:
+            users[each].append(k)
+        if not needed:
+            ready[kinds[k]].append(k)
+    order, groups = list[int](), list[tuple[int, int]]()
+    while len(order) < len(kinds):
+        kind = max(ready, key=lambda each: len(ready[each]))
+        group, begun = ready[kind], len(order)
+        for k in group:  # which grows by what gets ready
+            order.append(k)
+            for user in users[k]:
+                missing[user] -= 1
+                if not missing[user]:
+                    ready[kinds[user]].append(user)
+        ready[kind] = []
+        groups.append((kind, len(order) - begun))
+    return order, groups
+
+
+@lru_cache(maxsize=1)
+def _kinds() -> dict[int, str]:
+    """C code of each operation by its number in CasADi."""
+    one = {getattr(ca, f"OP_{name}"): _ONE % (getattr(ca, f"OP_{name}"), code) for name, code in _OF_ONE.items()}
+    two = {getattr(ca, f"OP_{name}"): _TWO % (getattr(ca, f"OP_{name}"), code) for name, code in _OF_TWO.items()}
+    return one | two
+
+
+@lru_cache(maxsize=1)
+def _code() -> MachineCode:
+    return MachineCode("tape", _LOOP % "\n".join(_kinds().values()))
+
+
+def _loop() -> ctypes.CDLL | None:
+    """The compiled loop, for which the first call on a machine waits; None without a compiler."""
+    code = _code()
+    code.wait()
+    return code.library
+
+
+def _pointer(values: NDArray[Any]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(values.ctypes.data)
+
+
+def pointers(arrays: Sequence[Array]) -> Any:
+    """Those of some arrays, as C takes them."""
+    return (ctypes.c_void_p * (len(arrays) + 1))(*(values.ctypes.data for values in arrays))
