@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from allocation import Allocator, CapabilityMap, capability_map
 from plant.drive_train import DriveTrain
 from plant.errors import BadParameter
 from plant.gears import GearTrain
 from plant.number import refuse_huge
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _POINTS = 81  # along each axis; odd, so that zero is one of them
 
@@ -53,6 +55,8 @@ def whole_map(allocator: Allocator, inertia: float) -> CapabilityMap:
 
 def table(found: CapabilityMap) -> pd.DataFrame:
     """One row for each acceleration and load torque; empty cells where it is out of reach."""
+    import pandas as pd
+
     a, load = np.meshgrid(found.acceleration, found.load_torque, indexing="ij")
     columns = {"acceleration": a, "load_torque": load}
     columns |= {"least_preload": found.least_preload, "margin": found.margin, "heat": found.heat}

@@ -14,8 +14,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from plant.machine_code import start_no_more
-
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -67,7 +65,10 @@ def _handled(handler: Any) -> Iterator[None]:
 
 def leave(code: int) -> NoReturn:
     """End the process without waiting for its threads; compilers at work and their folders go."""
-    start_no_more()
+    if "plant.machine_code" in sys.modules:  # else nothing was started, and importing it takes a while
+        from plant.machine_code import start_no_more
+
+        start_no_more()
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         stream.flush()

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from diagnosis.explanation.wording import title_of
 from identification.log import Log
@@ -203,7 +203,7 @@ def _changes(before: ModelFile, found: Diagnosis) -> tuple[Change, ...]:
         if spec.name in now and not now[spec.name].fixed
     ]
     told = [change for change in changes if change.errors is not None]
-    limit = float(norm.isf(0.5 * _CHANCE / max(len(told), 1)))  # Bonferroni's
+    limit = float(-ndtri(0.5 * _CHANCE / max(len(told), 1)))  # Bonferroni's
     return tuple(Change(**{**vars(c), "moved": c.errors is not None and abs(c.errors) > limit}) for c in changes)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy.special import fdtrc
 
 from identification.fit_result import Fit
 from identification.objective import Objective
@@ -117,7 +117,7 @@ def _welch(values: Array, covariance: Array) -> float:
     share = 1.0 / np.diag(covariance)
     loose = float(np.sum((1.0 - share / share.sum()) ** 2)) / (BLOCKS - 1)
     corrected = statistic / (1.0 + 2.0 * (k - 2) / (k**2 - 1) * loose)
-    return float(stats.f.sf(corrected, k - 1, (k**2 - 1) / (3.0 * loose)))
+    return float(fdtrc(k - 1, (k**2 - 1) / (3.0 * loose), corrected))
 
 
 def _sentence(fit: Fit, names: list[str]) -> str:

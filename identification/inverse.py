@@ -13,7 +13,6 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from identification.log import Log, Run
 from identification.run_parameters import own_model
@@ -78,6 +77,8 @@ def _count(run: Run) -> float:
 
 def smooth(values: Array, cutoff: float, dt: float) -> Array:
     """(T,) values behind the zero-phase low pass [Hz, s]."""
+    from scipy import signal
+
     low_pass = signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
     padding = min(3 * (2 * len(low_pass) + 1), len(values) - 1)  # SciPy's own, where the record is that long
     return np.asarray(signal.sosfiltfilt(low_pass, values, padlen=padding), dtype=float)

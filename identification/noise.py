@@ -11,7 +11,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 from plant.effects.effect import Array
 
@@ -44,6 +43,8 @@ def autoregression(innovations: Array, order: int = ORDER) -> Array:
 
 def whiten(values: Array, coefficients: Array) -> Array:
     """(T, ...) what the autoregression does not predict of the values, along the first axis."""
+    from scipy.signal import lfilter  # takes half a second to import
+
     return np.asarray(lfilter(np.concatenate(([1.0], -coefficients)), [1.0], values, axis=0), dtype=float)
 
 
@@ -68,6 +69,8 @@ class Whitening:
 
     def __call__(self, values: Array) -> Array:
         """(T, M) of the next piece (T, M)."""
+        from scipy.signal import lfilter
+
         before = np.zeros((self._filter.size - 1, values.shape[1])) if self._state is None else self._state
         found, self._state = lfilter(self._filter, [1.0], values, axis=0, zi=before)
         return np.asarray(found, dtype=float)
@@ -75,6 +78,8 @@ class Whitening:
 
 def colour(values: Array, coefficients: Array) -> Array:
     """(T, ...) the inverse of `whiten`."""
+    from scipy.signal import lfilter
+
     return np.asarray(lfilter([1.0], np.concatenate(([1.0], -coefficients)), values, axis=0), dtype=float)
 
 

@@ -50,7 +50,7 @@ __declspec(dllexport)
 #endif
 int follow_tape(long long rows, long long width, const double* row, long long handed, const long long* size,
                 double** carried, long long written, const long long* shown_size, double** shown, const int* outputs,
-                long long groups, const int* kinds, const int* counts, const int* first, const int* second,
+                double dust, long long groups, const int* kinds, const int* counts, const int* first, const int* second,
                 double* values, double* results) {
   long long i, j, k, g;
   for (k = 0; k < rows; ++k) {
@@ -65,7 +65,8 @@ int follow_tape(long long rows, long long width, const double* row, long long ha
       default: return 1;
       }
     }
-    for (i = 0; i < handed; ++i) for (j = 0; j < size[i]; ++j) carried[i][j] = values[*o++];
+    for (i = 0; i < handed; ++i)
+      for (j = 0; j < size[i]; ++j, ++o) carried[i][j] = values[*o] * (fabs(values[*o]) >= dust);
     for (i = 0; i < written; ++i) for (j = 0; j < shown_size[i]; ++j) shown[i][k * shown_size[i] + j] = values[*o++];
   }
   return 0;
@@ -157,8 +158,13 @@ class InstructionTape:
         sizes = repr((self.inputs, self.carried, self.shown))
         return sha256(sizes.encode() + b"".join(values.tobytes() for values in arrays)).hexdigest()
 
-    def follow(self, carried: list[Array], rows: Array, fixed: list[Array], shown: list[Array]) -> bool:
-        """Follow along rows (T, width), with what is carried changed in place; False where there is no loop."""
+    def follow(
+        self, carried: list[Array], rows: Array, fixed: list[Array], shown: list[Array], dust: float = 0.0
+    ) -> bool:
+        """Follow along rows (T, width), with what is carried changed in place; False where there is no loop.
+
+        Of what is carried on, zero takes the place of numbers that are smaller than `dust`.
+        """
         library = _loop()
         if library is None:
             return False
@@ -171,7 +177,7 @@ class InstructionTape:
             *(ctypes.c_longlong(len(rows)), ctypes.c_longlong(rows.shape[1]), _pointer(rows)),
             *(ctypes.c_longlong(self.carried), _pointer(sizes), pointers(carried)),
             *(ctypes.c_longlong(len(self.shown)), _pointer(written), pointers(shown), _pointer(self.outputs)),
-            *(ctypes.c_longlong(len(self.kinds)), _pointer(self.kinds), _pointer(self.counts)),
+            *(ctypes.c_double(dust), ctypes.c_longlong(len(self.kinds)), _pointer(self.kinds), _pointer(self.counts)),
             *(_pointer(self.first), _pointer(self.second), _pointer(values), _pointer(results)),
         )
         return not failed

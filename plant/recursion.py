@@ -69,7 +69,7 @@ class Recursion:
         self._function, self._handed = _without_dust(function, carried), carried
         self._entering = [function.size_in(place) for place in range(function.n_in())]
         self._leaving = [function.size_out(place) for place in range(function.n_out())]
-        tape = self._tape = InstructionTape.of(self._function, carried)
+        tape = self._tape = InstructionTape.of(function, carried)
         mark = None if tape is None else "\n".join((ca.CasadiMeta.version(), _LOOP, tape.mark))
         self._code = MachineCode(function.name(), self._source, level=_LEVEL, mark=mark, start=tape is None)
         self._patience = 0 if tape is None else PATIENCE // max(len(tape.first), 1)
@@ -100,7 +100,7 @@ class Recursion:
                 _in_machine_code(library, carried, part, fixed, written)
             else:
                 self._followed += len(part)
-                if self._tape is None or not self._tape.follow(carried, part, fixed, written):
+                if self._tape is None or not self._tape.follow(carried, part, fixed, written, _DUST):
                     carried = self._in_virtual_machine(carried, part, fixed, written)
             first = last
         return carried, shown

@@ -1,12 +1,20 @@
-"""How the tests share the processors: one thread of linear algebra each, and the longest tests begin first."""
+"""How the tests share the processors: one thread of linear algebra each, and the longest tests begin first.
+
+Compiled modules are kept even where that is switched off: the tests start a hundred programs, each of which would
+compile all of its libraries again for four seconds.
+"""
 
 from __future__ import annotations
 
 import os
+import sys
 
 import pytest
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of numpy and scipy, which are not loaded yet
+
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 LONG = (
     "test_datasets",

@@ -49,6 +49,15 @@ def test_asking_for_the_version_imports_nothing_heavy():
     assert (done.returncode, done.stdout) == (0, f"antidrive {PROJECT['version']}\n"), done.stderr
 
 
+def test_a_command_imports_only_what_it_needs():
+    slow = "{'scipy.signal', 'scipy.stats', 'scipy.optimize', 'pandas', 'matplotlib', 'plotly'}"
+    code = (
+        f"import sys; from antidrive.cli import main; main(['allocate', '1']); sys.exit(str({slow} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stderr.strip() == "set()"
+
+
 def test_one_licence_is_named_everywhere():
     text = (ROOT / "LICENSE").read_text(encoding="utf-8")
     assert text.startswith("BSD 3-Clause License\n\nCopyright (c) 2026, the antidrive authors\n")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
 from antidrive.experiments.camera_tracking import CameraSettings, Tracked, experiment
@@ -30,7 +30,7 @@ class Mean:
     def of(cls, values: Array) -> Mean:
         """Of values (S,) that are independent and about normal."""
         spread = float(np.std(values, ddof=1)) / np.sqrt(values.size)
-        return cls(value=float(np.mean(values)), half=float(student.ppf(0.975, values.size - 1)) * spread)
+        return cls(value=float(np.mean(values)), half=float(stdtrit(values.size - 1, 0.975)) * spread)
 
     def text(self, unit: str) -> str:
         """With as many digits as the interval leaves."""

@@ -13,7 +13,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from plant.effects import Motion
 from plant.effects.effect import Array
@@ -117,6 +116,8 @@ def _unit(column: Array) -> Array | None:
 
 def _lagged(torque: Array, keep: float, rows: NDArray[np.intp]) -> Array:
     """(T,) a torque behind a first-order lag, in some rows."""
+    from scipy.signal import lfilter  # scipy.signal takes half a second
+
     lagged, _ = lfilter([1.0 - keep], [1.0, -keep], torque[rows], zi=[keep * torque[rows[0]]])
     return np.asarray(lagged)
 

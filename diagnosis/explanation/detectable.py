@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
-from scipy.optimize import brentq
 
 from diagnosis.evidence.prior import LOG_UNIFORM
 from diagnosis.linear import response
@@ -50,6 +49,8 @@ def _noticed(sides: int, catalogue: int) -> float:
 
     def over(z: float) -> float:
         return float(0.5 * z**2 - np.log(sides * z) - LOG_UNIFORM - np.log(catalogue) - CLEARLY)
+
+    from scipy.optimize import brentq
 
     return float(brentq(over, 1.0, _LARGE))
 
