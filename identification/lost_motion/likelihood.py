@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from identification.checks.faults import quantum
 from identification.lost_motion.flank_visits import FlankSamples
@@ -40,6 +39,8 @@ class SweepEstimate:
 
 def most_likely(samples: FlankSamples) -> SweepEstimate:
     """Maximum likelihood from samples on both flanks of both drives, loading and unloading."""
+    from scipy.optimize import minimize
+
     sweep = _Sweep(samples)
     found = minimize(
         sweep.value_and_slope,
