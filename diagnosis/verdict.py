@@ -66,7 +66,8 @@ def judged(
     unnamed = beside.material > SURE or missing.excess > _NOISE or shows
     small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others take a ruled-out one's place
     minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}
-    verdict = _verdict(posterior, causes, unnamed or bool(minor) or ruled_out is not None)
+    left = unnamed or bool(minor) or ruled_out is not None
+    verdict = _verdict(posterior, causes, unnamed=left, in_doubt=any(in_doubt(p) for p in minor.values()))
     if verdict == "ambiguous" and not causes:
         causes = _leading(posterior)
     return Judgement(
@@ -120,9 +121,14 @@ def special_cases(name: str) -> set[str]:
     return {name, *(() if kind is None else kind.contains)}
 
 
-def _verdict(posterior: Posterior, causes: Mapping[str, float], unnamed: bool) -> Verdict:
+def in_doubt(probability: float) -> bool:
+    """Whether an effect with such a probability may be there, and may be no more than a part of the rest."""
+    return 1.0 - SURE < probability <= SURE
+
+
+def _verdict(posterior: Posterior, causes: Mapping[str, float], *, unnamed: bool, in_doubt: bool) -> Verdict:
     if causes:
-        return "named" if all(p > SURE for p in causes.values()) else "ambiguous"
+        return "named" if all(p > SURE for p in causes.values()) and not in_doubt else "ambiguous"
     if unnamed:
         return "unknown"
     nothing = posterior.believed.get(frozenset(), 0.0)

@@ -240,3 +240,13 @@ def test_no_set_has_two_motors_before_one_load() -> None:
     proposed = {each.names for each in Signatures.at(base, both, len(both)).proposals()}
     assert {"backlash", "compliance"} not in proposed
     assert frozenset({"backlash"}) in proposed
+
+
+@pytest.mark.parametrize(("turns", "repeats"), [(5.0, True), (0.8, False)])
+def test_unmodelled_torque_repeats_with_each_turn_of_the_load(turns: float, repeats: bool) -> None:
+    motion = weigh(base := fit(log_of(9)), {"dead_zone"}, families_along(base), catalogue=5, observer=0.0).screen.motion  # type: ignore[arg-type, union-attr]
+    angle = 2.0 * np.pi * turns * (motion.angle - motion.angle.min()) / np.ptp(motion.angle)
+    families = Families.along(replace(motion, angle=angle)).torque
+    wave = np.sin(7.0 * angle + 0.4)
+    left = wave - families @ np.linalg.lstsq(families, wave, rcond=1e-9)[0]
+    assert (np.std(left) < 1e-6) == repeats

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from diagnosis import Diagnosis, diagnose
 from diagnosis.evidence.families import Families
 from diagnosis.motion import motion_of
 from diagnosis.result import Minor
+from diagnosis.verdict import judged
 from identification.fit import fit
 from identification.problem import Problem
 
@@ -41,6 +43,20 @@ def test_of_what_no_effect_explains_no_part_is_sure() -> None:
     assert together > 0.7
     assert found.unknown.probability > 0.5
     assert 0.02 / 5.0 < found.unknown.share < 0.02 * 5.0
+
+
+@pytest.mark.parametrize(("cogging", "verdict"), [(0.05, "named"), (0.15, "ambiguous"), (0.45, "ambiguous")])
+def test_a_minor_effect_in_doubt_leaves_the_verdict_open(cogging: float, verdict: str) -> None:
+    told = {"coulomb_friction": 0.99, "cogging": cogging}
+    learned = SimpleNamespace(posterior=SimpleNamespace(material=0.0))
+    posterior = SimpleNamespace(
+        best=SimpleNamespace(discrepancy=learned),
+        sets=[SimpleNamespace(names=frozenset(told))],
+        names=lambda: dict.fromkeys(told, 1.0),
+        told=told.__getitem__,
+    )
+    found = judged(posterior, SimpleNamespace(excess=0.0), shows=False, ruled_out=None)  # type: ignore[arg-type]
+    assert (found.verdict, *found.causes) == (verdict, "coulomb_friction")
 
 
 def test_a_lone_effect_keeps_its_probability() -> None:

@@ -362,3 +362,11 @@ def test_str_is_the_command_line_text_and_repr_is_one_line(fitted, diagnosis):
     assert repr(diagnosis) == f"Diagnosis(named: {headline(diagnosis)})"
     assert repr(fitted).startswith("Fit(inertia=0.7999, gravity=0.5999, ")
     assert repr(fitted).endswith(f"; {fitted.log!r})")
+
+
+def test_the_headline_tells_what_is_in_doubt(diagnosis):
+    (minor,) = diagnosis.minor
+    doubt = replace(diagnosis, verdict="ambiguous", minor=(replace(minor, probability=0.3),))
+    assert headline(doubt) == (
+        "The model lacks Coulomb friction. It may also lack cogging; the unexplained torque is about as large."
+    )

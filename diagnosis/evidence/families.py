@@ -2,7 +2,7 @@
 
 They stand for what no name explains (Kennedy and O'Hagan 2001). A member is a column along the log; of torque over
 velocity, angle, torque, time, angle and velocity together, of lagged torque, and of the way since the load turned back.
-Higher members are smaller, as 1/k.
+Where the load goes round, what depends on its angle also repeats with each turn. Higher members are smaller, as 1/k.
 """
 
 from __future__ import annotations
@@ -67,11 +67,13 @@ def _torques(motion: Motion) -> Iterator[tuple[str, float, Array]]:
         yield "velocity", 1.0 / (k + 1), direction * np.cos(np.pi * k * speed)
     for k in range(1, _BENDS + 1):
         yield "time", 1.0 / k, np.cos(np.pi * k * _to_one(motion.time))
-    for k in range(1, 4):
-        across = np.cos(np.pi * k * angle)
+    around = list(_around(motion)) if motion.turn and np.ptp(motion.angle) > motion.turn else []
+    for weight, wave in around:
+        yield "angle", weight, wave
+    for weight, across in around[:6] or [(1.0 / k, np.cos(np.pi * k * angle)) for k in range(1, 4)]:
         for m in range(1, 4):
-            yield "angle and velocity", 1.0 / (k * m), across * np.cos(np.pi * m * velocity)
-        yield "angle and velocity", 1.0 / k, across * direction
+            yield "angle and velocity", weight / m, across * np.cos(np.pi * m * velocity)
+        yield "angle and velocity", weight, across * direction
     for samples in _LAGS:
         keep = float(np.exp(-1.0 / samples))
         yield "past torque", 1.0, motion.by_run(partial(_lagged, motion.torque, keep)) - motion.torque
@@ -85,13 +87,18 @@ def _readings(motion: Motion) -> Iterator[tuple[float, Array]]:
 
     On a linear axis, which has no turn, over the travel.
     """
+    yield from _around(motion)
+    yield 1.0, motion.velocity
+    yield 1.0, np.abs(motion.velocity)
+    yield 1.0, motion.by_run(partial(_before, motion.acceleration))
+
+
+def _around(motion: Motion) -> Iterator[tuple[float, Array]]:
+    """Size and column (T,) of each wave over the turn, or over the travel where there is none."""
     turned = motion.angle if motion.turn else 2.0 * np.pi * _to_one(motion.angle)
     for k in range(1, _BENDS + 1):
         yield 1.0 / k, np.sin(k * turned)
         yield 1.0 / k, np.cos(k * turned)
-    yield 1.0, motion.velocity
-    yield 1.0, np.abs(motion.velocity)
-    yield 1.0, motion.by_run(partial(_before, motion.acceleration))
 
 
 def _before(values: Array, rows: NDArray[np.intp]) -> Array:

@@ -18,7 +18,7 @@ from diagnosis.explanation.wording import (
 from diagnosis.holdout import gain_errors
 from diagnosis.repeated_runs import repeated_pairs
 from diagnosis.result import Cause, Findings
-from diagnosis.verdict import SURE
+from diagnosis.verdict import SURE, in_doubt
 
 
 def headline(diagnosis: Findings) -> str:
@@ -45,6 +45,9 @@ def headline(diagnosis: Findings) -> str:
     unclear = f"probably lacks {joined_words(open_ones, 'or')}{which}" if open_ones else ""
     if known and unclear:
         return f"{known}. It also {unclear}."
+    if diagnosis.verdict == "ambiguous" and not unclear:
+        doubtful = [title_of(each.effect) for each in diagnosis.minor if in_doubt(each.probability)]
+        return f"{known}. It may also lack {joined_words(doubtful)}; the unexplained {acts} is about as large."
     return f"{known}." if known else f"The model {unclear}."
 
 
