@@ -36,7 +36,7 @@ class Hidden:
     sizes: tuple[float, float, float]
     judged: tuple[str, ...]
     host: Machine = field(default_factory=Machine)
-    duration: float = 40.0  # of the log that the tests diagnose [s]
+    duration: float = 25.0  # of the log that the tests diagnose [s]
 
     @property
     def base(self) -> ServoModel | None:
@@ -71,7 +71,13 @@ CASES = (
     ),
     Hidden(effect="dead_zone", at=lambda s: {"half_width": s}, sizes=(0.001, 0.011, 0.2), judged=("half_width",)),
     Hidden(effect="torque_offset", at=lambda s: {"torque": s}, sizes=(0.0003, 0.004, 0.15), judged=("torque",)),
-    Hidden(effect="coulomb_friction", at=lambda s: {"torque": s}, sizes=(0.0005, 0.008, 0.18), judged=("torque",)),
+    Hidden(
+        effect="coulomb_friction",
+        at=lambda s: {"torque": s},
+        sizes=(0.0005, 0.008, 0.18),
+        judged=("torque",),
+        duration=40.0,
+    ),
     Hidden(
         effect="asymmetric_friction",
         at=lambda s: {"forward": s, "backward": 0.5 * s, "viscous_difference": 0.1 * s},
@@ -139,6 +145,7 @@ CASES = (
         at=lambda s: {"time": 23.1416, "inertia": s, "gravity": 0.3 * s},
         sizes=(0.0005, 0.006, 0.2),
         judged=("inertia", "gravity"),
+        duration=40.0,
     ),
     Hidden(
         effect="periodic_disturbance",
