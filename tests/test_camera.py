@@ -61,6 +61,7 @@ def test_least_effort_tracks_as_well_at_a_third_of_the_loss() -> None:
     assert watts(PLANNED) < watts(SIZED) / 3
 
 
+@pytest.mark.long
 def test_at_equal_heat_every_other_law_errs_more() -> None:
     for law in (WARM, SHAPED):
         assert watts(law) == pytest.approx(watts(PLANNED), rel=0.15)

@@ -34,6 +34,7 @@ def summary(folder: Path) -> Any:
     return json.loads((folder / "summary.json").read_text())
 
 
+@pytest.mark.long
 def test_every_gap_is_within_5_percent_with_every_encoder(summary: Any) -> None:
     cases = summary["cases"]
     assert {case["bits"] for case in cases} == {17, 20, 23}
@@ -48,6 +49,7 @@ def test_every_gap_is_within_5_percent_with_every_encoder(summary: Any) -> None:
     assert 0.3 < summary["root_mean_square_score"] < 1.6
 
 
+@pytest.mark.long
 def test_a_load_that_stands_leaves_17_bits_less_certain(summary: Any) -> None:
     def std(cases: Any) -> float:
         return max(case["gaps"][0]["std"] for case in cases if case["bits"] == 17 and case["gap"] < 0.11 * ARCMIN)
@@ -57,6 +59,7 @@ def test_a_load_that_stands_leaves_17_bits_less_certain(summary: Any) -> None:
         assert abs(case["gaps"][0]["value"] - case["gap"]) < 3.5 * case["gaps"][0]["std"]
 
 
+@pytest.mark.long
 def test_stiffness_and_load_dependent_friction_are_found(summary: Any) -> None:
     assert summary["stiffness"]["value"] == pytest.approx(2e4, rel=2e-3)
     assert summary["friction_coefficient"]["value"] == pytest.approx(0.05, rel=5e-3)
@@ -64,6 +67,7 @@ def test_stiffness_and_load_dependent_friction_are_found(summary: Any) -> None:
     assert summary["friction"]["value"] == pytest.approx(damped, abs=0.003)
 
 
+@pytest.mark.long
 def test_common_mode_moves_the_load_and_agrees_on_friction(summary: Any) -> None:
     common, ratio = summary["common_mode"], 99.2307
     assert common["inertia"] == pytest.approx([2.0 + 2 * 4e-6 * ratio**2] * 3, rel=0.01)
@@ -73,6 +77,7 @@ def test_common_mode_moves_the_load_and_agrees_on_friction(summary: Any) -> None
     assert np.polyfit(summary["preloads"], common["coulomb_friction.torque"], 1)[0] == pytest.approx(0.1, rel=0.05)
 
 
+@pytest.mark.long
 def test_the_trajectory_is_a_log_of_its_own(folder: Path, summary: Any) -> None:
     gears = GearTrain.paper()
     log = Log.read(folder / "trajectory.csv", gears=gears)
@@ -82,6 +87,7 @@ def test_the_trajectory_is_a_log_of_its_own(folder: Path, summary: Any) -> None:
     assert drive.gap.value == pytest.approx(case["gap"], rel=0.05)
 
 
+@pytest.mark.long
 def test_the_page_says_it(folder: Path, summary: Any) -> None:
     page = (folder / "report.html").read_text()
     assert page.count('class="plot"') == 3

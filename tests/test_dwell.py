@@ -62,6 +62,7 @@ def test_dwell_is_the_longest_run_within_the_band(reading: list[int], band: int)
     assert dwell(values, float(band)) == max(runs)
 
 
+@pytest.mark.long
 def test_a_reversal_has_dwell_without_any_gap() -> None:
     t = np.arange(4000) * 0.005
     turning = 0.3 * (1 - np.cos(2 * np.pi * 0.05 * t))
@@ -70,12 +71,14 @@ def test_a_reversal_has_dwell_without_any_gap() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.long
 def test_one_drive_stands_while_it_crosses_its_gap() -> None:
     one = place(ONE)
     assert found().beyond_gapless[0, one, 0] > 10
     assert found().error[0, one, 1] > 3 * found().error[0, one, 0]
 
 
+@pytest.mark.long
 @pytest.mark.long
 def test_a_planned_preload_cannot_be_told_from_no_gap() -> None:
     planned = place(PLANNED)
@@ -93,6 +96,7 @@ def test_two_drives_without_preload_are_no_better_than_one() -> None:
     assert found().least[0, loose, 1] < 0.0
 
 
+@pytest.mark.long
 def test_more_constant_preload_than_enough_buys_heat_alone() -> None:
     much, none, planned = place("both, preload 0.2 N m"), place("both, no preload"), place(PLANNED)
     assert found().least[0, much, 1] > found().least[0, planned, 1] > 0.0

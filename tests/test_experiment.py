@@ -106,7 +106,9 @@ def test_it_tells_more_than_a_chirp(pair: str) -> None:
     assert set(experiment.rivals) == {PAIRS[pair][0][0], PAIRS[pair][1][0]}
 
 
-@pytest.mark.parametrize("pair", PAIRS)
+@pytest.mark.parametrize(
+    "pair", [pytest.param(pair, marks=[pytest.mark.long] if pair == "lag" else []) for pair in PAIRS]
+)
 def test_the_recorded_experiment_speaks_for_what_is_hidden(pair: str) -> None:
     machine, right, wrong = rivals(pair)
     before = right.log_likelihood - wrong.log_likelihood

@@ -35,6 +35,7 @@ def test_what_a_cause_can_be(effect: Effect, plausible: bool) -> None:
     assert effect.plausible(low=-4.0, high=5.0, speed=2.0, inertia=2.0, turn=TURN) is plausible
 
 
+@pytest.mark.long
 def test_a_soft_spring_over_the_travel_is_no_end_stop() -> None:
     """The stop fits as well, and pays for two parameters where the cable pays for three."""
     cable = Machine().hiding(cable_stiffness={"stiffness": 5.54e-6, "cubic": 1.108e-7, "rest_angle": 0.4})
@@ -59,6 +60,7 @@ def test_on_a_linear_axis_nothing_comes_once_a_turn() -> None:
     assert pitch.plausible(low=0.0, high=3.0, speed=2.0, inertia=2.0, turn=0.0)
 
 
+@pytest.mark.long
 def test_an_unknown_offset_is_not_reported_as_a_distant_cable() -> None:
     """It would fit, from 70 rad away; a curve without a name says as much."""
     offset = Machine().hiding(torque_offset={"torque": 0.15})

@@ -65,6 +65,7 @@ def test_a_law_stays_where_one_of_its_parameters_is_not_needed() -> None:
     assert cause.parameters["backward"].value == pytest.approx(0.2, rel=0.02)
 
 
+@pytest.mark.long
 def test_what_is_softer_than_any_stop_gets_no_other_name():
     """A stop of 0.03 N m/rad explains the log best by far, but no machine has one; a cable does not take its place."""
     machine = Machine().hiding(end_stop={"angle": 3.0, "stiffness": 0.031})
@@ -110,6 +111,7 @@ def test_a_cable_that_gives_way_as_it_bends_is_refused() -> None:
         CableStiffness(stiffness=1.0, cubic=-0.1)
 
 
+@pytest.mark.long
 def test_a_hardly_touched_end_stop_is_found_at_the_reversal() -> None:
     """Once, 3 mrad deep at the end of 37 rad: no start lay near it, and it was told a payload change for sure."""
     machine = Machine().hiding(end_stop={"angle": 19.8366, "stiffness": 30.0})

@@ -17,7 +17,8 @@ def log_of(machine: Machine, seed: int, **how: Any) -> Log:
     return record(machine, excitation(2 * seed, duration=30.0), seed=seed, **how).log()
 
 
-@pytest.mark.parametrize("seed", [pytest.param(25000, marks=pytest.mark.long), 28000])
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [25000, 28000])
 def test_a_stop_that_nobody_knows_is_no_lag_of_the_sensor(seed: int) -> None:
     """Once it was with certainty: behind the observer that the stop asks for, all the rest was filtered badly."""
     log = log_of(LEFT_OUT.machine(LEFT_OUT.sizes[-1]), seed)

@@ -117,12 +117,13 @@ def test_true_effects_are_compared_if_curves_are_not_far_better() -> None:
     assert {cause.effect for cause in found.causes} == set(hidden)
 
 
+@pytest.mark.long
 def test_a_law_of_two_variables_is_carried_without_a_sure_name() -> None:
     """Friction that grows with the load, where only dry friction of one size may be named."""
     machine = Machine().hiding(load_dependent_friction={"coefficient": 0.1})
     log, held_out = (
         record(machine, excitation(place, duration=duration), seed=place // 2, noise=1e-3).log()
-        for place, duration in ((22000, 15.0), (22001, 10.0))
+        for place, duration in ((22000, 30.0), (22001, 15.0))
     )
     found = diagnose(log, None, held_out, candidates=["asymmetric_friction"])
     assert not [cause for cause in found.causes if cause.probability > 0.9]

@@ -73,16 +73,18 @@ def _fit_leading(found: Explored) -> None:
 def _improve(found: Explored) -> None:
     """Add names to the best set, and take such away, while that makes a better one.
 
-    Where what came last is smaller than the discrepancy, so would be what comes next, and nothing is asked any more.
+    Where what came last is smaller than the discrepancy, so would be what comes next, unless that is in it: then only
+    those are asked that would promise most without one.
     """
     before: Explanation | None = None
     for _ in range(_MOST):
         _retune(found)
         _without_each(found, found.best)
-        if (best := found.best) is before or (before is not None and _are_small(best, best.names - before.names)):
+        if (best := found.best) is before:
             break
+        small = before is not None and _are_small(best, best.names - before.names)
+        _extend(found, [best], leading_alone=small)
         before = best
-        _extend(found, [best])
 
 
 def _are_small(explanation: Explanation, names: Collection[str]) -> bool:
@@ -210,7 +212,9 @@ def _proposals(found: Explored, parent: Explanation) -> list[Proposal]:
     return found.proposed[key]
 
 
-def _extend(found: Explored, parents: Sequence[Explanation], bandwidth: float = np.inf) -> None:
+def _extend(
+    found: Explored, parents: Sequence[Explanation], bandwidth: float = np.inf, *, leading_alone: bool = False
+) -> None:
     """Fit the sets with one or two names more that promise most; also behind another observer.
 
     And those that would promise most if there were no discrepancy: one that has taken much over leaves little to see.
@@ -229,7 +233,9 @@ def _extend(found: Explored, parents: Sequence[Explanation], bandwidth: float = 
                 leading.add(proposal.names)
     ranked = sorted(proposed.values(), key=lambda each: -each[0])
     promising = [each.names for value, _, each in ranked if value > -_BELOW]
-    likeliest = {names for size in (1, 2) for names in [n for n in promising if len(n) == size][:_ASKED]}
+    likeliest = set[frozenset[str]]()
+    if not leading_alone:
+        likeliest = {names for size in (1, 2) for names in [n for n in promising if len(n) == size][:_ASKED]}
     chosen = [(value, parent, each) for value, parent, each in ranked if each.names in likeliest | leading]
     for costly in (0, 1, 2):
         reached = found.best.log_marginal - best
