@@ -15,7 +15,7 @@ import numpy as np
 from diagnosis.falsification import SURELY, errors_of_many_steps
 from diagnosis.holdout import cut, split
 from diagnosis.linear import response
-from diagnosis.refit import fitted_to, problem_near
+from diagnosis.refit import fitted_from, fitted_to, problem_near
 from diagnosis.score_test import Screen
 from diagnosis.verdict import HARDLY_EVER
 from identification.fit_result import Fit
@@ -25,6 +25,7 @@ from identification.threads import in_threads
 from plant.effects.effect import Array
 from plant.effects.nonparametric import unnamed
 from plant.effects.nonparametric_curve import Nonparametric
+from plant.servo import ServoModel
 
 _MOST = 2  # things without a name that a model may carry: each further one is found by chance more easily
 _AT_ONCE = 3  # kinds that are tried before the best of them is taken
@@ -107,11 +108,17 @@ def _surely_better(less: Fit, start: Nonparametric, rest: Log, before: Array) ->
 
     Args:
         less: the fit to the first part, without it.
-        start: where it begins; what predicts better does so before it fits best.
+        start: where it begins; what surely predicts worse after a few iterations is not followed to the end.
         rest: of the log.
         before: (T,) squared errors there without it.
     """
     problem = _beside(less, start)
     values, _ = problem.unpack(problem.begun(less).point)
-    gain, std = cut(before, errors_of_many_steps(problem.model.with_values(values), rest))
+    surely = _sigmas(before, problem.model.with_values(values), rest)
+    return surely if surely < -SURELY else _sigmas(before, fitted_from(less, problem).model, rest)
+
+
+def _sigmas(before: Array, model: ServoModel, rest: Log) -> float:
+    """Standard errors by which a model predicts better than with errors as before."""
+    gain, std = cut(before, errors_of_many_steps(model, rest))
     return gain / std if std > 0.0 else 0.0
