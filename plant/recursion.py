@@ -70,7 +70,7 @@ class Recursion:
         self._entering = [function.size_in(place) for place in range(function.n_in())]
         self._leaving = [function.size_out(place) for place in range(function.n_out())]
         tape = self._tape = InstructionTape.of(function, carried)
-        mark = None if tape is None else "\n".join((ca.CasadiMeta.version(), _LOOP, tape.mark))
+        mark = None if tape is None else "\n".join((ca.CasadiMeta.version(), _LOOP, repr(_DUST), tape.mark))
         self._code = MachineCode(function.name(), self._source, level=_LEVEL, mark=mark, start=tape is None)
         self._patience = 0 if tape is None else PATIENCE // max(len(tape.first), 1)
         self._followed = 0  # rows, without machine code
