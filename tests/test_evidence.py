@@ -12,7 +12,7 @@ from machine import Machine, excitation, record
 from scipy.stats import multivariate_normal
 
 from diagnosis import Diagnosis, diagnose
-from diagnosis.evidence import fitted_sets, search_over_sets
+from diagnosis.evidence import fitted_sets
 from diagnosis.evidence.discrepancy import _at
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.fitted_sets import fitted as fitted_near
@@ -84,8 +84,7 @@ def test_a_base_model_that_converges_slowly_is_no_obstacle(monkeypatch: pytest.M
     def in_few_iterations(start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
         return replace(fitted_near(start, models, bandwidth), converged=False)
 
-    for module in (search_over_sets, fitted_sets):
-        monkeypatch.setattr(module, "fitted", in_few_iterations)
+    monkeypatch.setattr(fitted_sets, "fitted", in_few_iterations)
     found = diagnose(log_of(4), candidates=["quadratic_drag"])
     assert [each.effects for each in found.sets] == [()]
 

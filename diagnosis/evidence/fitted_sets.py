@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import Explanation, weigh
@@ -11,6 +12,7 @@ from diagnosis.evidence.signatures import Proposal
 from diagnosis.refit import fitted_from, is_its_special_case, most_promising, problem_near
 from identification.fit_result import Fit
 from identification.noise import log_likelihood
+from plant.discrete import Structure
 from plant.effects import Effect
 from plant.servo import ServoModel
 
@@ -26,6 +28,8 @@ class Explored:
         null: the base model alone, along whose motion the families are drawn.
         proposed: what was proposed beside each of them.
         held: whether all are predicted behind one observer that holds a motion in which small errors grow.
+        asked: fits that were asked for, by where they began; the search comes by the same ones on several ways.
+        answered: what came of weighing a fit.
     """
 
     null: Fit
@@ -35,6 +39,8 @@ class Explored:
     fits: dict[tuple[frozenset[str], float], Explanation] = field(default_factory=dict)
     proposed: dict[tuple[frozenset[str], float], list[Proposal]] = field(default_factory=dict)
     held: bool = False
+    asked: dict[tuple[Any, ...], Fit] = field(default_factory=dict)
+    answered: dict[Fit, Explanation | None] = field(default_factory=dict)
 
     @property
     def known(self) -> dict[frozenset[str], Explanation]:
@@ -54,8 +60,51 @@ class Explored:
             if key not in self.fits or each.log_marginal > self.fits[key].log_marginal:
                 self.fits[key] = each
 
+    def fitted(self, start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
+        """The best fit of some models at a bandwidth, from another fit."""
+        begun = start.initial.tobytes(), bandwidth, *(part for model in (start.model, *models) for part in _key(model))
+        if begun not in self.asked:
+            self.asked[begun] = fitted(start, models, bandwidth)
+        return self.asked[begun]
+
+    def fitted_with(self, fit: Fit, proposal: Proposal, bandwidth: float, least: float = 0.0) -> Fit:
+        """The model of a fit with what is proposed, fitted from there.
+
+        Among shapes that look alike the best is looked for where the first brings at least so much log-likelihood.
+        """
+        models = [fit.model]
+        for starts in proposal.starts:
+            models = [model.with_effect(start) for model in models for start in starts]
+        found = self.fitted(fit, models, bandwidth)
+        least += _likelihood(fit, bandwidth)
+        for starts in proposal.starts:
+            found = self._among_look_alikes(found, starts[0].name, bandwidth, least)
+        return found
+
+    def _among_look_alikes(self, fit: Fit, name: str, bandwidth: float, least: float) -> Fit:
+        """The best among shapes of an effect between which a descent cannot choose; at first anywhere, then nearby.
+
+        Where the best of all has less log-likelihood than is asked for there is nothing to be looked for nearby.
+        """
+        for stage in _STAGES:
+            effect = fit.model.effect(name)
+            alike = () if effect is None else effect.similar_shapes(stage)
+            if not alike:
+                break
+            rest = fit.model.without_effect(name)
+            other = self.fitted(replace(fit, model=rest), [rest.with_effect(each) for each in alike], bandwidth)
+            fit = max((fit, other), key=lambda each: each.log_likelihood)
+            if stage == 0 and fit.log_likelihood < least:
+                break
+        return fit
+
     def weighed(self, fit: Fit) -> Explanation | None:
         """A fit as an explanation, where an effect came out as its special case with that; None where it is none."""
+        if fit not in self.answered:
+            self.answered[fit] = self._weighed(fit)
+        return self.answered[fit]
+
+    def _weighed(self, fit: Fit) -> Explanation | None:
         held = {effect.name for effect in self.null.model.effects}
         names = {effect.name for effect in fit.model.effects} - held
         for name in sorted(names):
@@ -71,25 +120,21 @@ class Explored:
         effect, rest = fit.model.effect(name), fit.model.without_effect(name)
         special = effect.reduced()[:1] if effect is not None else ()
         return [
-            fitted(fit, [rest.with_effect(each)], fit.bandwidth)
+            self.fitted(fit, [rest.with_effect(each)], fit.bandwidth)
             for each in special
             if each.name in self.effects and not rest.holds(each.name)
         ]
 
 
-def fitted_with(fit: Fit, proposal: Proposal, bandwidth: float) -> Fit:
-    """The model of a fit with what is proposed, fitted from there."""
-    models = [fit.model]
-    for starts in proposal.starts:
-        models = [model.with_effect(start) for model in models for start in starts]
-    found = fitted(fit, models, bandwidth)
-    for starts in proposal.starts:
-        found = _among_look_alikes(found, starts[0].name, bandwidth, without=fit)
-    return found
+def _key(model: ServoModel) -> tuple[Structure, bytes]:
+    """What a fit from a model depends on."""
+    return Structure(model), model.values.tobytes()
 
 
 def _likelihood(fit: Fit, bandwidth: float) -> float:
-    """Log-likelihood of a fit as it is, behind another observer."""
+    """Log-likelihood of a fit as it is, behind an observer."""
+    if fit.bandwidth == bandwidth:
+        return fit.log_likelihood
     problem = problem_near(fit, fit.model)
     cost = problem.cost(problem.pack(fit.model.values, fit.initial), bandwidth, 0.0)
     return log_likelihood(cost, fit.samples)
@@ -103,21 +148,3 @@ def fitted(start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
         problems = most_promising(problems, near, bandwidth)[:1]
     (problem,) = problems
     return fitted_from(near, problem, _ITERATIONS)
-
-
-def _among_look_alikes(fit: Fit, name: str, bandwidth: float, without: Fit) -> Fit:
-    """The best among shapes of an effect between which a descent cannot choose; at first anywhere, then nearby.
-
-    Where the best of all says less than the fit without the effect, there is nothing to be looked for nearby.
-    """
-    for stage in _STAGES:
-        effect = fit.model.effect(name)
-        alike = () if effect is None else effect.similar_shapes(stage)
-        if not alike:
-            break
-        rest = fit.model.without_effect(name)
-        other = fitted(replace(fit, model=rest), [rest.with_effect(each) for each in alike], bandwidth)
-        fit = max((fit, other), key=lambda each: each.log_likelihood)
-        if stage == 0 and fit.log_likelihood < _likelihood(without, bandwidth):
-            break
-    return fit

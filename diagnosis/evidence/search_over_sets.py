@@ -12,7 +12,7 @@ from itertools import chain, combinations
 
 import numpy as np
 
-from diagnosis.evidence.fitted_sets import Explored, fitted, fitted_with
+from diagnosis.evidence.fitted_sets import Explored
 from diagnosis.evidence.marginal import Explanation, families_along
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.evidence.signatures import Proposal, Signatures
@@ -41,7 +41,7 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     found = Explored(null=null, effects=effects, tell=tell, families=families)
     grid = sorted({0.0, null.bandwidth / _STEP**2} - {null.bandwidth})
     found.add([found.weighed(null)])
-    found.add(in_threads(lambda bandwidth: found.weighed(fitted(null, [null.model], bandwidth)), grid))
+    found.add(in_threads(lambda bandwidth: found.weighed(found.fitted(null, [null.model], bandwidth)), grid))
     if not found.fits:
         raise Unidentifiable("The motion of the base model grows without bound.")
     _extend(found, list(found.fits.values()))
@@ -67,7 +67,7 @@ def _fit_leading(found: Explored) -> None:
             effect, model = model.effect(name), model.without_effect(name)
             if effect is not None and special in names:
                 model = model.with_effect(effect.reduced()[0])
-        found.add([found.weighed(fitted(holder.fit, [model], holder.fit.bandwidth))])
+        found.add([found.weighed(found.fitted(holder.fit, [model], holder.fit.bandwidth))])
 
 
 def _improve(found: Explored) -> None:
@@ -100,27 +100,19 @@ def _retune(found: Explored) -> None:
     """
 
     def lowered(best: Explanation) -> list[Explanation]:
-        return list(with_slower_observers(best, found.null.bandwidth, found.weighed))
+        return list(_with_slower_observers(found, best))
 
     if not found.held:
         ranked = sorted(found.known.values(), key=lambda each: -each.log_marginal)
         found.add(chain.from_iterable(in_threads(lowered, ranked[:_RETUNED])))
 
 
-def with_slower_observers(
-    best: Explanation, fastest: float, weighed: Callable[[Fit], Explanation | None]
-) -> Iterator[Explanation]:
-    """An explanation behind slower and slower observers, as long as it gets likelier; the one before the last is best.
-
-    Args:
-        best: where it begins.
-        fastest: bandwidth of the observer that the base model needs [rad/s].
-        weighed: a fit as an explanation.
-    """
+def _with_slower_observers(found: Explored, best: Explanation) -> Iterator[Explanation]:
+    """A set behind slower and slower observers, as long as it gets likelier; the one before the last is best."""
+    slowest = found.null.bandwidth / _STEP**_STEPS
     while best.fit.bandwidth:
         bandwidth = best.fit.bandwidth / _STEP
-        slower = bandwidth if bandwidth > fastest / _STEP**_STEPS else 0.0
-        moved = weighed(fitted(best.fit, [best.fit.model], slower))
+        moved = found.weighed(found.fitted(best.fit, [best.fit.model], bandwidth if bandwidth > slowest else 0.0))
         if moved is None:
             return
         yield moved
@@ -141,9 +133,12 @@ def _replace(found: Explored) -> None:
                 places.append({one, other})
         for out in map(frozenset, places):
             if (less := _less(found, best, out)) is not None:
-                _try(found, _in_place(found, less, out), best.fit.bandwidth)
+                least, proposed = _in_place(found, less, out)
+                _try(found, [(less, each) for each in proposed], best.fit.bandwidth, least)
         for narrow in _narrowed(found, best):
-            _extend(found, [narrow], best.fit.bandwidth)
+            lost = best.log_marginal - narrow.log_marginal
+            if any(each.value >= _about(lost) for each in _proposals(found, narrow)):
+                _extend(found, [narrow], best.fit.bandwidth)
         if found.best is not best:
             _improve(found)
 
@@ -155,22 +150,28 @@ def _narrowed(found: Explored, best: Explanation) -> list[Explanation]:
     return [found.known[each.names] for each in tried if each is not None]
 
 
-def _in_place(found: Explored, less: Explanation, out: frozenset[str]) -> list[tuple[Explanation, Proposal]]:
+def _in_place(found: Explored, less: Explanation, out: frozenset[str]) -> tuple[float, list[Proposal]]:
     """What promises about as much beside a set as the names that were taken out of it, and wider forms of them.
 
-    Of a chaotic effect a promise says little, so it is asked for where it is confounded with such a name.
+    Of a chaotic effect a promise says little, so it is asked for where it is confounded with such a name. First comes
+    the log-likelihood that each has to bring to be worth more than a first look.
     """
     proposals = _proposals(found, less)
-    own = max((each.value for each in proposals if each.names == out), default=np.inf)
+    least = _about(max((each.value for each in proposals if each.names == out), default=np.inf))
     others = [each for each in proposals if len(each.names) == 1 and not each.names & out]
     ranked = sorted(others, key=lambda each: -each.value)
-    near = [each for each in ranked if each.value >= own - max(_BELOW, _NEAR * own)][:_ASKED]
+    near = [each for each in ranked if each.value >= least][:_ASKED]
     alike = frozenset[str]().union(*(_confounded(found.effects, name) for name in out))
     for each in others:
         effect = each.starts[0][0]
         if each not in near and (out & set(effect.contains) or effect.name in alike):
             near.append(each)
-    return [(less, each) for each in near]
+    return least if np.isfinite(least) else 0.0, near
+
+
+def _about(value: float) -> float:
+    """What promises at least this may come to a value: linearised, a promise is rough."""
+    return value - max(_BELOW, _NEAR * value)
 
 
 def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str]:
@@ -190,11 +191,11 @@ def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanatio
     observers = {best.fit.bandwidth} if found.held else {best.fit.bandwidth, found.null.bandwidth}
     for bandwidth in sorted(observers):
         if (names, bandwidth) not in found.fits:
-            found.add([found.weighed(fitted(best.fit, [model], bandwidth))])
+            found.add([found.weighed(found.fitted(best.fit, [model], bandwidth))])
     known = [found.fits[names, each] for each in observers if (names, each) in found.fits]
     best_one = max(known, key=lambda each: each.log_marginal, default=None)
     if best_one is not None and best_one.fit.bandwidth > best.fit.bandwidth and not found.held:
-        found.add(with_slower_observers(best_one, found.null.bandwidth, found.weighed))
+        found.add(_with_slower_observers(found, best_one))
     return None if best_one is None else found.known[names]
 
 
@@ -243,39 +244,49 @@ def _extend(
         _try(found, now, bandwidth)
 
 
-def _try(found: Explored, pairs: Sequence[tuple[Explanation, Proposal]], bandwidth: float = np.inf) -> None:
-    """Fit some sets, each of them one that is there and what is proposed beside it; also behind another observer."""
+def _try(
+    found: Explored,
+    pairs: Sequence[tuple[Explanation, Proposal]],
+    bandwidth: float = np.inf,
+    least: float = 0.0,
+) -> None:
+    """Fit some sets, each of them one that is there and what is proposed beside it; also behind another observer.
+
+    What brings less than the least log-likelihood is not followed further.
+    """
     chosen = [(p, each) for p, each in pairs if (p.names | each.names, p.fit.bandwidth) not in found.fits]
     for names in dict.fromkeys(parent.names for parent, _ in chosen):
         told = "; ".join(" and ".join(sorted(each.names)) for p, each in chosen if p.names == names)
         found.tell(f"beside {', '.join(sorted(names)) or 'nothing'}: {told}")
     held = [(p, each) for p, each in chosen if each.chaotic]
     loose = [pair for pair in chosen if pair not in held]
-    found.add(chain.from_iterable(in_threads(lambda pair: list(_tried(found, *pair, bandwidth)), loose)))
+    found.add(chain.from_iterable(in_threads(lambda pair: list(_tried(found, *pair, bandwidth, least)), loose)))
     if held:
         _try_held(found, held[:1])  # each takes as long as all others
 
 
-def _tried(found: Explored, parent: Explanation, proposal: Proposal, bandwidth: float) -> Iterator[Explanation | None]:
+def _tried(
+    found: Explored, parent: Explanation, proposal: Proposal, bandwidth: float, least: float
+) -> Iterator[Explanation | None]:
     """One of them, behind the observer of what is there and a slower one; nothing where it says no more than that.
 
     Without an observer a fit may end astray; so where it is no better there, it begins behind that of the base model.
     """
-    fit = fitted_with(parent.fit, proposal, parent.fit.bandwidth)
+    fit = found.fitted_with(parent.fit, proposal, parent.fit.bandwidth, least)
     if fit.log_likelihood <= parent.fit.log_likelihood + _NOTHING:
         if parent.fit.bandwidth < found.null.bandwidth and not found.held:
-            begun = found.weighed(fitted_with(parent.fit, proposal, found.null.bandwidth))
+            begun = found.weighed(found.fitted_with(parent.fit, proposal, found.null.bandwidth))
             if begun is not None:
                 yield begun
-                yield from with_slower_observers(begun, found.null.bandwidth, found.weighed)
+                yield from _with_slower_observers(found, begun)
         return
     weighed = found.weighed(fit)
     yield weighed
-    if bandwidth < fit.bandwidth:
-        yield found.weighed(fitted(fit, [fit.model], bandwidth))
+    if bandwidth < fit.bandwidth and fit.log_likelihood >= parent.fit.log_likelihood + least:
+        yield found.weighed(found.fitted(fit, [fit.model], bandwidth))
     if weighed is None and len(proposal.starts) > 1:  # where two do not get on, each is asked alone
         for starts in proposal.starts:
-            yield from _tried(found, parent, replace(proposal, starts=(starts,)), bandwidth)
+            yield from _tried(found, parent, replace(proposal, starts=(starts,)), bandwidth, least)
 
 
 def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -> None:
@@ -284,13 +295,13 @@ def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -
     Where such a set is likelier there than the best of the others, all go on behind that observer.
     """
     bandwidth = max(HELD / found.null.log.sample_time, *(parent.fit.bandwidth for parent, _ in chosen))
-    tried = in_threads(lambda pair: found.weighed(fitted_with(pair[0].fit, pair[1], bandwidth)), chosen)
+    tried = in_threads(lambda pair: found.weighed(found.fitted_with(pair[0].fit, pair[1], bandwidth)), chosen)
     loose = max((each for each in tried if each is not None), key=lambda each: each.log_marginal, default=None)
     if found.held or loose is None:
         found.add(tried)
         return
     best = found.best
-    rival = found.weighed(fitted(best.fit, [best.fit.model], loose.fit.bandwidth))
+    rival = found.weighed(found.fitted(best.fit, [best.fit.model], loose.fit.bandwidth))
     if rival is None or loose.log_marginal > rival.log_marginal:
         found.held, found.fits = True, {}
         found.add((*tried, rival))
