@@ -48,7 +48,7 @@ def fitted_to(log: Log, fit: Fit) -> Fit:
 def fitted_from(start: Fit, problem: Problem, iterations: int = 30) -> Fit:
     """The fit of a problem from another fit that lies near, behind the same observer."""
     begun = problem.begun(start)
-    ended = problem.minimise(begun, start.bandwidth, 0.0, iterations=iterations)
+    ended = problem.minimise(begun.point, start.bandwidth, 0.0, iterations=iterations, at_start=begun.equations)
     return fit_with_errors(problem, start.bandwidth, ended, begun.evaluations)
 
 

@@ -14,6 +14,7 @@ from identification.errors import MalformedLog
 from identification.recording import Finding, Recording
 from identification.run import Run
 from identification.run_parameters import payload_of
+from identification.threads import without_blas_threads
 
 _TOLD = 3  # findings of one kind that are told one by one
 
@@ -28,6 +29,7 @@ class Checked:
     faults: tuple[str, ...]
 
 
+@without_blas_threads
 def checked_runs(recordings: Iterable[Recording]) -> Checked:
     """Check recordings and keep what can be used.
 

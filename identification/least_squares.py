@@ -17,9 +17,6 @@ from plant.effects.effect import Array
 
 _APART = 0.1  # of the log-likelihood, by which two points have to differ
 _ALIKE = 1e-12  # of the information about some regressors, below which about their difference there is none
-_UNDAMPED = 1e-6  # of the information about a parameter, by which a first step is damped
-_SHORTER, _SHORTEST = 0.5, 0.1  # a step after one that failed, as a share of it, at most and at least
-_STUCK = 1e10  # damping at which no step helps
 _ROUNDING = 1e-8  # component of a unit vector that may be none
 
 
@@ -50,13 +47,12 @@ class NormalEquations:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Minimum:
-    """Where the iteration ended, the problem linearised there, and how strongly the next step would be damped."""
+    """Where the iteration ended, and the problem linearised there."""
 
     point: Array
     equations: NormalEquations
     converged: bool
     evaluations: int
-    damping: float = _UNDAMPED
 
     def is_at(self, point: Array, samples: int) -> bool:
         """Whether a point (n,) lies so near that so many residuals do not tell the two apart."""
@@ -68,43 +64,36 @@ class Minimum:
 
 def minimise(
     evaluate: Callable[[Array], NormalEquations],
-    start: Array | Minimum,
+    start: Array,
     lower: Array,
     upper: Array,
     *,
     samples: int,
     iterations: int = 30,
     tolerance: float = 0.01,
+    at_start: NormalEquations | None = None,
 ) -> Minimum:
     """Minimise a sum of squares within bounds.
 
     Args:
         evaluate: linearises the problem at a point (n,).
-        start: (n,) first point, clipped into the bounds; or where an iteration was cut short, which goes on.
+        start: (n,) first point, clipped into the bounds.
         lower: (n,) lower bounds.
         upper: (n,) upper bounds.
         samples: number of residuals.
         iterations: most evaluations of the problem.
         tolerance: stop when a step promises to raise the log-likelihood (samples/2 log cost) by less than this.
+        at_start: the problem at `start`, if known already.
     """
-    if isinstance(start, Minimum):
-        point, here, damping, evaluations = start.point, start.equations, start.damping, 0
-    else:
-        point = np.clip(start, lower, upper)
-        here, damping, evaluations = evaluate(point), _UNDAMPED, 1
-    converged, longest = here.cost == 0.0, np.inf
+    point = np.clip(start, lower, upper)
+    here = at_start if at_start is not None else evaluate(point)
+    evaluations, damping, converged = int(at_start is None), 1e-6, here.cost == 0.0
     while evaluations < iterations and np.isfinite(here.cost) and here.cost > 0.0:
         # A quantity that is positive by nature (a time, a width, an inertia) changes by a factor of five at most, so
         # that a direction which the log does not determine does not diverge.
         least = np.where(lower > 0.0, np.maximum(lower, point / 5.0), lower)
         most = np.where(lower > 0.0, np.minimum(upper, point * 5.0), upper)
-        silent = _silent(here, lower, upper, samples, tolerance)
-        step = _bounded_step(here, point, least, most, damping, silent=silent)
-        while _length(here, step) > longest and damping < _STUCK:
-            damping *= 3.0
-            step = _bounded_step(here, point, least, most, damping, silent=silent)
-        if damping >= _STUCK:
-            break
+        step = _bounded_step(here, point, least, most, damping, silent=_silent(here, lower, upper, samples, tolerance))
         promise = -(2.0 * here.gradient @ step + step @ here.information @ step)
         if 0.5 * samples * promise / here.cost < tolerance:
             converged = True
@@ -115,24 +104,14 @@ def minimise(
         with np.errstate(over="ignore"):
             kept = (here.cost - there.cost) / promise  # of what was promised
         if kept > 1e-4:
-            point, here, longest = target, there, np.inf
+            point, here = target, there
             damping = max(damping * (0.1 if kept > 0.5 else 1.0 if kept > 0.1 else 5.0), 1e-12)
         else:
-            longest = _length(here, step) * _shorter(here, there, step)
+            damping = max(damping * 30.0, 1e-5)
+            if damping > 1e10:
+                break
     converged = converged or here.cost == 0.0
-    return Minimum(point=point, equations=here, converged=converged, evaluations=evaluations, damping=damping)
-
-
-def _length(here: NormalEquations, step: Array) -> float:
-    """Of a step, where each parameter is counted by the information about it."""
-    return float(np.linalg.norm(step * np.sqrt(np.maximum(np.diag(here.information), 1e-300))))
-
-
-def _shorter(here: NormalEquations, there: NormalEquations, step: Array) -> float:
-    """Share of a step that failed at which a parabola through the costs is lowest (Moré 1978), within limits."""
-    slope, rise = 2.0 * float(here.gradient @ step), there.cost - here.cost
-    lowest = -0.5 * slope / (rise - slope) if np.isfinite(rise) else 0.0
-    return float(np.clip(lowest, _SHORTEST, _SHORTER))
+    return Minimum(point=point, equations=here, converged=converged, evaluations=evaluations)
 
 
 def _silent(here: NormalEquations, lower: Array, upper: Array, samples: int, tolerance: float) -> NDArray[np.bool_]:

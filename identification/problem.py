@@ -15,7 +15,7 @@ import numpy as np
 
 from identification.bandwidth import between, neighbours, parabola_top
 from identification.fit_result import Fit
-from identification.least_squares import Minimum, minimise
+from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
 from identification.noise import log_likelihood, short_autoregression
 from identification.objective import Objective
@@ -46,10 +46,11 @@ class Problem(Objective):
 
     def minimise(
         self,
-        start: Array | Minimum,
+        start: Array,
         bandwidth: float,
         width: float,
         iterations: int = 30,
+        at_start: NormalEquations | None = None,
         tolerance: float = 0.01,
     ) -> Minimum:
         """The best point at a bandwidth and a width; arguments as in `least_squares.minimise`."""
@@ -60,6 +61,7 @@ class Problem(Objective):
             self.upper,
             samples=self.samples,
             iterations=iterations,
+            at_start=at_start,
             tolerance=tolerance,
         )
 
@@ -286,7 +288,7 @@ class Problem(Objective):
         """A minimum in the exact form that was cut short, brought to its end."""
         if minimum.converged:
             return minimum
-        return self.minimise(minimum, bandwidth, 0.0, iterations=_PATIENT)
+        return self.minimise(minimum.point, bandwidth, 0.0, iterations=_PATIENT, at_start=minimum.equations)
 
 
 def _parts(log: Log) -> Log:

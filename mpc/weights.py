@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,9 +26,15 @@ def rate_weight(model: ServoModel, bandwidth: float, sample_time: float) -> floa
 
 def terminal_weight(model: ServoModel, rate: float, sample_time: float) -> Array:
     """P of the rigid servo for angle and velocity (2, 2), from its Riccati equation, the torque minimised away."""
-    from scipy.linalg import expm
-
-    J, K = model.inertia, model.viscous_friction
-    A = expm(sample_time * np.array([[0.0, 1.0, 0.0], [0.0, -K / J, 1.0 / J], [0.0, 0.0, 0.0]]))
+    A = _transition(model.inertia, model.viscous_friction, sample_time)
     P = rate * settled(A.T, np.array([A[0, 2], A[1, 2], 1.0]), np.diag([1.0 / rate, 0.0, 0.0]))
     return np.asarray(P[:2, :2] - np.outer(P[:2, 2], P[2, :2]) / P[2, 2])
+
+
+@lru_cache(maxsize=16)
+def _transition(inertia: float, viscous_friction: float, sample_time: float) -> Array:
+    """(3, 3) of angle, velocity and a torque that stays, over a sample."""
+    from scipy.linalg import expm
+
+    rates = [[0.0, 1.0, 0.0], [0.0, -viscous_friction / inertia, 1.0 / inertia], [0.0, 0.0, 0.0]]
+    return np.asarray(expm(sample_time * np.array(rates)))

@@ -124,7 +124,7 @@ def test_a_bent_valley_is_followed_downhill() -> None:
     assert found.point == pytest.approx([1.0, 1.0], abs=1e-4)
     assert found.equations.cost == min(problem.cost for problem in seen)
     assert found.evaluations == len(seen)
-    again = minimise(evaluate, found, -UNBOUNDED, UNBOUNDED, samples=3, tolerance=1e-3)
+    again = minimise(evaluate, found.point, -UNBOUNDED, UNBOUNDED, samples=3, tolerance=1e-3, at_start=found.equations)
     assert again.evaluations == 0
     cut = minimise(rosenbrock, np.array([-1.2, 1.0]), -UNBOUNDED, UNBOUNDED, samples=3, iterations=3)
     assert not cut.converged

@@ -136,9 +136,7 @@ def _replace(found: Explored) -> None:
                 least, proposed = _in_place(found, less, out)
                 _try(found, [(less, each) for each in proposed], best.fit.bandwidth, least)
         for narrow in _narrowed(found, best):
-            lost = best.log_marginal - narrow.log_marginal
-            if any(each.value >= _about(lost) for each in _proposals(found, narrow)):
-                _extend(found, [narrow], best.fit.bandwidth)
+            _extend(found, [narrow], best.fit.bandwidth)
         if found.best is not best:
             _improve(found)
 
@@ -157,7 +155,8 @@ def _in_place(found: Explored, less: Explanation, out: frozenset[str]) -> tuple[
     the log-likelihood that each has to bring to be worth more than a first look.
     """
     proposals = _proposals(found, less)
-    least = _about(max((each.value for each in proposals if each.names == out), default=np.inf))
+    own = max((each.value for each in proposals if each.names == out), default=np.inf)
+    least = own - max(_BELOW, _NEAR * own)
     others = [each for each in proposals if len(each.names) == 1 and not each.names & out]
     ranked = sorted(others, key=lambda each: -each.value)
     near = [each for each in ranked if each.value >= least][:_ASKED]
@@ -167,11 +166,6 @@ def _in_place(found: Explored, less: Explanation, out: frozenset[str]) -> tuple[
         if each not in near and (out & set(effect.contains) or effect.name in alike):
             near.append(each)
     return least if np.isfinite(least) else 0.0, near
-
-
-def _about(value: float) -> float:
-    """What promises at least this may come to a value: linearised, a promise is rough."""
-    return value - max(_BELOW, _NEAR * value)
 
 
 def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str]:
