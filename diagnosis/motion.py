@@ -24,12 +24,16 @@ from plant.symbolic import one_at_a_time
 def motion_of(
     fit: Fit, problem: Problem, predictions: list[Prediction], bandwidth: float, scores: tuple[Array, Array]
 ) -> Motion:
-    """The model's motion, for the effects to draw their traces along."""
+    """The model's motion, for the effects to draw their traces along.
+
+    The torque of a position servo is that of its law along this motion. Along the measured one it would hold the noise
+    of readings to come, and could explain it.
+    """
     runs = problem.log.runs
-    velocity = np.concatenate([p.states[1] for p in predictions])
+    angle, velocity = (np.concatenate([p.states[kind] for p in predictions]) for kind in (0, 1))
     command = np.concatenate([run.command for run in runs])
     gain = np.concatenate([run.servo_gain for run in runs])
-    returned = command - np.concatenate([run.drive for run in runs])
+    returned = gain * angle + np.concatenate([run.servo_damping for run in runs]) * velocity
     limit = np.repeat([run.command_limit for run in runs], [len(run) for run in runs])
 
     def law(command: Array) -> Array:
@@ -40,7 +44,7 @@ def motion_of(
     resolution = fit.noise_std * bandwidth * np.sqrt(bandwidth * dt)
     return Motion(
         time=np.concatenate([run.time for run in runs]),
-        angle=np.concatenate([p.states[0] for p in predictions]),
+        angle=angle,
         velocity=velocity,
         acceleration=np.concatenate([_acceleration(r, p, bandwidth) for r, p in zip(runs, predictions, strict=True)]),
         command=command,
