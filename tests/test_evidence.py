@@ -25,6 +25,7 @@ from identification.least_squares import bounded_least_squares
 from identification.log import Log
 from plant.effects import AsymmetricFriction, CoulombFriction, TorqueOffset, catalogue
 from plant.servo import ServoModel
+from plant.simulation import simulate
 
 FEW = ["coulomb_friction", "asymmetric_friction", "torque_offset", "quadratic_drag", "input_delay", "gravity_offset"]
 
@@ -46,6 +47,29 @@ def with_smooth_torque(log: Log, size: float) -> Log:
         level = size * np.sqrt(np.mean(run.command**2) / np.mean(unmodelled**2))
         runs.append(replace(run, command=run.command + level * unmodelled))
     return replace(log, runs=tuple(runs))
+
+
+def test_nothing_drawn_along_a_motion_knows_a_later_reading() -> None:
+    """A torque made from the next readings explains their noise, and whatever carries it looks likely."""
+    goal = np.repeat(np.random.default_rng(3).uniform(-1.0, 1.0, 20), 50)
+    angle = simulate(ServoModel(), command=40.0 * goal, dt=0.005, servo_gain=40.0, servo_damping=4.0)[:-1, 0]
+    noisy = angle + 1e-3 * np.random.default_rng(4).standard_normal(angle.size)
+    log = Log.from_arrays(time=0.005 * np.arange(goal.size), setpoint=goal, angle=noisy, kp=40.0, kd=4.0)
+    (run,) = log.runs
+    at_rest = fit(log)
+    changed = replace(run, output=np.where(np.arange(len(run)) < 500, run.output, run.output + 0.1))
+    families = families_along(at_rest)
+    assert families is not None
+    motions = []
+    for each in (run, changed):
+        behind = replace(at_rest, bandwidth=80.0, log=replace(log, runs=(each,)))
+        found = weigh(behind, (), families, catalogue=1, observer=80.0)
+        assert found is not None
+        motions.append(found.screen.motion)
+    before, after = motions
+    for name in ("angle", "velocity", "acceleration", "torque"):
+        np.testing.assert_array_equal(getattr(before, name)[:500], getattr(after, name)[:500], err_msg=name)
+        assert np.any(getattr(before, name)[500:] != getattr(after, name)[500:])
 
 
 def test_one_and_two_hidden_effects_are_named_and_nothing_else() -> None:
