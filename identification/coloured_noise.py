@@ -25,8 +25,12 @@ _SLOWEST = 0.01  # of the best observer's bandwidth: slower ones leave the model
 
 
 def with_coloured_noise(fit: Fit) -> Fit:
-    """The same model fitted to the log with the colour of its reading's noise, or the fit as it is."""
-    found = max(_coloured(fit), key=lambda coloured: coloured.log_likelihood, default=fit)
+    """The same model fitted to the log with the colour of its reading's noise, or the fit as it is.
+
+    A colour beside which nothing of the model is told stands for the motion, not for noise.
+    """
+    usable = (coloured for coloured in _coloured(fit) if coloured.failed is None)
+    found = max(usable, key=lambda coloured: coloured.log_likelihood, default=fit)
     return found if found.log_likelihood > fit.log_likelihood + _CLEARLY else fit
 
 

@@ -55,9 +55,19 @@ def test_what_is_fixed_stays_so_beside_the_colour():
 @pytest.mark.parametrize(("rises", "believed"), [((9.9,), None), ((10.1,), 0), ((10.1, 30.0, 20.0), 1), ((), None)])
 def test_coloured_noise_needs_clearly_higher_likelihood(monkeypatch, rises, believed):
     white = SimpleNamespace(log_likelihood=1000.0)
-    found = [SimpleNamespace(log_likelihood=1000.0 + rise) for rise in rises]
+    found = [SimpleNamespace(log_likelihood=1000.0 + rise, failed=None) for rise in rises]
     monkeypatch.setattr(coloured_noise, "_coloured", lambda _: iter(found))
     assert with_coloured_noise(white) is (white if believed is None else found[believed])
+
+
+def test_a_colour_that_leaves_nothing_of_the_model_is_none(monkeypatch) -> None:
+    """It would stand for the motion: of a model without what matters most it explains more than any noise."""
+    white = SimpleNamespace(log_likelihood=1000.0)
+    lost = SimpleNamespace(log_likelihood=5000.0, failed="its parameters do not change how well")
+    told = SimpleNamespace(log_likelihood=1200.0, failed=None)
+    for found, believed in (([lost], white), ([lost, told], told)):
+        monkeypatch.setattr(coloured_noise, "_coloured", lambda _, found=found: iter(found))
+        assert with_coloured_noise(white) is believed
 
 
 @pytest.mark.parametrize(
