@@ -17,13 +17,15 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 LONG = (
+    "test_bundled_loops",
     "test_datasets",
     "test_demo",
-    "test_emps",
+    "test_docs",
     "test_hidden_effects",
-    "test_search",
-    "test_unknown",
-    "test_wandering",
+    "test_notebooks",
+    "test_paper_scenarios",
+    "test_readme",
+    "test_unknown_causes",
 )
 
 

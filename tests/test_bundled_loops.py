@@ -15,7 +15,7 @@ from front_door import antidrive
 
 from diagnosis.explanation.wording import measured
 
-LOOPS = ("tracking", "figure7", "disturbance", "drive-loss")
+LOOPS = ("tracking", "figure7", "disturbance", pytest.param("drive-loss", marks=pytest.mark.long))
 
 
 @cache
@@ -69,6 +69,7 @@ def test_a_push_is_taken_up_while_it_lasts() -> None:
     assert abs(summary["final_error"]) < 3e-5
 
 
+@pytest.mark.long
 def test_the_drive_that_is_left_keeps_the_motion() -> None:
     summary, path, page = played("drive-loss")
     after = path.time >= 5.0

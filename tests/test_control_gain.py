@@ -66,7 +66,7 @@ def test_what_is_known_and_can_be_undone_costs_nothing(effect: str) -> None:
     assert informed(effect).degraded == 0
 
 
-@pytest.mark.parametrize("effect", ["input_delay", "actuator_lag"])
+@pytest.mark.parametrize("effect", ["input_delay", pytest.param("actuator_lag", marks=pytest.mark.long)])
 def test_so_it_is_with_the_loop_that_each_model_gets_by_default(effect: str) -> None:
     chosen = {"bandwidth": None, "horizon": None, "disturbance_rate": None, "torque_noise": 0.0}
     machine, base = Machine().hiding(**{effect: SIZES[effect]}), ServoModel.paper()

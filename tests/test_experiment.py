@@ -116,6 +116,7 @@ def test_the_recorded_experiment_speaks_for_what_is_hidden(pair: str) -> None:
     assert after[0] - after[1] > before + 0.4 * designed(pair).separation
 
 
+@pytest.mark.long
 def test_reshaping_goes_beyond_every_family() -> None:
     assert designed("lag").separation > 1.2 * task("lag").leaders()[0].log_odds
 

@@ -44,7 +44,7 @@ def test_an_observer_that_knows_of_wandering_predicts_it_better():
     assert followed.log_likelihood > found.log_likelihood + 10.0
 
 
-@pytest.mark.parametrize("seed", [5000, 10005])
+@pytest.mark.parametrize("seed", [5000, pytest.param(10005, marks=pytest.mark.long)])
 def test_a_wandering_load_has_no_cause(seed):
     """The last was imitated by five names together, each of them 1.000."""
     found = diagnose(log_with_random_walk(Machine(), seed))

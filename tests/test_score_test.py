@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
@@ -10,7 +12,10 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 from diagnosis import diagnose
 from diagnosis.nuisance import Nuisance
+from identification.checks.check import check
+from identification.log import Log
 from identification.predictor import Prediction
+from identification.recording import Recording
 from identification.threads import in_threads, without_blas_threads
 from plant.effects.effect import Array
 from plant.effects.spectral_lines import strongest_lines
@@ -55,15 +60,22 @@ def test_work_side_by_side_keeps_its_order_and_its_errors() -> None:
         in_threads(lambda item: 1 / item, [1, 0])
 
 
-def test_blas_has_one_thread_during_a_fit() -> None:
+def test_blas_has_one_thread_while_a_log_is_read_and_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     def threads() -> set[int]:
         return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
 
+    def checked(recording: Recording) -> Any:
+        seen.append(threads())
+        return check(recording)
+
     seen: list[set[int]] = []
-    log = record(Machine(), excitation(1, duration=2.0), noise=1e-3).log()
+    monkeypatch.setattr("identification.checked_runs.check", checked)
+    plan = record(Machine(), excitation(1, duration=2.0), noise=1e-3)
     with threadpool_limits(limits=2, user_api="blas"):
         assert threads() == {2}
         without_blas_threads(lambda: seen.append(threads()))()
+        log = Log.from_arrays(time=plan.time, torque=plan.command[:, 0], angle=plan.measured[:, 0])
+        assert len(seen) == 2
         diagnose(log, candidates=["coulomb_friction"], progress=lambda line: seen.append(threads()))
         assert threads() == {2}
     assert len(seen) > 3
