@@ -212,6 +212,7 @@ def test_ur10e_put_down_no_load_where_its_sweep_begins():
     assert found.torque_error.held_out_after < 0.028 < 0.15 < found.torque_error.held_out_before
 
 
+@pytest.mark.long
 def test_dead_zone_and_dry_friction_of_a_ur10e_are_alternatives():
     """What looks alike is fitted too, and neither is sure where the parts of the log disagree."""
     dataset = load_dataset("ur10e", folder("ur10e"), joint=1)

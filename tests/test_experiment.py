@@ -153,8 +153,8 @@ def test_a_signal_at_its_limits_still_gets_better() -> None:
 
 
 def test_it_tells_which_durations_it_tries() -> None:
-    designed("lag")
-    told = TOLD["lag"]
+    designed("load")
+    told = TOLD["load"]
     assert told[0] == "signals of 1.5 s, 0 of 12 durations are tried"
     assert [int(line.split(", ")[1].split()[0]) for line in told] == list(range(len(told)))
     assert len(told) > 3

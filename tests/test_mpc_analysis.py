@@ -50,8 +50,12 @@ def injected(model: ServoModel, frequency: float) -> complex:
 
 @pytest.mark.parametrize(
     "effect",
-    [None, InputDelay(time=0.013), ActuatorLag(time_constant=0.01), SensorLag(time_constant=0.005)],
-    ids=["rigid", "delay", "lag", "sensor lag"],
+    [
+        pytest.param(None, id="rigid", marks=pytest.mark.long),
+        pytest.param(InputDelay(time=0.013), id="delay"),
+        pytest.param(ActuatorLag(time_constant=0.01), id="lag", marks=pytest.mark.long),
+        pytest.param(SensorLag(time_constant=0.005), id="sensor lag"),
+    ],
 )
 def test_the_sensitivity_is_what_injection_shows(effect: Effect | None) -> None:
     model = RIGID if effect is None else RIGID.with_effect(effect)

@@ -9,10 +9,10 @@ from rough_logs import KINDS, rough_log
 
 from identification.fit import fit
 
-SAMPLE = tuple(range(2 * len(KINDS)))
+ONCE, AGAIN = range(len(KINDS)), range(len(KINDS), 2 * len(KINDS))
 
 
-@pytest.mark.parametrize("seed", SAMPLE)
+@pytest.mark.parametrize("seed", [*ONCE, *(pytest.param(seed, marks=pytest.mark.long) for seed in AGAIN)])
 def test_a_rough_log_ends_in_a_result_or_a_sentence(seed: int) -> None:
     rough = rough_log(seed, longest=400)
     assert identified(rough).faults == ()
