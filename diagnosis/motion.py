@@ -26,14 +26,15 @@ def motion_of(
 ) -> Motion:
     """The model's motion, for the effects to draw their traces along.
 
-    The torque of a position servo is that of its law along this motion. Along the measured one it would hold the noise
-    of readings to come, and could explain it.
+    A position servo acts on its reading, and on the speed of this motion: a slope of the readings would hold the noise
+    of those to come, and could explain it.
     """
     runs = problem.log.runs
-    angle, velocity = (np.concatenate([p.states[kind] for p in predictions]) for kind in (0, 1))
+    velocity = np.concatenate([p.states[1] for p in predictions])
     command = np.concatenate([run.command for run in runs])
     gain = np.concatenate([run.servo_gain for run in runs])
-    returned = gain * angle + np.concatenate([run.servo_damping for run in runs]) * velocity
+    damping = np.concatenate([run.servo_damping for run in runs])
+    returned = gain * np.concatenate([run.output for run in runs]) + damping * velocity
     limit = np.repeat([run.command_limit for run in runs], [len(run) for run in runs])
 
     def law(command: Array) -> Array:
@@ -44,7 +45,7 @@ def motion_of(
     resolution = fit.noise_std * bandwidth * np.sqrt(bandwidth * dt)
     return Motion(
         time=np.concatenate([run.time for run in runs]),
-        angle=angle,
+        angle=np.concatenate([p.states[0] for p in predictions]),
         velocity=velocity,
         acceleration=np.concatenate([_acceleration(r, p, bandwidth) for r, p in zip(runs, predictions, strict=True)]),
         command=command,
