@@ -71,14 +71,12 @@ def test_a_reversal_has_dwell_without_any_gap() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.long
 def test_one_drive_stands_while_it_crosses_its_gap() -> None:
     one = place(ONE)
     assert found().beyond_gapless[0, one, 0] > 10
     assert found().error[0, one, 1] > 3 * found().error[0, one, 0]
 
 
-@pytest.mark.long
 @pytest.mark.long
 def test_a_planned_preload_cannot_be_told_from_no_gap() -> None:
     planned = place(PLANNED)

@@ -56,13 +56,13 @@ def test_nothing_drawn_along_a_motion_knows_a_later_reading() -> None:
     noisy = angle + 1e-3 * np.random.default_rng(4).standard_normal(angle.size)
     log = Log.from_arrays(time=0.005 * np.arange(goal.size), setpoint=goal, angle=noisy, kp=40.0, kd=4.0)
     (run,) = log.runs
-    at_rest = fit(log)
+    fitted = fit(log)
     changed = replace(run, output=np.where(np.arange(len(run)) < 500, run.output, run.output + 0.1))
-    families = families_along(at_rest)
+    families = families_along(fitted)
     assert families is not None
     motions = []
     for each in (run, changed):
-        behind = replace(at_rest, bandwidth=80.0, log=replace(log, runs=(each,)))
+        behind = replace(fitted, bandwidth=80.0, log=replace(log, runs=(each,)))
         found = weigh(behind, (), families, catalogue=1, observer=80.0)
         assert found is not None
         motions.append(found.screen.motion)

@@ -152,9 +152,10 @@ def test_a_signal_at_its_limits_still_gets_better() -> None:
     assert design.refined(begun, np.random.default_rng(0)).log_odds > 1.3 * begun.log_odds
 
 
-def test_it_tells_which_durations_it_tries() -> None:
-    designed("load")
-    told = TOLD["load"]
+@pytest.mark.parametrize("pair", ["load", pytest.param("lag", marks=pytest.mark.long)])
+def test_it_tells_which_durations_it_tries(pair: str) -> None:
+    designed(pair)
+    told = TOLD[pair]
     assert told[0] == "signals of 1.5 s, 0 of 12 durations are tried"
     assert [int(line.split(", ")[1].split()[0]) for line in told] == list(range(len(told)))
     assert len(told) > 3

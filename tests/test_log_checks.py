@@ -108,7 +108,13 @@ def true_motions():
     return [(r.command[:, k], r.angle[:, k]) for r in records for k in range(r.angle.shape[1])]
 
 
-@pytest.mark.parametrize(("noise", "bits"), [(0.0, None), (0.0, 12), (1e-4, 17), (1e-3, None), (1e-3, 12)])
+@pytest.mark.parametrize(
+    ("noise", "bits"),
+    [
+        *((0.0, None), (0.0, 12), (1e-4, 17), (1e-3, None), (1e-3, 12)),
+        *(pytest.param(*each, marks=pytest.mark.long) for each in ((0.0, 17), (1e-4, None), (1e-4, 12), (1e-3, 17))),
+    ],
+)
 def test_real_motion_raises_no_false_alarm(true_motions, bits, noise):
     """Excitations and closed loops, with and without stick-slip: not one of 36,000 samples may be masked."""
     rng = np.random.default_rng(5)

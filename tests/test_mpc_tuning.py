@@ -25,7 +25,13 @@ def test_the_peak_sensitivity_is_below_two(inertia: float, sample_time: float) -
     assert controller.horizon * sample_time >= 0.25 / controller.bandwidth - 1e-9
 
 
-@pytest.mark.parametrize(("settles", "sample_time"), [(0.5, 0.005), (5.0, 0.001), (50.0, 0.001), (50.0, 0.005)])
+@pytest.mark.parametrize(
+    ("settles", "sample_time"),
+    [
+        *((0.5, 0.005), (5.0, 0.001), (50.0, 0.001), (50.0, 0.005)),
+        *(pytest.param(*each, marks=pytest.mark.long) for each in ((0.5, 0.001), (5.0, 0.005))),
+    ],
+)
 def test_an_axis_of_viscous_friction_alone_is_as_fast(settles: float, sample_time: float) -> None:
     """It settles within a sample: K Ts/J is above one. A step by Euler's rule left 0.64 Hz, or refused it."""
     model = ServoModel(inertia=sample_time / settles, gravity=0.0, viscous_friction=1.0)
@@ -51,7 +57,13 @@ def test_so_it_is_with_friction_and_lateness_at_rest_and_moving(effects: tuple[E
     assert loop.peak_sensitivity < 2.0
 
 
-@pytest.mark.parametrize(("inertia", "late"), [(0.02, 0.002), (0.02, 0.01), (0.2, 0.004)])
+@pytest.mark.parametrize(
+    ("inertia", "late"),
+    [
+        *((0.02, 0.002), (0.02, 0.01), (0.2, 0.004)),
+        *(pytest.param(*each, marks=pytest.mark.long) for each in ((0.02, 0.004), (0.2, 0.002), (0.2, 0.01))),
+    ],
+)
 def test_a_controller_settles_by_itself_while_friction_holds(inertia: float, late: float) -> None:
     """While the reading stands nothing answers to the controller; one that was unstable by itself swung at rest."""
     model = ServoModel(inertia=inertia, gravity=0.1, viscous_friction=0.02, effects=(InputDelay(time=late),))

@@ -133,8 +133,8 @@ def _replace(found: Explored) -> None:
                 places.append({one, other})
         for out in map(frozenset, places):
             if (less := _less(found, best, out)) is not None:
-                least, proposed = _in_place(found, less, out)
-                _try(found, [(less, each) for each in proposed], best.fit.bandwidth, least)
+                least = _roughly_promised(found, less, out)
+                _try(found, _in_place(found, less, out, least), best.fit.bandwidth, max(least or 0.0, 0.0))
         for narrow in _narrowed(found, best):
             _extend(found, [narrow], best.fit.bandwidth)
         if found.best is not best:
@@ -148,24 +148,28 @@ def _narrowed(found: Explored, best: Explanation) -> list[Explanation]:
     return [found.known[each.names] for each in tried if each is not None]
 
 
-def _in_place(found: Explored, less: Explanation, out: frozenset[str]) -> tuple[float, list[Proposal]]:
-    """What promises about as much beside a set as the names that were taken out of it, and wider forms of them.
+def _roughly_promised(found: Explored, less: Explanation, out: frozenset[str]) -> float | None:
+    """The least that names which were taken out of a set may be worth there: linearised, a promise is rough."""
+    promised = [each.value for each in _proposals(found, less) if each.names == out]
+    return max(promised) - max(_BELOW, _NEAR * max(promised)) if promised else None
 
-    Of a chaotic effect a promise says little, so it is asked for where it is confounded with such a name. First comes
-    the log-likelihood that each has to bring to be worth more than a first look.
+
+def _in_place(
+    found: Explored, less: Explanation, out: frozenset[str], least: float | None
+) -> list[tuple[Explanation, Proposal]]:
+    """What promises at least so much beside a set that names were taken out of, and wider forms of them.
+
+    Of a chaotic effect a promise says little, so it is asked for where it is confounded with such a name.
     """
-    proposals = _proposals(found, less)
-    own = max((each.value for each in proposals if each.names == out), default=np.inf)
-    least = own - max(_BELOW, _NEAR * own)
-    others = [each for each in proposals if len(each.names) == 1 and not each.names & out]
+    others = [each for each in _proposals(found, less) if len(each.names) == 1 and not each.names & out]
     ranked = sorted(others, key=lambda each: -each.value)
-    near = [each for each in ranked if each.value >= least][:_ASKED]
+    near = [each for each in ranked if least is not None and each.value >= least][:_ASKED]
     alike = frozenset[str]().union(*(_confounded(found.effects, name) for name in out))
     for each in others:
         effect = each.starts[0][0]
         if each not in near and (out & set(effect.contains) or effect.name in alike):
             near.append(each)
-    return least if np.isfinite(least) else 0.0, near
+    return [(less, each) for each in near]
 
 
 def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str]:
