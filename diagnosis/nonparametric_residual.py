@@ -113,9 +113,10 @@ def _surely_better(less: Fit, start: Nonparametric, rest: Log, before: Array) ->
         before: (T,) squared errors there without it.
     """
     problem = _beside(less, start)
-    values, _ = problem.unpack(problem.begun(less).point)
+    begun = problem.begun(less)
+    values, _ = problem.unpack(begun.point)
     surely = _sigmas(before, problem.model.with_values(values), rest)
-    return surely if surely < -SURELY else _sigmas(before, fitted_from(less, problem).model, rest)
+    return surely if surely < -SURELY else _sigmas(before, fitted_from(less, problem, begun=begun).model, rest)
 
 
 def _sigmas(before: Array, model: ServoModel, rest: Log) -> float:

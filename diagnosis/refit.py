@@ -10,6 +10,7 @@ import numpy as np
 from diagnosis.motion import turn_of
 from diagnosis.result import Estimate
 from identification.fit_result import Fit
+from identification.least_squares import Minimum
 from identification.log import Log
 from identification.problem import Problem, first_states
 from identification.standard_errors import fit_with_errors
@@ -45,9 +46,9 @@ def fitted_to(log: Log, fit: Fit) -> Fit:
     return fit_with_errors(problem, fit.bandwidth, found, found.evaluations)
 
 
-def fitted_from(start: Fit, problem: Problem, iterations: int = 30) -> Fit:
-    """The fit of a problem from another fit that lies near, behind the same observer."""
-    begun = problem.begun(start)
+def fitted_from(start: Fit, problem: Problem, iterations: int = 30, begun: Minimum | None = None) -> Fit:
+    """The fit of a problem from another fit that lies near, behind the same observer, or from where that has begun."""
+    begun = problem.begun(start) if begun is None else begun
     ended = problem.minimise(begun.point, start.bandwidth, 0.0, iterations=iterations, at_start=begun.equations)
     return fit_with_errors(problem, start.bandwidth, ended, begun.evaluations)
 
