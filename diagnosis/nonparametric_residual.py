@@ -50,7 +50,8 @@ def with_curves(fit: Fit, base: Fit) -> Fit:
 
 def _better(fit: Fit, named: Collection[str]) -> Fit | None:
     """The fit with one thing more that predicts better and pays, of those that promise most; None where none does."""
-    promising = _promising(fit)
+    if not (promising := _promising(fit)):
+        return None
     first, rest, _ = split(fit.log)
     less = fitted_to(first, fit)
     before = errors_of_many_steps(less.model, rest)

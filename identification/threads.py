@@ -24,7 +24,7 @@ _MOST = 4  # threads; each holds what it works on in memory
 def in_threads(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """Results of the work on each item, in their order; with one processor one after the other."""
     todo = list(items)
-    threads = min(len(todo), _MOST, os.cpu_count() or 1)
+    threads = min(len(todo), _MOST, _processors())
     if threads < 2:
         return [work(item) for item in todo]
     pool = ThreadPoolExecutor(threads)
@@ -36,6 +36,11 @@ def in_threads(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Re
         raise
     finally:
         pool.shutdown(wait=False)
+
+
+def _processors() -> int:
+    """How many this process may use, which on a shared machine are fewer than there are."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def without_blas_threads(work: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
