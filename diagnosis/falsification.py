@@ -189,7 +189,7 @@ def _possible(explanations: Collection[Explanation]) -> tuple[list[Explanation],
         if not wrong:
             kept.append(each)
         falsified = wrong | falsified
-    return kept or list(explanations), falsified
+    return kept, falsified
 
 
 def _impossible(explanation: Explanation, name: str) -> str | None:
@@ -216,10 +216,17 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
 
 
 def _sizes(name: str) -> list[str]:
-    """Parameters of a known effect that count in torque and may be zero: with all of them zero nothing is there."""
+    """Parameters of a known effect that say how large it is, and may be zero: with all of them zero nothing is there.
+
+    They count in torque, or are an angle that is not negative.
+    """
     kind = catalogue.get(name)
     specs = () if kind is None else kind.parameters()
-    return [spec.name for spec in specs if "{torque}" in spec.unit and spec.lower <= 0.0]
+    return [
+        spec.name
+        for spec in specs
+        if ("{torque}" in spec.unit and spec.lower <= 0.0) or (spec.unit == "{angle}" and spec.lower == 0.0)
+    ]
 
 
 def _swings(name: str) -> list[str]:

@@ -56,13 +56,14 @@ def judged(
         shows: whether more than its evidence shows an unmodelled torque: a curve predicts a part of the log that it was
             not fitted to better, or runs that repeat one another leave the same.
         ruled_out: names of a set that was ruled out, but is clearly likelier than all others. Then nothing missing is
-            no answer, and a name that is not among them only takes the place of what was.
+            no answer, and a name that is neither among them nor a special case of one only takes its place.
     """
     beside = posterior.best.discrepancy.posterior
     probable = {name: p for name, p in posterior.names().items() if p > LIKELY}
     fitted = frozenset[str]().union(*(each.names for each in posterior.sets))
     told = {name: posterior.told(name) for name in posterior.names() if name in fitted}
-    causes = {name: p for name, p in told.items() if p > LIKELY and (ruled_out is None or name in ruled_out)}
+    among = None if ruled_out is None else frozenset[str]().union(*map(special_cases, ruled_out))
+    causes = {name: p for name, p in told.items() if p > LIKELY and (among is None or name in among)}
     unnamed = beside.material > SURE or missing.excess > _NOISE or shows
     small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others take a ruled-out one's place
     minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}

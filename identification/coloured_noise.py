@@ -7,6 +7,9 @@ and every fit of it finds its own (generalised least squares; Cochrane and Orcut
 A good model shows it in a free simulation, a poor one behind an observer that keeps it near the log and is yet too slow
 to follow the noise. Noise that outlasts the observer's corrections cannot be told from motion and is left to it, and so
 is a colour behind an observer that hardly helps: a poor model can leave as much.
+
+Beside a right model and the right colour nothing predicts the readings better. So where a mere regression on the
+readings and torques before does, which knows nothing of the machine, the colour is that of the model's errors.
 """
 
 from __future__ import annotations
@@ -14,8 +17,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
 from identification.fit_result import Fit
-from identification.noise import autoregression
+from identification.log import Log
+from identification.noise import ORDER, autoregression, log_likelihood
 from identification.problem import Problem
 
 _CLEARLY = 10.0  # rise of the log-likelihood from which coloured noise is accepted
@@ -31,7 +38,28 @@ def with_coloured_noise(fit: Fit) -> Fit:
     """
     usable = (coloured for coloured in _coloured(fit) if coloured.failed is None)
     found = max(usable, key=lambda coloured: coloured.log_likelihood, default=fit)
-    return found if found.log_likelihood > fit.log_likelihood + _CLEARLY else fit
+    likely = found.log_likelihood > fit.log_likelihood + _CLEARLY
+    return found if likely and found.log_likelihood > by_regression(fit.log) else fit
+
+
+def by_regression(log: Log) -> float:
+    """Log-likelihood of the readings by a regression on those before and the torques, less half a log for each slope.
+
+    (Ljung 1999, section 4.2: ARX; Schwarz 1978.)
+    """
+    told, before = [], []
+    for run in log.runs:
+        if len(run) > ORDER:
+            windows = [sliding_window_view(values, ORDER + 1) for values in (run.output, run.command)]
+            seen = sliding_window_view(run.valid, ORDER + 1).all(axis=1)
+            told.append(windows[0][seen, -1])
+            before.append(np.hstack([window[seen, :-1] for window in windows]))
+    readings, columns = np.concatenate(told), np.vstack(before)
+    columns = np.column_stack((columns, np.ones(readings.size)))
+    slopes = np.linalg.lstsq(columns, readings, rcond=None)[0]
+    samples = sum(int(run.valid.sum()) for run in log.runs)
+    cost = float(np.sum((readings - columns @ slopes) ** 2)) * samples / max(readings.size, 1)
+    return log_likelihood(cost, samples) - 0.5 * slopes.size * float(np.log(samples))
 
 
 def _coloured(fit: Fit) -> Iterator[Fit]:

@@ -42,6 +42,9 @@ PIECE = 4096  # samples after which the same memory is used again
 FADING = 0.15
 """Rate at which slopes fade where they grow without bound [1/sample]."""
 
+OUTGROWN = 1e3
+"""Growth of an error of the start beyond which all slopes point one way, and rounding blurs the rest of them."""
+
 HELD = 0.5 * FADING
 """Bandwidth of an observer behind which a chaotic model stays with the log [rad/sample]."""
 

@@ -19,7 +19,7 @@ from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
 from identification.noise import log_likelihood, short_autoregression
 from identification.objective import Objective
-from identification.predictor import HELD
+from identification.predictor import HELD, OUTGROWN
 from identification.regression import starting_values
 from identification.standard_errors import divergent_fit, fit_with_errors
 from plant.effects.effect import Array
@@ -104,7 +104,11 @@ class Problem(Objective):
         return self._held(fit_with_errors(self, *self._refined(trials), sum(m.evaluations for _, m in visited)))
 
     def _plausible(self, minimum: Minimum) -> bool:
-        return bool(np.isfinite(minimum.equations.cost))
+        """Whether neither motion nor slopes run off: a load that could fall needs an observer that holds it."""
+        if not np.isfinite(minimum.equations.cost):
+            return False
+        grown = np.diag(minimum.equations.information)[len(self.free) :]
+        return self.model.chaotic or bool((grown <= OUTGROWN**2 * self.samples).all())
 
     def widths(self) -> list[float]:
         """Smoothing of dry friction from wide to exact [rad/s], one for each stage of the bandwidth."""
@@ -253,7 +257,8 @@ class Problem(Objective):
 
     def _judged(self, minimum: Minimum, bandwidth: float) -> _Trial:
         charge = 0.5 * np.log(self.samples) if bandwidth else 0.0
-        return _Trial(minimum=minimum, score=log_likelihood(minimum.equations.cost, self.samples) - charge)
+        score = log_likelihood(minimum.equations.cost, self.samples) - charge if self._plausible(minimum) else -np.inf
+        return _Trial(minimum=minimum, score=score)
 
     def _refined(self, trials: dict[float, _Trial]) -> tuple[float, Minimum]:
         """The best bandwidth: bracket the best trial by its neighbours, then twice to the top of a parabola.

@@ -54,15 +54,36 @@ def test_what_is_fixed_stays_so_beside_the_colour():
 
 @pytest.mark.parametrize(("rises", "believed"), [((9.9,), None), ((10.1,), 0), ((10.1, 30.0, 20.0), 1), ((), None)])
 def test_coloured_noise_needs_clearly_higher_likelihood(monkeypatch, rises, believed):
-    white = SimpleNamespace(log_likelihood=1000.0)
+    white = SimpleNamespace(log_likelihood=1000.0, log=None)
     found = [SimpleNamespace(log_likelihood=1000.0 + rise, failed=None) for rise in rises]
     monkeypatch.setattr(coloured_noise, "_coloured", lambda _: iter(found))
+    monkeypatch.setattr(coloured_noise, "by_regression", lambda _: -np.inf)
     assert with_coloured_noise(white) is (white if believed is None else found[believed])
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        {"coulomb_friction": {"torque": 0.2}},
+        {"presliding_hysteresis": {"torque": 0.2, "stiffness": 6.0}},
+        {"cable_stiffness": {"stiffness": 0.3, "cubic": 0.2, "rest_angle": 0.3}},
+    ],
+    ids=lambda hidden: next(iter(hidden)),
+)
+def test_errors_of_a_poor_model_are_no_coloured_noise(hidden):
+    """A colour explains more of them than white noise, and a regression that knows of no machine far more than both."""
+    light = Machine(inertia=0.02, gravity=0.0, viscous_friction=0.05).hiding(**hidden)
+    log = record(light, 0.1 * excitation(3, duration=10.0), seed=3, noise=2e-5, bits=19).log()
+    white = Problem.of(log, base_model(log)).solve()
+    coloured = max(each.log_likelihood for each in coloured_noise._coloured(white))
+    assert white.log_likelihood + 500.0 < coloured < coloured_noise.by_regression(log)
+    assert not fit(log).log.colour
 
 
 def test_a_colour_that_leaves_nothing_of_the_model_is_none(monkeypatch) -> None:
     """It would stand for the motion: of a model without what matters most it explains more than any noise."""
-    white = SimpleNamespace(log_likelihood=1000.0)
+    monkeypatch.setattr(coloured_noise, "by_regression", lambda _: -np.inf)
+    white = SimpleNamespace(log_likelihood=1000.0, log=None)
     lost = SimpleNamespace(log_likelihood=5000.0, failed="its parameters do not change how well")
     told = SimpleNamespace(log_likelihood=1200.0, failed=None)
     for found, believed in (([lost], white), ([lost, told], told)):

@@ -87,6 +87,17 @@ def test_a_log_recorded_in_closed_loop_is_no_worse() -> None:
     assert_recovers(fit(closed_loop().log()), dict(zip(NAMES, TRUE, strict=True)))
 
 
+@pytest.mark.parametrize("duration", [4.0, 10.0])
+def test_a_load_that_could_fall_is_identified_in_its_loop(duration: float) -> None:
+    """Upright, an error of the start grows by e in a sixteenth of a second: free simulation would tell nothing."""
+    arm = Machine(inertia=0.02, gravity=5.0, viscous_friction=0.3, effects={})
+    loop = Follower(reference=wandering_reference(3, duration=duration), stiffness=80.0, damping=2.0)
+    found = fit(record(arm, loop, seed=3, noise=2e-5, bits=19).log())
+    assert_recovers(found, {"inertia": 0.02, "gravity": 5.0, "viscous_friction": 0.3}, within=1e-3)
+    assert found.noise_std < 2.5e-5
+    assert found.bandwidth > 0.0
+
+
 def test_a_fluctuating_load_is_taken_as_process_noise() -> None:
     command = chirp_and_steps(4, duration=30.0)
     out = record(Machine(), command, seed=3, load_torque=load_fluctuation(0, 0.05, (command.size, 1)))

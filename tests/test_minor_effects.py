@@ -59,6 +59,21 @@ def test_a_minor_effect_in_doubt_leaves_the_verdict_open(cogging: float, verdict
     assert (found.verdict, *found.causes) == (verdict, "coulomb_friction")
 
 
+@pytest.mark.parametrize(("likelier", "causes"), [("stribeck_friction", ["coulomb_friction"]), ("cogging", [])])
+def test_a_special_case_of_what_is_ruled_out_is_no_substitute(likelier: str, causes: list[str]) -> None:
+    """Stribeck friction that no machine has still holds Coulomb friction; cogging that no machine has does not."""
+    learned = SimpleNamespace(posterior=SimpleNamespace(material=0.0))
+    posterior = SimpleNamespace(
+        best=SimpleNamespace(discrepancy=learned),
+        sets=[SimpleNamespace(names=frozenset({"coulomb_friction"}))],
+        names=lambda: {"coulomb_friction": 1.0},
+        told=lambda name: 0.99,
+    )
+    missing = SimpleNamespace(excess=0.0)
+    found = judged(posterior, missing, shows=False, ruled_out=frozenset({likelier}))  # type: ignore[arg-type]
+    assert list(found.causes) == causes
+
+
 def test_a_lone_effect_keeps_its_probability() -> None:
     found = friction_alone()
     (cause,) = found.causes

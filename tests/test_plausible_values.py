@@ -28,6 +28,7 @@ from plant.effects.effect import TURN
         (EncoderEccentricity(amplitude=0.001, order=0.97, phase=0.3), True),
         (EncoderEccentricity(amplitude=0.001, order=0.7, phase=0.3), False),
         (EncoderEccentricity(amplitude=0.001, order=1.5, phase=0.3), True),
+        (EncoderEccentricity(amplitude=0.7, order=1.5, phase=0.3), False),  # the reading would go back on the way
     ],
     ids=lambda value: " ".join(map(str, (value.name, *value.values))) if isinstance(value, Effect) else "",
 )

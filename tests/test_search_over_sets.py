@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import pytest
-from machine import Machine, excitation, record
+from machine import Follower, Machine, excitation, record, wandering_reference
 
-from diagnosis import Diagnosis, diagnose
+from diagnosis import Diagnosis, diagnose, falsification
+from diagnosis.evidence.fitted_sets import Explored
+from diagnosis.evidence.marginal import families_along
+from diagnosis.evidence.search_over_sets import _proposals, _rising
+from identification.fit import fit
 from identification.log import Log
-from plant import BadParameter
+from plant import BadParameter, catalogue
 from plant.effects import CableStiffness
 
 
@@ -63,6 +67,43 @@ def test_a_law_stays_where_one_of_its_parameters_is_not_needed() -> None:
     assert cause.effect == "asymmetric_friction"
     assert cause.parameters["forward"].value == pytest.approx(0.3, rel=0.02)
     assert cause.parameters["backward"].value == pytest.approx(0.2, rel=0.02)
+
+
+def arm_with_an_offset() -> Log:
+    """A light arm that could fall, held by a stiff loop."""
+    arm = Machine(inertia=0.02, gravity=5.0, viscous_friction=0.3, effects={}).hiding(torque_offset={"torque": 1.0})
+    loop = Follower(reference=wandering_reference(3, duration=10.0), stiffness=80.0, damping=2.0)
+    return record(arm, loop, seed=3, noise=2e-5, bits=19).log()
+
+
+def test_what_is_missing_is_named_on_an_arm_that_could_fall() -> None:
+    near = ["torque_offset", "gravity_offset", "cogging", "asymmetric_friction", "cable_stiffness", "payload_change"]
+    found = diagnose(arm_with_an_offset(), candidates=near)
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect) == ("named", "torque_offset")
+    assert cause.parameters["torque"].value == pytest.approx(1.0, rel=1e-3)
+
+
+def test_a_few_iterations_see_what_a_linear_promise_does_not() -> None:
+    """Behind the fast observer that the base model needs, the offset promises less than nothing and brings most."""
+    null = fit(arm_with_an_offset())
+    families = families_along(null)
+    assert families is not None
+    found = Explored(null=null, effects=dict(catalogue), tell=lambda line: None, families=families)
+    alone = found.weighed(null)
+    assert alone is not None
+    promised = {name: each.value for each in _proposals(found, alone) for name in each.names if len(each.names) == 1}
+    assert promised["torque_offset"] < 0.0 < max(promised.values())
+    assert _rising(found, alone)[0] == {"torque_offset"}
+
+
+def test_nothing_is_named_where_every_set_is_ruled_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The base model alone stays, also where all are predicted behind the observer of a gap."""
+    monkeypatch.setattr(falsification, "_impossible", lambda *_: "no machine has it")
+    knocking = Machine().hiding(backlash={"gap": 0.02, "motor_share": 0.3})
+    log = record(knocking, excitation(12, duration=6.0), seed=12).log()
+    found = diagnose(log, candidates=["backlash"])
+    assert (found.verdict, found.causes, found.minor) == ("unknown", (), ())
 
 
 @pytest.mark.long

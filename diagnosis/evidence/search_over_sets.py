@@ -44,7 +44,7 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     found.add(in_threads(lambda bandwidth: found.weighed(found.fitted(null, [null.model], bandwidth)), grid))
     if not found.fits:
         raise Unidentifiable("The motion of the base model grows without bound.")
-    _extend(found, list(found.fits.values()))
+    _extend(found, list(found.fits.values()), also=_rising(found, found.best))
     _improve(found)
     _replace(found)
     _fit_leading(found)
@@ -212,9 +212,14 @@ def _proposals(found: Explored, parent: Explanation) -> list[Proposal]:
 
 
 def _extend(
-    found: Explored, parents: Sequence[Explanation], bandwidth: float = np.inf, *, leading_alone: bool = False
+    found: Explored,
+    parents: Sequence[Explanation],
+    bandwidth: float = np.inf,
+    *,
+    leading_alone: bool = False,
+    also: Collection[frozenset[str]] = (),
 ) -> None:
-    """Fit the sets with one or two names more that promise most; also behind another observer.
+    """Fit the sets with one or two names more that promise most, and `also` others; also behind another observer.
 
     And those that would promise most if there were no discrepancy: one that has taken much over leaves little to see.
     Two take longer than one, and what is chaotic longer than all others: they are fitted where they promise more than
@@ -222,7 +227,7 @@ def _extend(
     """
     best = max(parent.log_marginal for parent in parents)
     proposed: dict[frozenset[str], tuple[float, Explanation, Proposal]] = {}
-    leading: set[frozenset[str]] = set()
+    leading = set(also)
     for parent in parents:
         for proposal in _proposals(found, parent):
             value = parent.log_marginal + proposal.value - best
@@ -240,6 +245,18 @@ def _extend(
         reached = found.best.log_marginal - best
         now = [(p, e) for v, p, e in chosen if e.costly == costly and (not costly or v > reached - _BELOW)]
         _try(found, now, bandwidth)
+
+
+def _rising(found: Explored, parent: Explanation) -> list[frozenset[str]]:
+    """The names that are worth most beside a set by a few iterations of a fit.
+
+    A promise is linear. It is worth nothing where the model is so poor that its inertia is that of friction, or that
+    its observer and the discrepancy have taken the missing torque over.
+    """
+    asked = [each for each in _proposals(found, parent) if not each.costly]
+    gains = in_threads(lambda each: found.gained(parent.fit, each), asked)
+    worth = {each.names: each.worth(gain) for each, gain in zip(asked, gains, strict=True)}
+    return sorted((names for names, value in worth.items() if value > 0.0), key=lambda names: -worth[names])[:_ASKED]
 
 
 def _try(
@@ -302,7 +319,8 @@ def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -
     rival = found.weighed(found.fitted(best.fit, [best.fit.model], loose.fit.bandwidth))
     if rival is None or loose.log_marginal > rival.log_marginal:
         found.held, found.fits = True, {}
-        found.add((*tried, rival))
+        alone = found.weighed(found.fitted(found.null, [found.null.model], loose.fit.bandwidth))
+        found.add((*tried, rival, alone or found.weighed(found.null)))
 
 
 def _would_add(fit: Fit, kind: type[Effect]) -> bool:

@@ -52,11 +52,13 @@ class Proposal:
 
     Attributes:
         value: log Bayes factor that it promises.
+        worth: log Bayes factor by the log-likelihood that it brings.
         starts: of each effect.
         leads: whether nothing would promise more if there were no discrepancy.
     """
 
     value: float
+    worth: Callable[[float], float]
     starts: tuple[tuple[Effect, ...], ...]
     leads: bool = False
 
@@ -231,12 +233,15 @@ class Signatures:
         """Of an explained power."""
         return -0.5 * self.samples * float(np.log(max(1.0 - explained / max(products.power, 1e-300), 1e-12)))
 
-    def _value(self, evidence: float, shape: Signature) -> float:
+    def _value(self, evidence: float, *shapes: Signature) -> float:
         """Of an evidence: less what the priors of the sizes, the search and the catalogue cost."""
+        return evidence - sum(self._cost(evidence, shape) for shape in shapes)
+
+    def _cost(self, evidence: float, shape: Signature) -> float:
         sizes = len(shape.positive)
         precise = 0.5 * float(np.log1p(2.0 * max(evidence, 0.0) / sizes))  # log of a size over its standard error
         searched = float(np.log(shape.searched)) + shape.forms * float(np.log(self.catalogue))
-        return evidence - sizes * (precise + LOG_UNIFORM) - searched
+        return sizes * (precise + LOG_UNIFORM) + searched
 
     def _proposal(self, products: Products, shapes: tuple[Signature, ...], value: float) -> Proposal:
         places = np.concatenate([np.arange(s.columns.start, s.columns.stop) for s in shapes])
@@ -248,7 +253,7 @@ class Signatures:
             own = shape.start(sizes[first:last])
             starts.append((own, *self._others(products, shape)) if len(shapes) == 1 and own.multimodal else (own,))
             first = last
-        return Proposal(value=value, starts=tuple(starts))
+        return Proposal(value=value, worth=lambda gain: self._value(gain, *shapes), starts=tuple(starts))
 
     def _others(self, products: Products, best: Signature) -> Iterator[Effect]:
         """Other shapes of the same effect, nearly as good."""

@@ -37,8 +37,11 @@ class EncoderEccentricity(Effect):
         return angle + self.amplitude * ca.sin(self.order * angle + self.phase)
 
     def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
-        """Once a turn or more often, or two periods were seen: a slower wave is the bend of something else."""
-        return is_wave(self.order, high - low, turn)
+        """Once a turn or more often, or two periods were seen: a slower wave is the bend of something else.
+
+        And no reading goes back while the load goes on.
+        """
+        return is_wave(self.order, high - low, turn) and self.amplitude * self.order < 1.0
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
