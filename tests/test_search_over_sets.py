@@ -97,6 +97,17 @@ def test_a_few_iterations_see_what_a_linear_promise_does_not() -> None:
     assert _rising(found, alone)[0] == {"torque_offset"}
 
 
+def test_each_set_is_judged_behind_the_observer_that_suits_it() -> None:
+    """Behind that of the base model the truth is no likelier than a discrepancy; behind a slower one by far."""
+    arm = Machine(inertia=0.3, gravity=3.0, viscous_friction=0.3, effects={}).hiding(gravity_offset={"beta": 2.0})
+    loop = Follower(reference=wandering_reference(3, duration=10.0), stiffness=80.0, damping=8.0, limit=40.0)
+    log = record(arm, loop, seed=3, noise=2e-5, bits=19).log()
+    found = diagnose(log)
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect) == ("named", "gravity_offset")
+    assert cause.parameters["beta"].value == pytest.approx(2.0, rel=1e-3)
+
+
 def test_nothing_is_named_where_every_set_is_ruled_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """The base model alone stays, also where all are predicted behind the observer of a gap."""
     monkeypatch.setattr(falsification, "_impossible", lambda *_: "no machine has it")

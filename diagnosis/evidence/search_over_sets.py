@@ -95,8 +95,9 @@ def _are_small(explanation: Explanation, names: Collection[str]) -> bool:
 def _retune(found: Explored) -> None:
     """Lower the bandwidth of the best sets to where they are likeliest: what is named or smooth is no observer's work.
 
-    It never rises: behind an observer that is faster than the log asks for, innovations have a colour, which anything
-    that carries the measurement's noise would explain.
+    Also of the set that leaves least without a discrepancy: behind a fast observer that one may explain as much as a
+    name. It never rises: behind an observer that is faster than the log asks for, innovations have a colour, which
+    anything that carries the measurement's noise would explain.
     """
 
     def lowered(best: Explanation) -> list[Explanation]:
@@ -104,7 +105,9 @@ def _retune(found: Explored) -> None:
 
     if not found.held:
         ranked = sorted(found.known.values(), key=lambda each: -each.log_marginal)
-        found.add(chain.from_iterable(in_threads(lowered, ranked[:_RETUNED])))
+        barest = max(ranked, key=lambda each: each.fit.log_likelihood)
+        leading = ranked[:_RETUNED] if barest in ranked[:_RETUNED] else [*ranked[:_RETUNED], barest]
+        found.add(chain.from_iterable(in_threads(lowered, leading)))
 
 
 def _with_slower_observers(found: Explored, best: Explanation) -> Iterator[Explanation]:
