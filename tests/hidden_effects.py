@@ -36,7 +36,7 @@ class Hidden:
     sizes: tuple[float, float, float]
     judged: tuple[str, ...]
     host: Machine = field(default_factory=Machine)
-    duration: float = 25.0  # of the log that the tests diagnose [s]
+    duration: float = 12.5  # of the log that the tests diagnose [s]
 
     @property
     def base(self) -> ServoModel | None:
@@ -76,7 +76,7 @@ CASES = (
         at=lambda s: {"torque": s},
         sizes=(0.0005, 0.008, 0.18),
         judged=("torque",),
-        duration=40.0,
+        duration=20.0,
     ),
     Hidden(
         effect="asymmetric_friction",

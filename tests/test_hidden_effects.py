@@ -25,7 +25,7 @@ def held_out_error(model: ServoModel, held_out: Log) -> float:
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.effect)
 def test_the_hidden_effect_is_named_and_its_size_recovered(case: Hidden) -> None:
-    size = case.sizes[1]
+    size = case.sizes[2]
     log, held_out = logs_of(case.machine(size), seed=12, duration=case.duration)
     found = diagnose(log, case.base, held_out)
     if case.effect in LATE and found.verdict == "ambiguous":
