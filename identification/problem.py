@@ -88,7 +88,7 @@ class Problem(Objective):
         for bandwidth, width in zip(bandwidths, self.widths(), strict=True):
             point = self._nearest(points, bandwidth, width)
             best = self.minimise(point, bandwidth, width, iterations=30)
-            if bandwidth and not self._plausible(best):
+            if visited and bandwidth and not self._plausible(best):
                 break
             visited.append((bandwidth, best))
             points.append(best.point)

@@ -7,8 +7,8 @@ from machine import Follower, Machine, excitation, record, wandering_reference
 
 from diagnosis import Diagnosis, diagnose, falsification
 from diagnosis.evidence.fitted_sets import Explored
+from diagnosis.evidence.larger_sets import proposals, rising
 from diagnosis.evidence.marginal import families_along
-from diagnosis.evidence.search_over_sets import _proposals, _rising
 from identification.fit import fit
 from identification.log import Log
 from plant import BadParameter, catalogue
@@ -92,9 +92,9 @@ def test_a_few_iterations_see_what_a_linear_promise_does_not() -> None:
     found = Explored(null=null, effects=dict(catalogue), tell=lambda line: None, families=families)
     alone = found.weighed(null)
     assert alone is not None
-    promised = {name: each.value for each in _proposals(found, alone) for name in each.names if len(each.names) == 1}
+    promised = {name: each.value for each in proposals(found, alone) for name in each.names if len(each.names) == 1}
     assert promised["torque_offset"] < 0.0 < max(promised.values())
-    assert _rising(found, alone)[0] == {"torque_offset"}
+    assert rising(found, alone)[0] == {"torque_offset"}
 
 
 def test_each_set_is_judged_behind_the_observer_that_suits_it() -> None:

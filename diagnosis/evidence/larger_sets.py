@@ -1,0 +1,167 @@
+"""Sets with one or two names more than one at hand: which promise most, and their fits, behind slower observers too."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+
+from diagnosis.evidence.fitted_sets import Explored
+from diagnosis.evidence.marginal import Explanation
+from diagnosis.evidence.signatures import Proposal, Signatures
+from identification.fit_result import Fit
+from identification.predictor import HELD
+from identification.threads import in_threads
+from plant.effects import Effect
+
+ASKED = 2
+"""Sets with one name more, and with two, that are tried beside a set; and names in the place of one."""
+BELOW = 5.0
+"""That a set may promise below the one at hand: linearised, a promise is rough."""
+STEP = 4.0
+"""From bandwidth to bandwidth."""
+_NOTHING = 1e-3  # rise of the log-likelihood that says nothing
+_STEPS = 4  # below the bandwidth of the base model alone
+
+
+def proposals(found: Explored, parent: Explanation) -> list[Proposal]:
+    """The sets of one or two effects that promise anything beside a set."""
+    key = parent.names, parent.fit.bandwidth
+    if key not in found.proposed:
+        asked = {n: kind for n, kind in found.effects.items() if _would_add(parent.fit, kind)}
+        drawn = Signatures.at(parent, asked, len(found.effects)).proposals() if asked else []
+        found.proposed[key] = drawn
+    return found.proposed[key]
+
+
+def extend(
+    found: Explored,
+    parents: Sequence[Explanation],
+    bandwidth: float = np.inf,
+    *,
+    leading_alone: bool = False,
+    also: Collection[frozenset[str]] = (),
+) -> None:
+    """Fit the sets with one or two names more that promise most, and `also` others; also behind another observer.
+
+    And those that would promise most if there were no discrepancy: one that has taken much over leaves little to see.
+    Two take longer than one, and what is chaotic longer than all others: they are fitted where they promise more than
+    those before have come by.
+    """
+    best = max(parent.log_marginal for parent in parents)
+    proposed: dict[frozenset[str], tuple[float, Explanation, Proposal]] = {}
+    leading = set(also)
+    for parent in parents:
+        for proposal in proposals(found, parent):
+            value = parent.log_marginal + proposal.value - best
+            if value > proposed.get(proposal.names, (-np.inf,))[0]:
+                proposed[proposal.names] = value, parent, proposal
+            if proposal.leads:
+                leading.add(proposal.names)
+    ranked = sorted(proposed.values(), key=lambda each: -each[0])
+    promising = [each.names for value, _, each in ranked if value > -BELOW]
+    likeliest = set[frozenset[str]]()
+    if not leading_alone:
+        likeliest = {names for size in (1, 2) for names in [n for n in promising if len(n) == size][:ASKED]}
+    chosen = [(value, parent, each) for value, parent, each in ranked if each.names in likeliest | leading]
+    for costly in (0, 1, 2):
+        reached = found.best.log_marginal - best
+        now = [(p, e) for v, p, e in chosen if e.costly == costly and (not costly or v > reached - BELOW)]
+        try_sets(found, now, bandwidth)
+
+
+def rising(found: Explored, parent: Explanation) -> list[frozenset[str]]:
+    """The names that are worth most beside a set by a few iterations of a fit.
+
+    A promise is linear. It is worth nothing where the model is so poor that its inertia is that of friction, or that
+    its observer and the discrepancy have taken the missing torque over.
+    """
+    asked = [each for each in proposals(found, parent) if not each.costly]
+    gains = in_threads(lambda each: found.gained(parent.fit, each), asked)
+    worth = {each.names: each.worth(gain) for each, gain in zip(asked, gains, strict=True)}
+    return sorted((names for names, value in worth.items() if value > 0.0), key=lambda names: -worth[names])[:ASKED]
+
+
+def try_sets(
+    found: Explored,
+    pairs: Sequence[tuple[Explanation, Proposal]],
+    bandwidth: float = np.inf,
+    least: float = 0.0,
+) -> None:
+    """Fit some sets, each of them one that is there and what is proposed beside it; also behind another observer.
+
+    What brings less than the least log-likelihood is not followed further.
+    """
+    chosen = [(p, each) for p, each in pairs if (p.names | each.names, p.fit.bandwidth) not in found.fits]
+    for names in dict.fromkeys(parent.names for parent, _ in chosen):
+        told = "; ".join(" and ".join(sorted(each.names)) for p, each in chosen if p.names == names)
+        found.tell(f"beside {', '.join(sorted(names)) or 'nothing'}: {told}")
+    held = [(p, each) for p, each in chosen if each.chaotic]
+    loose = [pair for pair in chosen if pair not in held]
+    found.add(chain.from_iterable(in_threads(lambda pair: list(_tried(found, *pair, bandwidth, least)), loose)))
+    if held:
+        _try_held(found, held[:1])  # each takes as long as all others
+
+
+def _tried(
+    found: Explored, parent: Explanation, proposal: Proposal, bandwidth: float, least: float
+) -> Iterator[Explanation | None]:
+    """One of them, behind the observer of what is there and a slower one; nothing where it says no more than that.
+
+    Without an observer a fit may end astray; so where it is no better there, it begins behind that of the base model.
+    """
+    fit = found.fitted_with(parent.fit, proposal, parent.fit.bandwidth, least)
+    if fit.log_likelihood <= parent.fit.log_likelihood + _NOTHING:
+        if parent.fit.bandwidth < found.null.bandwidth and not found.held:
+            begun = found.weighed(found.fitted_with(parent.fit, proposal, found.null.bandwidth))
+            if begun is not None:
+                yield begun
+                yield from with_slower_observers(found, begun)
+        return
+    weighed = found.weighed(fit)
+    yield weighed
+    if bandwidth < fit.bandwidth and fit.log_likelihood >= parent.fit.log_likelihood + least:
+        yield found.weighed(found.fitted(fit, [fit.model], bandwidth))
+    if weighed is None and len(proposal.starts) > 1:  # where two do not get on, each is asked alone
+        for starts in proposal.starts:
+            yield from _tried(found, parent, replace(proposal, starts=(starts,)), bandwidth, least)
+
+
+def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -> None:
+    """Sets in which small errors grow without bound: they are weighed behind an observer that holds them.
+
+    Where such a set is likelier there than the best of the others, all go on behind that observer.
+    """
+    bandwidth = max(HELD / found.null.log.sample_time, *(parent.fit.bandwidth for parent, _ in chosen))
+    tried = in_threads(lambda pair: found.weighed(found.fitted_with(pair[0].fit, pair[1], bandwidth)), chosen)
+    loose = max((each for each in tried if each is not None), key=lambda each: each.log_marginal, default=None)
+    if found.held or loose is None:
+        found.add(tried)
+        return
+    best = found.best
+    rival = found.weighed(found.fitted(best.fit, [best.fit.model], loose.fit.bandwidth))
+    if rival is None or loose.log_marginal > rival.log_marginal:
+        found.held, found.fits = True, {}
+        alone = found.weighed(found.fitted(found.null, [found.null.model], loose.fit.bandwidth))
+        found.add((*tried, rival, alone or found.weighed(found.null)))
+
+
+def _would_add(fit: Fit, kind: type[Effect]) -> bool:
+    drivetrain = fit.model.drivetrain
+    return not fit.model.holds(kind.name) and fit.log.shows(kind) and not (kind.flexible and drivetrain is not None)
+
+
+def with_slower_observers(found: Explored, best: Explanation) -> Iterator[Explanation]:
+    """A set behind slower and slower observers, as long as it gets likelier; the one before the last is best."""
+    slowest = found.null.bandwidth / STEP**_STEPS
+    while best.fit.bandwidth:
+        bandwidth = best.fit.bandwidth / STEP
+        moved = found.weighed(found.fitted(best.fit, [best.fit.model], bandwidth if bandwidth > slowest else 0.0))
+        if moved is None:
+            return
+        yield moved
+        if moved.log_marginal <= best.log_marginal:
+            return
+        best = moved
