@@ -97,7 +97,7 @@ def test_rates_hold_on_any_structure_and_the_answer_is_proven(n: int, m: int) ->
                 assert np.all(now.torques >= least - 1e-15)
 
 
-@pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
+@pytest.mark.parametrize("scale", [pytest.param(0.01, marks=pytest.mark.long), 1.0, 100.0])
 def test_both_ways_agree_to_a_billionth_of_rated_torque(scale: float) -> None:
     """A small edition of benchmarks/allocation_agreement.py."""
     rng = np.random.default_rng(12)

@@ -68,6 +68,7 @@ def test_at_equal_heat_every_other_law_errs_more() -> None:
         assert rms(law) > 1.2 * rms(PLANNED)
 
 
+@pytest.mark.long
 def test_one_drive_errs_far_more() -> None:
     assert rms(ONE) > 1.5 * rms(PLANNED)
 

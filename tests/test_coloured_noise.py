@@ -137,6 +137,7 @@ def test_an_effect_is_identified_under_coloured_noise():
     assert sum(found.extended.log.colour) == pytest.approx(FADES, abs=0.05)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("effect", "values"),
     [

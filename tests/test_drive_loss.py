@@ -148,6 +148,7 @@ def test_the_moments_are_what_they_are_called() -> None:
     assert push[braking] == pytest.approx(-1.2, rel=1e-3)
 
 
+@pytest.mark.long
 def test_a_later_reported_loss_pushes_the_load_further() -> None:
     changes = {"runs = 3": "runs = 1", "span = 1.0": "span = 0.02", "detection = 0.02": "detection = 0.1"}
     late = experiment(settings(changes), 0)

@@ -251,6 +251,7 @@ def test_a_regressor_of_rounding_alone_explains_nothing() -> None:
     assert np.isfinite(found).all()
 
 
+@pytest.mark.long
 def test_no_set_has_two_motors_before_one_load() -> None:
     """A spring and a gap in one drivetrain are two models of it; beside each other they were fitted in vain."""
     log = record(Machine().hiding(backlash={"gap": 0.01, "motor_share": 0.3}), excitation(1, duration=10.0)).log()

@@ -152,6 +152,7 @@ def test_a_signal_at_its_limits_still_gets_better() -> None:
     assert design.refined(begun, np.random.default_rng(0)).log_odds > 1.3 * begun.log_odds
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("pair", ["load", pytest.param("lag", marks=pytest.mark.long)])
 def test_it_tells_which_durations_it_tries(pair: str) -> None:
     designed(pair)

@@ -52,7 +52,7 @@ def test_the_target_hands_out_the_torques_of_python(name: str, tmp_path: Path) -
     [
         ("rigid", 0, False, 1e-4),
         pytest.param("late", 0, False, 1e-4, marks=pytest.mark.long),
-        ("compliance", 0, False, 1e-4),
+        pytest.param("compliance", 0, False, 1e-4, marks=pytest.mark.long),
         ("rigid", 0, True, 2e-3),
         ("rigid", 10, False, 1e-2),
     ],

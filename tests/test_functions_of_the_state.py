@@ -30,6 +30,7 @@ def test_a_payload_that_changed_is_named() -> None:
     assert cause.parameters["time"].value == pytest.approx(9.3, abs=0.05)
 
 
+@pytest.mark.long
 def test_an_apparent_payload_at_the_start_is_none() -> None:
     """Contacts that give leave an error that the small motion has and the sweep has not."""
     found = diagnose(sweep(GIVES), None, sweep(GIVES), candidates=["payload_change"])
@@ -37,6 +38,7 @@ def test_an_apparent_payload_at_the_start_is_none() -> None:
     assert found.verdict in ("unknown", "ambiguous")
 
 
+@pytest.mark.long
 def test_the_name_that_says_more_takes_its_place() -> None:
     found = diagnose(sweep(GIVES), None, sweep(GIVES), candidates=["payload_change", "presliding_hysteresis"])
     assert [cause.effect for cause in found.causes] == ["presliding_hysteresis"]

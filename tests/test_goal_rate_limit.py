@@ -96,6 +96,7 @@ def test_a_servo_that_follows_its_goal_at_once_names_nothing() -> None:
     assert found.causes == ()
 
 
+@pytest.mark.long
 def test_a_set_point_rate_limit_holds_at_several_gains() -> None:
     log = log_of(servo(goal_rate_limit={"rate": RATE}), 1)
     limits = (GoalRateLimit(rate=4.0), RateLimit(rate=60.0 * RATE))

@@ -42,6 +42,7 @@ def test_its_trace_holds_that_of_dahls_friction() -> None:
         assert own.columns @ -KNOTS == pytest.approx(dahl.columns[:, 0], abs=1e-9)
 
 
+@pytest.mark.long
 def test_dahls_friction_that_may_not_be_named_is_unknown() -> None:
     """Friction that differs between the directions stood in for it, and left most of it to an observer."""
     hidden = {"presliding_hysteresis": {"torque": 0.3, "stiffness": 8.1}}

@@ -58,6 +58,7 @@ def test_gap_scatter_over_parts_exceeds_the_width_of_a_peak(found: Fit) -> None:
     ]
 
 
+@pytest.mark.long
 def test_parts_of_the_log_use_the_flanks_of_the_whole(found: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
     """A part that settled for other flanks told another gap by chance, and the gap of the whole was sure to nothing."""
     asked: list[Backlash] = []

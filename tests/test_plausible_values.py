@@ -72,6 +72,7 @@ def test_an_unknown_offset_is_not_reported_as_a_distant_cable() -> None:
     assert found.gain.cut > 0.95
 
 
+@pytest.mark.long
 def test_an_end_stop_at_the_edge_of_the_travel_is_identified() -> None:
     """After the hit a free simulation goes elsewhere; behind the observer that holds it a soft stop shows nothing."""
     command = excitation(32000, duration=30.0)

@@ -67,6 +67,7 @@ def test_less_than_what_was_found_parts_the_teeth() -> None:
         assert not kept[len(rigs) :].any()
 
 
+@pytest.mark.long
 def test_preload_beyond_the_formula_is_the_friction_of_the_drive() -> None:
     smooth = experiment(sized({**ONE_MESH, "motor_coulomb = 0.0201551": "motor_coulomb = 0.0"}), 0)
     quiet = found().noises == 0.0

@@ -42,6 +42,7 @@ def test_a_gap_as_small_as_the_noise_is_found() -> None:
     assert cause.parameters["gap"].value == pytest.approx(0.00194, rel=0.35)
 
 
+@pytest.mark.long
 def test_a_cause_that_leaves_an_observer_nothing_to_do_is_named() -> None:
     """Restarts from noisy states hid it, and the last quarter of the log does not come by the stop."""
     found = told_of("end_stop", 40061, 0.01, ["end_stop", "payload_change"])
@@ -50,6 +51,7 @@ def test_a_cause_that_leaves_an_observer_nothing_to_do_is_named() -> None:
     assert (found.base.bandwidth > 0.0, found.extended.bandwidth) == (True, 0.0)
 
 
+@pytest.mark.long
 def test_back_emf_is_searched_inside_the_dead_zone() -> None:
     """Smaller ones are viscous friction on that log, and a descent from there sees no slope."""
     found = told_of("back_emf", 41098, 0.389, ["back_emf", "quadratic_drag"])

@@ -34,7 +34,7 @@ def test_what_chance_explains_too_is_not_told() -> None:
     assert (diagnosis.verdict, diagnosis.causes) == ("nothing_missing", ())
 
 
-@pytest.mark.parametrize("offset", [1e-5, 8e-5])
+@pytest.mark.parametrize("offset", [pytest.param(1e-5, marks=pytest.mark.long), 8e-5])
 def test_a_companion_in_doubt_is_not_named_for_sure(offset: float) -> None:
     diagnosis = found(offset, friction=0.1)
     sure = [cause.effect for cause in diagnosis.causes if cause.probability > 0.9]

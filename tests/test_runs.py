@@ -110,6 +110,7 @@ def test_a_diagnosis_says_it_too_with_what_can_be_typed(loaded):
     assert "antidrive identify --per-run" in said
 
 
+@pytest.mark.long
 def test_runs_that_agree_raise_no_warning_under_model_error():
     for seed, effects in enumerate(
         (PLAIN, {"coulomb_friction": {"torque": 0.3}}, {"cogging": {"amplitude": 0.2, "order": 6.0, "phase": 0.5}})

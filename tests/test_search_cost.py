@@ -28,7 +28,7 @@ def test_a_line_is_tried_under_a_slow_observer_despite_drift() -> None:
     assert any(abs(effect.order - 11.0) < 0.25 for effect in orders if isinstance(effect, Cogging))
 
 
-@pytest.mark.parametrize("seed", [9000, 9005])
+@pytest.mark.parametrize("seed", [9000, pytest.param(9005, marks=pytest.mark.long)])
 def test_a_disturbance_of_barely_more_than_chance_is_named(seed: int) -> None:
     """About 24 in log-likelihood, of which some 9 are the price of 6,000 frequencies."""
     hidden = WAVE | {"amplitude": 0.0966}

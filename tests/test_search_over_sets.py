@@ -35,6 +35,7 @@ def test_the_first_of_two_may_simulate_worse_than_none() -> None:
     assert sizes["gravity_offset"]["beta"].value == pytest.approx(0.17, rel=0.01)
 
 
+@pytest.mark.long
 def test_an_effect_found_early_is_compared_again() -> None:
     """While the offset is missing the sensor lag leads; beside the offset nobody can tell it from a delay."""
     log = log_of(10000, torque_offset={"torque": 0.15}, input_delay={"time": 0.005})
@@ -145,6 +146,7 @@ def test_what_is_missing_beside_a_gap_is_found_and_nothing_else() -> None:
     assert gap.gap * gap.motor_share == pytest.approx(0.0015, rel=0.05)
 
 
+@pytest.mark.long
 def test_a_soft_cable_is_fitted_from_the_free_simulation() -> None:
     """What an observer leaves of it is too little to tell its shape; from there its refit went astray."""
     cable = {"stiffness": 2.115e-4, "cubic": 4.23e-6, "rest_angle": 0.4}

@@ -58,12 +58,13 @@ def test_a_curve_has_to_predict_better(monkeypatch: pytest.MonkeyPatch) -> None:
             "curve_over_velocity",
             r"looks like -0\.0\d+ v \|v\| \[N m\], beside viscous friction",
         ),
-        (
+        pytest.param(
             CABLE,
             ("torque_offset", "gravity_offset", "cogging", "asymmetric_friction"),
             "angle",
             "curve_over_angle",
             r"looks like (.* )?-0\.1\d+ x ",
+            marks=pytest.mark.long,
         ),
     ],
     ids=["drag", "cable"],
@@ -231,6 +232,7 @@ def test_friction_that_varies_over_the_turn_has_no_sure_name() -> None:
     assert all(cause.probability < 0.9 for cause in found.causes)
 
 
+@pytest.mark.long
 def test_the_first_wave_of_a_ripple_is_cogging() -> None:
     log, validation = simulated(RippleOverAngle(rate=7.0, s1=0.1, c2=0.1, c3=0.1))
     found = diagnose(log, None, validation)
