@@ -62,6 +62,11 @@ def _sample_velocity(states: int, parameters: int) -> Any:
     return ca.Function("sample_velocity", [state, values], [state[1]])
 
 
+def measured_state(response: Response) -> int:
+    """Which of the initial angle and velocity is measured, so that the slope by it has no unit: 0 or 1."""
+    return 1 if response == "velocity" else 0
+
+
 def steps_in_a_sample(model: ServoModel, log: Log) -> int:
     """Integration steps in one sample that follow a model, also where a position servo holds it as in a log."""
     stiffness = max(float(np.max(np.abs(run.servo_gain))) for run in log.runs)

@@ -19,7 +19,7 @@ from identification.least_squares import Minimum, NormalEquations, minimise
 from identification.log import Log
 from identification.noise import log_likelihood, short_autoregression
 from identification.objective import Objective
-from identification.predictor import HELD, OUTGROWN
+from identification.predictor import HELD, OUTGROWN, measured_state
 from identification.regression import starting_values
 from identification.standard_errors import divergent_fit, fit_with_errors
 from plant.effects.effect import Array
@@ -107,8 +107,10 @@ class Problem(Objective):
         """Whether neither motion nor slopes run off: a load that could fall needs an observer that holds it."""
         if not np.isfinite(minimum.equations.cost):
             return False
-        grown = np.diag(minimum.equations.information)[len(self.free) :]
-        return self.model.chaotic or bool((grown <= OUTGROWN**2 * self.samples).all())
+        runs = self.log.runs
+        grown = np.diag(minimum.equations.information)[-2 * len(runs) :][measured_state(self.log.response) :: 2]
+        most = OUTGROWN**2 * np.array([len(run) for run in runs])
+        return self.model.chaotic or bool((grown <= most).all())
 
     def widths(self) -> list[float]:
         """Smoothing of dry friction from wide to exact [rad/s], one for each stage of the bandwidth."""

@@ -10,7 +10,7 @@ import numpy as np
 from diagnosis.linear import Linear, linearised
 from diagnosis.nuisance import Nuisance
 from identification.fit_result import Fit
-from identification.predictor import OUTGROWN, Prediction
+from identification.predictor import OUTGROWN, Prediction, measured_state
 from identification.problem import Problem
 from plant.effects.effect import Array
 from plant.servo import ServoModel
@@ -36,7 +36,8 @@ class Linearised:
     def at(cls, fit: Fit, bandwidth: float) -> Linearised | None:
         """At a fit, behind an observer of a bandwidth [rad/s]; None where the motion grows without bound."""
         problem, told = predicted(fit, fit.model, bandwidth)
-        if not (is_bounded(told) and (fit.model.chaotic or _is_held(told))):
+        start = measured_state(problem.log.response)
+        if not (is_bounded(told) and (fit.model.chaotic or _is_held(told, start))):
             return None
         substeps, colour = problem.predictor.substeps, problem.log.colour
         filters = tuple(
@@ -70,10 +71,9 @@ def predicted(
     return problem, told
 
 
-def _is_held(told: Sequence[Prediction]) -> bool:
-    """Whether errors of the start do not grow so far that nothing else is seen of the slopes."""
-    grown = [float(np.mean(p.jacobian[:, -2:] ** 2, axis=0).max()) for p in told]
-    return max(grown) <= OUTGROWN**2
+def _is_held(told: Sequence[Prediction], start: int) -> bool:
+    """Whether errors of the initial angle, or velocity, do not grow so far that nothing else is seen of the slopes."""
+    return max(float(np.mean(p.jacobian[:, start - 2] ** 2)) for p in told) <= OUTGROWN**2
 
 
 def is_bounded(told: Sequence[Prediction]) -> bool:
