@@ -98,6 +98,14 @@ def test_a_load_that_could_fall_is_identified_in_its_loop(duration: float) -> No
     assert found.bandwidth > 0.0
 
 
+def test_how_long_a_log_lasts_asks_for_no_observer() -> None:
+    """An error of the initial speed grows with time where nothing holds the load: that is no load that falls."""
+    log = record(Machine(gravity=0.0, viscous_friction=0.02, effects={}), excitation(1, duration=10.0)).log()
+    (run,) = log.runs
+    slow = replace(log, runs=(replace(run, time=1e3 * run.time, command=1e-6 * run.command),))
+    assert (fit(log).bandwidth, fit(slow).bandwidth) == (0.0, 0.0)
+
+
 def test_a_fluctuating_load_is_taken_as_process_noise() -> None:
     command = chirp_and_steps(4, duration=30.0)
     out = record(Machine(), command, seed=3, load_torque=load_fluctuation(0, 0.05, (command.size, 1)))
