@@ -84,7 +84,7 @@ def diagnose(
     log, held_out, said = parts(log, None if holdout is None else log_of(holdout).usable(force=force))
     log, shorter = stretches(log)
     tell("fitting the base model")
-    null = fit_with_prior(log, start, known, progress)
+    null = fit_with_prior(log, start, known, progress, of_the_sensor=True)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
     if null.failed is not None:

@@ -31,15 +31,22 @@ _SLOWER = 3.0  # from one observer to the next
 _SLOWEST = 0.01  # of the best observer's bandwidth: slower ones leave the model to itself
 
 
-def with_coloured_noise(fit: Fit) -> Fit:
+def with_coloured_noise(fit: Fit, *, of_the_sensor: bool = False) -> Fit:
     """The same model fitted to the log with the colour of its reading's noise, or the fit as it is.
 
     A colour beside which nothing of the model is told stands for the motion, not for noise.
+
+    Args:
+        fit: of the model with white noise.
+        of_the_sensor: whether only the sensor's noise counts. Who identifies a model takes its errors for noise as
+            well, and has better parameters for it; who asks what it lacks must not.
     """
     usable = (coloured for coloured in _coloured(fit) if coloured.failed is None)
     found = max(usable, key=lambda coloured: coloured.log_likelihood, default=fit)
     likely = found.log_likelihood > fit.log_likelihood + _CLEARLY
-    return found if likely and found.log_likelihood > by_regression(fit.log) else fit
+    if not likely or (of_the_sensor and found.log_likelihood < by_regression(fit.log)):
+        return fit
+    return found
 
 
 def by_regression(log: Log) -> float:
@@ -54,6 +61,8 @@ def by_regression(log: Log) -> float:
             seen = sliding_window_view(run.valid, ORDER + 1).all(axis=1)
             told.append(windows[0][seen, -1])
             before.append(np.hstack([window[seen, :-1] for window in windows]))
+    if not told:
+        return -np.inf
     readings, columns = np.concatenate(told), np.vstack(before)
     columns = np.column_stack((columns, np.ones(readings.size)))
     slopes = np.linalg.lstsq(columns, readings, rcond=None)[0]

@@ -92,17 +92,30 @@ def _check(problem: Problem, per_run: Sequence[str], fixed: Collection[str]) -> 
 
 
 def fit_with_prior(
-    log: Log, model: ServoModel, known: PriorKnowledge, progress: Callable[[str], None] | None = None
+    log: Log,
+    model: ServoModel,
+    known: PriorKnowledge,
+    progress: Callable[[str], None] | None = None,
+    *,
+    of_the_sensor: bool = False,
 ) -> Fit:
-    """The same, with what is known of parameters in one piece, also of such as the model does not have."""
+    """The same, with what is known of parameters in one piece, also of such as the model does not have.
+
+    Coloured noise may be that `of_the_sensor` alone, see `with_coloured_noise`.
+    """
     start = known.begun(model)
-    found, traded = _beside_traded(log, start, known, progress)
+    found, traded = _beside_traded(log, start, known, progress, of_the_sensor=of_the_sensor)
     begun = [replace(line, start=float(value)) for line, value in zip(found.parameters, start.values, strict=True)]
     return replace(found, parameters=tuple(replace(p, value=None) if p.name in traded else p for p in begun))
 
 
 def _beside_traded(
-    log: Log, model: ServoModel, known: PriorKnowledge, progress: Callable[[str], None] | None
+    log: Log,
+    model: ServoModel,
+    known: PriorKnowledge,
+    progress: Callable[[str], None] | None,
+    *,
+    of_the_sensor: bool,
 ) -> tuple[Fit, tuple[str, ...]]:
     """The fit with its clock and colour, and the parameters that it kept because they traded places with others."""
     kept: tuple[str, ...] = ()
@@ -112,7 +125,7 @@ def _beside_traded(
             found = Problem.of(log, found.model, fixed=kept, known=known).solve(progress=progress)
         traded = _traded(found)
         if not traded:
-            found = with_coloured_noise(with_its_clock(found))
+            found = with_coloured_noise(with_its_clock(found), of_the_sensor=of_the_sensor)
             traded = _traded(found)
         if not traded:
             return found, kept

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from diagnosis import diagnose
 from identification import coloured_noise
 from identification.coloured_noise import with_coloured_noise
-from identification.fit import base_model, fit
+from identification.fit import base_model, fit, fit_with_prior
 from identification.log import Log
 from identification.noise import Whitening, autoregression, short_autoregression, whiten
 from identification.prior_knowledge import PriorKnowledge
@@ -54,10 +54,9 @@ def test_what_is_fixed_stays_so_beside_the_colour():
 
 @pytest.mark.parametrize(("rises", "believed"), [((9.9,), None), ((10.1,), 0), ((10.1, 30.0, 20.0), 1), ((), None)])
 def test_coloured_noise_needs_clearly_higher_likelihood(monkeypatch, rises, believed):
-    white = SimpleNamespace(log_likelihood=1000.0, log=None)
+    white = SimpleNamespace(log_likelihood=1000.0)
     found = [SimpleNamespace(log_likelihood=1000.0 + rise, failed=None) for rise in rises]
     monkeypatch.setattr(coloured_noise, "_coloured", lambda _: iter(found))
-    monkeypatch.setattr(coloured_noise, "by_regression", lambda _: -np.inf)
     assert with_coloured_noise(white) is (white if believed is None else found[believed])
 
 
@@ -77,13 +76,13 @@ def test_errors_of_a_poor_model_are_no_coloured_noise(hidden):
     white = Problem.of(log, base_model(log)).solve()
     coloured = max(each.log_likelihood for each in coloured_noise._coloured(white))
     assert white.log_likelihood + 500.0 < coloured < coloured_noise.by_regression(log)
-    assert not fit(log).log.colour
+    assert not fit_with_prior(log, base_model(log), PriorKnowledge(), of_the_sensor=True).log.colour
+    assert fit(log).log.colour
 
 
 def test_a_colour_that_leaves_nothing_of_the_model_is_none(monkeypatch) -> None:
     """It would stand for the motion: of a model without what matters most it explains more than any noise."""
-    monkeypatch.setattr(coloured_noise, "by_regression", lambda _: -np.inf)
-    white = SimpleNamespace(log_likelihood=1000.0, log=None)
+    white = SimpleNamespace(log_likelihood=1000.0)
     lost = SimpleNamespace(log_likelihood=5000.0, failed="its parameters do not change how well")
     told = SimpleNamespace(log_likelihood=1200.0, failed=None)
     for found, believed in (([lost], white), ([lost, told], told)):

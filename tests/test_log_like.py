@@ -37,7 +37,7 @@ def test_fit_and_diagnosis_take_them(path, monkeypatch):
     assert fit(path, PLAIN)["inertia"].value == pytest.approx(fit(TABLE, PLAIN)["inertia"].value, rel=1e-6)
     heard = []
 
-    def listen(log, *_):
+    def listen(log, *_, **__):
         heard.append(log)
         raise BadParameter("heard.")
 

@@ -117,7 +117,7 @@ def test_what_is_known_holds_when_an_effect_comes_to_the_model() -> None:
 def test_a_diagnosis_hands_on_what_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     heard = []
 
-    def listen(log, start, known, progress):
+    def listen(log, start, known, *_, **__):
         heard.append(known)
         raise BadParameter("heard.")
 
