@@ -16,6 +16,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of numpy and scipy, which 
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
+# One processor for each worker: two with threads of their own would take each other's.
 if hasattr(os, "sched_setaffinity") and (worker := os.environ.get("PYTEST_XDIST_WORKER", "")).startswith("gw"):
     own = sorted(os.sched_getaffinity(0))
     os.sched_setaffinity(0, {own[int(worker[2:]) % len(own)]})
