@@ -57,7 +57,7 @@ def by_regression(log: Log) -> float:
     told, before = [], []
     for run in log.runs:
         if len(run) > ORDER:
-            windows = [sliding_window_view(values, ORDER + 1) for values in (run.output, run.command)]
+            windows = [sliding_window_view(values, ORDER + 1) for values in (run.measured, run.command)]
             seen = sliding_window_view(run.valid, ORDER + 1).all(axis=1)
             told.append(windows[0][seen, -1])
             before.append(np.hstack([window[seen, :-1] for window in windows]))
@@ -65,6 +65,7 @@ def by_regression(log: Log) -> float:
         return -np.inf
     readings, columns = np.concatenate(told), np.vstack(before)
     columns = np.column_stack((columns, np.ones(readings.size)))
+    columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)  # whatever their units
     slopes = np.linalg.lstsq(columns, readings, rcond=None)[0]
     samples = sum(int(run.valid.sum()) for run in log.runs)
     cost = float(np.sum((readings - columns @ slopes) ** 2)) * samples / max(readings.size, 1)

@@ -80,6 +80,16 @@ def test_errors_of_a_poor_model_are_no_coloured_noise(hidden):
     assert fit(log).log.colour
 
 
+def test_the_regression_is_of_what_was_measured_in_any_unit():
+    log = record(Machine(), excitation(3, duration=5.0), seed=3).log()
+    (run,) = log.runs
+    told = coloured_noise.by_regression(log)
+    speeds = replace(run, response="velocity", velocity=run.output, output=np.cumsum(run.output))
+    assert coloured_noise.by_regression(replace(log, runs=(speeds,))) == pytest.approx(told, abs=1e-3)
+    other = replace(log, runs=(replace(run, command=1e-13 * run.command),))
+    assert coloured_noise.by_regression(other) == pytest.approx(told, abs=1e-3)
+
+
 def test_a_colour_that_leaves_nothing_of_the_model_is_none(monkeypatch) -> None:
     """It would stand for the motion: of a model without what matters most it explains more than any noise."""
     white = SimpleNamespace(log_likelihood=1000.0)
