@@ -12,6 +12,7 @@ from diagnosis import Diagnosis, diagnose
 from diagnosis.evidence.fitted_sets import Explored, fitted
 from diagnosis.evidence.larger_sets import proposals, rising, try_sets
 from diagnosis.evidence.marginal import families_along
+from diagnosis.evidence.search_over_sets import explore
 from identification.fit import fit
 from identification.log import Log
 from plant import BadParameter, catalogue
@@ -103,7 +104,11 @@ def test_a_few_iterations_see_what_a_linear_promise_does_not() -> None:
     assert alone is not None
     promised = {name: each.value for each in proposals(found, alone) for name in each.names if len(each.names) == 1}
     assert promised["torque_offset"] < 0.0 < max(promised.values())
-    assert rising(found, alone)[0] == {"torque_offset"}
+    most = rising(found, alone)
+    assert most[0] == {"torque_offset"}
+    told: list[str] = []
+    explore(found.null, catalogue, told.append)
+    assert {name for names in most for name in names} <= set(told[0].removeprefix("beside nothing: ").split("; "))
 
 
 def test_each_set_is_judged_behind_the_observer_that_suits_it() -> None:
