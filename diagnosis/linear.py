@@ -8,7 +8,6 @@ with d a torque on the load and r an error of the reading. Many of them are foll
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -18,13 +17,12 @@ from identification.log import Run
 from identification.noise import whiten
 from identification.predictor import PIECE, Prediction, forgetful, moves_with, run_inputs, sample_shown
 from identification.recording import Response
+from plant.built_once import recursion
 from plant.discrete import INPUTS, Structure
 from plant.effects.effect import Array
 from plant.effects.given_load import GivenLoad
-from plant.recursion import Recursion
 from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
-from plant.symbolic import one_at_a_time
 
 AT_ONCE = 16  # columns that are followed side by side
 
@@ -97,14 +95,13 @@ def follow(transition: Array, path: Array, seen: Array, columns: Array) -> Array
     return found
 
 
-@one_at_a_time
-@lru_cache(maxsize=16)
-def _side_by_side(n: int) -> Recursion:
+@recursion(carried=1)
+def _side_by_side(n: int) -> Any:
     """The recursion of `follow` for n states."""
     z, row = ca.SX.sym("z", n, AT_ONCE), ca.SX.sym("row", n * n + 2 * n + AT_ONCE)
     flat, path, seen, columns = ca.vertsplit(row, [0, n * n, n * n + n, n * n + 2 * n, row.numel()])
     following = ca.mtimes(ca.reshape(flat, n, n).T, z) + ca.mtimes(path, columns.T)
-    return Recursion(ca.Function("side_by_side", [z, row], [following, ca.mtimes(seen.T, z)]), carried=1)
+    return ca.Function("side_by_side", [z, row], [following, ca.mtimes(seen.T, z)])
 
 
 def response(runs: tuple[Linear, ...], columns: Array, *, on_reading: bool) -> Array:
@@ -166,9 +163,8 @@ def linearised(
     )
 
 
-@one_at_a_time
-@lru_cache(maxsize=128)
-def _slopes(structure: Structure, substeps: int, positioned: bool, response: Response) -> Recursion:
+@recursion(carried=0)
+def _slopes(structure: Structure, substeps: int, positioned: bool, response: Response) -> Any:
     """(state, inputs) at each sample, parameters -> derivative of the next state by torque and state, of the reading.
 
     It carries nothing: each sample stands alone.
@@ -183,4 +179,4 @@ def _slopes(structure: Structure, substeps: int, positioned: bool, response: Res
     state, own = ca.SX.sym("state", n), ca.SX.sym("parameters", len(probe.names))
     shown = ca.densify(ca.jacobian(sample_shown(probe, response)(state, own), state))
     seen = ca.Function("seen", [state, own], [shown])(row[:n], parameters)
-    return Recursion(ca.Function("slopes", [row, parameters], [slopes, seen]), carried=0)
+    return ca.Function("slopes", [row, parameters], [slopes, seen])

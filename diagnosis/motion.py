@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -13,12 +12,11 @@ from identification.observer_gain import correcting_gain
 from identification.predictor import Prediction
 from identification.problem import Problem
 from identification.run import Run
+from plant.built_once import recursion
 from plant.discrete import Structure
 from plant.effects import Motion
 from plant.effects.effect import POSITIVE, TURN, Array, Axis
-from plant.recursion import Recursion
 from plant.servo import ServoModel
-from plant.symbolic import one_at_a_time
 
 
 def motion_of(
@@ -72,14 +70,13 @@ def _arriving(model: ServoModel, torque: Array, velocity: Array) -> Array:
     return _settled(Structure(model))((), np.column_stack((torque, velocity)), model.values)[1][0][:, 0]
 
 
-@one_at_a_time
-@lru_cache(maxsize=128)
-def _settled(structure: Structure) -> Recursion:
+@recursion(carried=0)
+def _settled(structure: Structure) -> Any:
     row, parameters = ca.SX.sym("row", 2), ca.SX.sym("parameters", len(structure.model.names))
     torque: Any = row[0]
     for effect in structure.model.bound(parameters).effects:
         torque = effect.command(torque, torque, row[1])
-    return Recursion(ca.Function("settled", [row, parameters], [torque]), carried=0)
+    return ca.Function("settled", [row, parameters], [torque])
 
 
 def _acceleration(run: Run, prediction: Prediction, bandwidth: float) -> Array:

@@ -8,7 +8,7 @@ inverse models are published.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from identification.log import Log, Run
 from identification.run_parameters import own_model
+from plant.built_once import recursion
 from plant.discrete import Structure
 from plant.effects import Effect, Moment, State
 from plant.effects.effect import Array
-from plant.recursion import Recursion
 from plant.servo import ServoModel
 from plant.simulation import actuator_torque
-from plant.symbolic import one_at_a_time
 
 _PERIODS = 5.0  # of the lowest cutoff in the longest run
 
@@ -146,9 +145,8 @@ def needed_torque(model: ServoModel, motion: FilteredMotion) -> Array:
     return inertia[:, 0] * motion.acceleration + torque[:, 0]
 
 
-@one_at_a_time
-@lru_cache(maxsize=128)
-def _passive(structure: Structure) -> Recursion:
+@recursion(carried=1)
+def _passive(structure: Structure) -> Any:
     """(state), rows of motion, parameters, time step -> torque that the motion needs without acceleration, inertia."""
     template = structure.model
     state, parameters = ca.SX.sym("state", len(template.states)), ca.SX.sym("parameters", len(template.names))
@@ -168,7 +166,7 @@ def _passive(structure: Structure) -> Recursion:
         for i, kind in enumerate(effect.states)
     ]
     outputs = [ca.densify(value) for value in (ca.vertcat(x, v, *slid), ca.SX(free), ca.SX(inertia))]
-    return Recursion(ca.Function("passive", [state, row, parameters, dt], outputs, {"cse": True}), carried=1)
+    return ca.Function("passive", [state, row, parameters, dt], outputs, {"cse": True})
 
 
 def _true_angle(model: ServoModel, reading: Array) -> Array:
@@ -179,13 +177,12 @@ def _true_angle(model: ServoModel, reading: Array) -> Array:
     return np.asarray(reading - (shown - reading))
 
 
-@one_at_a_time
-@lru_cache(maxsize=128)
-def _shown(structure: Structure) -> Recursion:
+@recursion(carried=0)
+def _shown(structure: Structure) -> Any:
     """Rows of an angle, parameters -> what sensors without memory show of it."""
     angle, parameters = ca.SX.sym("angle"), ca.SX.sym("parameters", len(structure.model.names))
     shown = angle
     for effect in structure.model.bound(parameters).effects:
         if not effect.states:
             shown = effect.reading(shown, 0.0)
-    return Recursion(ca.Function("shown", [angle, parameters], [shown]), carried=0)
+    return ca.Function("shown", [angle, parameters], [shown])

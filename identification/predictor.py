@@ -26,11 +26,11 @@ from identification.noise import Whitening
 from identification.observer_gain import correcting_gain
 from identification.recording import Response
 from identification.run_parameters import own_slopes, own_values
+from plant.built_once import recursion
 from plant.discrete import INPUTS, Structure, integration_steps, sample_reading
 from plant.effects import State
 from plant.effects.effect import Array
 from plant.effects.goal_rate_limit import first_goal
-from plant.recursion import Recursion
 from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
 from plant.simulation import beginning, whole_samples
@@ -250,11 +250,10 @@ def moves_with(model: ServoModel) -> Array:
     return np.array([[kind is one for one in moved] for kind in model.kinds], dtype=float)
 
 
-@one_at_a_time
-@lru_cache(maxsize=512)
+@recursion(carried=2)
 def _prediction(
     structure: Structure, free: tuple[int, ...] | None, substeps: int, positioned: bool, response: Response
-) -> Recursion:
+) -> Any:
     """(state, slopes), rows of `run_inputs`, parameters -> innovation, its slopes, predicted state, at each sample.
 
     Without `free` there are no slopes, and where no run is `positioned` there is no servo gain.
@@ -281,7 +280,7 @@ def _prediction(
     *moved, seen, seen_slopes, before = correct(*entering)
     following = step(*moved, entering[2][: len(INPUTS)], entering[3])
     outputs = [*following, seen, seen_slopes, before]
-    return Recursion(ca.Function("predict", entering, outputs, {"cse": kind is ca.SX}), carried=2)
+    return ca.Function("predict", entering, outputs, {"cse": kind is ca.SX})
 
 
 def forgetful(model: ServoModel, slopes: Any) -> Any:

@@ -75,11 +75,16 @@ class Structure:
 
     def __eq__(self, other: object) -> bool:
         """Whether the equations are the same, whatever the numbers."""
-        return isinstance(other, Structure) and self.model.structure == other.model.structure
+        return isinstance(other, Structure) and self.equations == other.equations
 
     def __hash__(self) -> int:
         """Of the equations."""
-        return hash(self.model.structure)
+        return hash(self.equations)
+
+    @property
+    def equations(self) -> tuple[Any, ...]:
+        """What they depend on."""
+        return self.model.structure
 
 
 def longest_step(model: ServoModel, sample_time: float, *, stiffness: float = 0.0, damping: float = 0.0) -> float:

@@ -15,7 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from hashlib import sha256
-from typing import Any, TypeAlias
+from io import BytesIO
+from typing import Any, Self, TypeAlias
 
 import casadi as ca
 import numpy as np
@@ -150,6 +151,21 @@ class InstructionTape:
             second=placed([operands[k][1] for k in order]),
             outputs=placed([outputs[p, e] for p, size in enumerate(shown) for e in range(size)]),
         )
+
+    @classmethod
+    def read(cls, content: bytes) -> Self:
+        """What `content` has written."""
+        with np.load(BytesIO(content)) as stored:
+            sizes = {name: stored[name].tolist() for name in ("inputs", "carried", "shown")}
+            arrays = {name: stored[name] for name in stored.files if name not in sizes}
+        return cls(inputs=tuple(sizes["inputs"]), carried=sizes["carried"], shown=tuple(sizes["shown"]), **arrays)
+
+    @property
+    def content(self) -> bytes:
+        """All of it, to be kept in a file."""
+        file = BytesIO()
+        np.savez(file, **vars(self))
+        return file.getvalue()
 
     @property
     def mark(self) -> str:

@@ -2,14 +2,13 @@
 
 CasADi's virtual machine is about ten times slower. The compiler works beside the program, which meanwhile goes on with
 the virtual machine, or waits; both give the same numbers to the last bit, since nothing may be contracted or
-reordered. What has been compiled is kept in the user's cache folder, in a folder with the hash of its source. A file
-that was cut short would load and end the program with a bus error, so its name is the hash of the library.
+reordered. What has been compiled is kept, in a folder with the hash of its source. A file that was cut short would load
+and end the program with a bus error: only whole ones are taken.
 """
 
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import os
 import platform
 import shlex
@@ -25,7 +24,7 @@ from importlib.util import find_spec
 from multiprocessing.util import Finalize
 from pathlib import Path
 
-from platformdirs import user_cache_path
+from plant import kept_files
 
 _GROUPS = hasattr(os, "killpg")  # of processes
 _changing = threading.RLock()  # held while a compiler is started, until it is known how to end it, and while it ends
@@ -66,7 +65,7 @@ class MachineCode:
         self._command = (*command, f"-O{level}", *_FLAGS)
         machine = (sys.platform, platform.machine())  # several may share a home
         mark = self._text() if mark is None else mark
-        self._kept = "-".join((name, _mark("\n".join((*machine, *self._command, mark)).encode())))
+        self._kept = "-".join((name, kept_files.mark("\n".join((*machine, *self._command, mark)).encode())))
         if not self._adopt() and start:
             self.start()
 
@@ -98,16 +97,13 @@ class MachineCode:
         return self.library is not None
 
     def _adopt(self) -> bool:
-        """Whether a whole library is kept; what is left of one is thrown away."""
+        """Whether a whole library is kept that this machine can load."""
         try:
-            for path in (_cache() / self._kept).glob("*.so"):
-                if path.stem == _mark(path.read_bytes()):
-                    self._library = ctypes.CDLL(str(path))
-                    return True
-                path.unlink()
-        except OSError:  # not readable, or no library of this machine
+            path = kept_files.kept(self._kept, "so")
+            self._library = None if path is None else ctypes.CDLL(str(path))
+        except OSError:
             pass
-        return False
+        return self._library is not None
 
 
 class _Build:
@@ -155,19 +151,12 @@ class _Build:
     def finished(self) -> bool:
         return self.process.poll() is not None
 
-    def deliver(self, kept: str) -> bool:
-        """Move the result to where it is kept, in one step, so that no other process sees half of it."""
+    def deliver(self, folder: str) -> bool:
+        """Have the result kept."""
         try:
             if self.process.returncode != 0:
                 return False
-            folder, content = _cache() / kept, (self.folder / "code.so").read_bytes()
-            folder.mkdir(parents=True, exist_ok=True)
-            beside = folder / f"{os.getpid()}-{id(self)}"
-            with beside.open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())  # else the new name may outlive a power cut, and the content not
-            os.replace(beside, folder / f"{_mark(content)}.so")
+            kept_files.keep(folder, (self.folder / "code.so").read_bytes(), "so")
         except OSError:
             return False
         finally:
@@ -213,11 +202,3 @@ def _words(text: str) -> list[str]:
         return shlex.split(text)
     except ValueError:
         return text.split()
-
-
-def _mark(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()[:24]
-
-
-def _cache() -> Path:
-    return user_cache_path("antidrive")

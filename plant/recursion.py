@@ -3,20 +3,23 @@
 Predictions, linearisations and the traces of effects with memory are such recursions. They begin as a list of
 instructions that a compiled loop follows. What is followed long is compiled itself meanwhile, which is three times as
 fast; without a compiler CasADi's virtual machine serves, which is ten times slower. All give the same numbers to the
-last bit.
+last bit. Instructions are kept for other programs: where they are, the function itself is not built.
 """
 
 from __future__ import annotations
 
 import ctypes
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from plant import kept_files
 from plant.instruction_tape import InstructionTape, pointers
 from plant.machine_code import MachineCode
 from plant.symbolic import one_at_a_time
@@ -64,17 +67,38 @@ int follow_rows(long long rows, double** carried, const double* row, const doubl
 class Recursion:
     """A CasADi function (carried ..., row, constants ...) -> (carried ..., shown ...), dense in all of them."""
 
-    def __init__(self, function: Any, carried: int) -> None:
-        """Prepare a function whose first `carried` outputs, of which there may be none, are its next first inputs."""
-        self._function, self._handed = _without_dust(function, carried), carried
-        self._entering = [function.size_in(place) for place in range(function.n_in())]
-        self._leaving = [function.size_out(place) for place in range(function.n_out())]
-        tape = self._tape = InstructionTape.of(function, carried)
+    def __init__(self, build: Callable[[], Any], carried: int, kept: str | None = None) -> None:
+        """Prepare a function whose first `carried` outputs, of which there may be none, are its next first inputs.
+
+        Args:
+            build: makes the function.
+            carried: how many outputs are handed on.
+            kept: folder of the cache for its instructions; by default they are not kept.
+        """
+        self._build, self._handed = build, carried
+        tape = self._tape = _instructions(lambda: self._function, carried, kept)
         mark = None if tape is None else "\n".join((ca.CasadiMeta.version(), _LOOP, repr(_DUST), tape.mark))
-        self._code = MachineCode(function.name(), self._source, level=_LEVEL, mark=mark, start=tape is None)
+        self._code = MachineCode("recursion", self._source, level=_LEVEL, mark=mark, start=tape is None)
         self._patience = 0 if tape is None else PATIENCE // max(len(tape.first), 1)
         self._followed = 0  # rows, without machine code
         self._chunk: Any = None
+
+    @cached_property
+    def _function(self) -> Any:
+        return _without_dust(self._build(), self._handed)
+
+    @property
+    def _entering(self) -> list[tuple[int, int]]:
+        return [self._function.size_in(place) for place in range(self._function.n_in())]
+
+    @property
+    def _leaving(self) -> list[tuple[int, int]]:
+        return [self._function.size_out(place) for place in range(self._function.n_out())]
+
+    @cached_property
+    def _shown(self) -> tuple[int, ...]:
+        """Number of elements of each output that is not carried on."""
+        return tuple(a * b for a, b in self._leaving[self._handed :]) if self._tape is None else self._tape.shown
 
     def __call__(self, begin: Sequence[Array], rows: Array, *constants: Array) -> tuple[list[Array], list[Array]]:
         """Follow the function along `rows`; other threads run meanwhile.
@@ -90,7 +114,7 @@ class Recursion:
         rows = np.ascontiguousarray(rows, dtype=float)
         carried = [np.array(value, dtype=float).ravel() for value in begin]
         fixed = [np.ascontiguousarray(value, dtype=float).ravel() for value in constants]
-        shown = [np.empty((len(rows), a * b)) for a, b in self._leaving[self._handed :]]
+        shown = [np.empty((len(rows), size)) for size in self._shown]
         first = 0
         while first < len(rows):
             library = self._library()
@@ -149,6 +173,21 @@ class Recursion:
             "carried": "".join(f"{size}, " for size in sizes[: self._handed]),
             "shown": "".join(f"{size}, " for size in sizes[self._handed :]),
         }
+
+
+def _instructions(function: Callable[[], Any], carried: int, folder: str | None) -> InstructionTape | None:
+    """The instructions of a function, from where they are kept; None if it has some that cannot be followed."""
+    path = None if folder is None else kept_files.kept(folder, "npz")
+    try:
+        if path is not None:
+            return InstructionTape.read(path.read_bytes())
+    except OSError:  # meanwhile it is gone
+        pass
+    tape = InstructionTape.of(function(), carried)
+    if folder is not None and tape is not None:
+        with suppress(OSError):  # they are built again next time
+            kept_files.keep(folder, tape.content, "npz")
+    return tape
 
 
 def _own(source: str) -> str:

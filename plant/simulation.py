@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from plant.actuator import actuated, played
+from plant.built_once import recursion
 from plant.discrete import Method, Structure, integration_steps, sample_step
 from plant.effects import State
 from plant.effects.effect import Array
 from plant.effects.goal_rate_limit import first_goal
 from plant.integrator import Step
-from plant.recursion import Recursion
 from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
 
@@ -128,9 +127,8 @@ def actuator_torque(
     return torque[:, 0]
 
 
-@one_at_a_time
-@lru_cache(maxsize=128)
-def _actuator(structure: Structure) -> Recursion:
+@recursion(carried=1)
+def _actuator(structure: Structure) -> Any:
     """(state), rows of command, gain, angle, velocity, time step and damping, parameters, limit -> mean torque."""
     template = structure.model
     state, parameters = ca.SX.sym("state", len(template.states)), ca.SX.sym("parameters", len(template.names))
@@ -143,7 +141,7 @@ def _actuator(structure: Structure) -> Recursion:
     following = {**own, **played(model, own, torque, gain, h)[1], **behind}
     kept = [value for effect in model.effects for value in following[effect.name]]
     outputs: list[Any] = [ca.densify(ca.vertcat(state[:2], *kept)), ca.densify(course.mean)]
-    return Recursion(ca.Function("actuator", [state, row, parameters, limit], outputs, {"cse": True}), carried=1)
+    return ca.Function("actuator", [state, row, parameters, limit], outputs, {"cse": True})
 
 
 def beginning(

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -16,7 +17,7 @@ import numpy as np
 import pytest
 
 from identification import predictor
-from plant import ServoModel, instruction_tape, machine_code
+from plant import ServoModel, instruction_tape, kept_files, machine_code
 from plant.discrete import Structure
 from plant.effects import Compliance, StribeckFriction
 from plant.effects.effect import Array
@@ -29,15 +30,16 @@ ROWS = 2 * CHUNK + 7
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(machine_code, "_cache", lambda: tmp_path / "cache")
+    monkeypatch.setattr(kept_files, "_cache", lambda: tmp_path / "cache")
 
 
-def example(factor: float = 1.0) -> Recursion:
+def example(factor: float = 1.0, kept: str | None = None) -> Recursion:
     """A matrix that turns by each row, and what is seen of it."""
     z, row, constant = ca.SX.sym("z", 2, 3), ca.SX.sym("row", 2), ca.SX.sym("constant")
     turned = ca.vertcat(ca.cos(row[0]) * z[0, :] - z[1, :], ca.sin(row[1]) * z[1, :] + constant * z[0, :])
     seen = factor * ca.sumsqr(z)
-    return Recursion(ca.Function("example", [z, row, constant], [turned, seen, z[0, :]]), carried=1)
+    function = ca.Function("example", [z, row, constant], [turned, seen, z[0, :]])
+    return Recursion(lambda: function, carried=1, kept=kept)
 
 
 def followed(recursion: Recursion) -> list[Array]:
@@ -93,7 +95,9 @@ def test_all_forms_agree_to_the_last_bit(effect: object, monkeypatch: pytest.Mon
         with monkeypatch.context() as patch:
             if form == "virtual machine":
                 patch.setattr(InstructionTape, "follow", lambda *_: False)
-            follow = inspect.unwrap(predictor._prediction)(Structure(model), (0, 1, 2, 3), substeps, True, "angle")
+            build = inspect.unwrap(predictor._prediction)
+            build = partial(build, Structure(model), (0, 1, 2, 3), substeps, True, "angle")
+            follow = Recursion(build, carried=2)
             if form == "machine code":
                 assert follow.wait()
             carried, shown = follow(begin, np.column_stack(columns), model.values)
@@ -153,7 +157,7 @@ def test_every_operation_is_that_of_the_virtual_machine() -> None:
 @with_compiler
 def test_an_operation_that_is_not_known_is_compiled() -> None:
     row = ca.SX.sym("row")
-    recursion = Recursion(ca.Function("inverse", [row], [ca.erfinv(row)]), carried=0)
+    recursion = Recursion(lambda: ca.Function("inverse", [row], [ca.erfinv(row)]), carried=0)
     assert recursion._tape is None
     _, (shown,) = recursion((), np.linspace(-0.9, 0.9, ROWS)[:, None])
     assert shown[-1, 0] == pytest.approx(1.1630871536766743)
@@ -161,7 +165,7 @@ def test_an_operation_that_is_not_known_is_compiled() -> None:
 
 def test_a_function_that_carries_nothing_is_mapped() -> None:
     row = ca.SX.sym("row", 2)
-    mapped = Recursion(ca.Function("mapped", [row], [ca.sumsqr(row)]), carried=0)
+    mapped = Recursion(lambda: ca.Function("mapped", [row], [ca.sumsqr(row)]), carried=0)
     rows = np.random.default_rng(1).normal(size=(ROWS, 2))
     for _ in range(2):
         assert mapped((), rows)[1][0][:, 0] == pytest.approx((rows**2).sum(axis=1), rel=1e-12)
@@ -180,7 +184,7 @@ def test_threads_do_not_disturb_each_other() -> None:
 def test_a_function_may_have_any_name(name: str) -> None:
     """One called `shown`, as a variable of the loop is, was compiled anew each time, and each time in vain."""
     row = ca.SX.sym("row", 2)
-    assert Recursion(ca.Function(name, [row], [ca.sumsqr(row)]), carried=0).wait()
+    assert Recursion(lambda: ca.Function(name, [row], [ca.sumsqr(row)]), carried=0).wait()
 
 
 @with_compiler
@@ -215,7 +219,7 @@ def test_without_a_working_compiler_the_function_serves(
 @with_compiler
 def test_a_cache_that_cannot_be_written_costs_only_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr(machine_code, "_cache", lambda: tmp_path / "file" / "below")
+    monkeypatch.setattr(kept_files, "_cache", lambda: tmp_path / "file" / "below")
     recursion = example()
     assert not recursion.wait()
     assert is_right(recursion)

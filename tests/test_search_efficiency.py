@@ -58,7 +58,7 @@ def test_a_long_log_started_from_parts_gives_the_same_fit(monkeypatch: pytest.Mo
 
 def test_decaying_values_reach_zero_before_denormals() -> None:
     state, row = ca.SX.sym("state"), ca.SX.sym("row")
-    fading = Recursion(ca.Function("fading", [state, row], [0.1 * state + row, state]), carried=1)
+    fading = Recursion(lambda: ca.Function("fading", [state, row], [0.1 * state + row, state]), carried=1)
     rows = np.zeros((1001, 1))
     rows[0] = 1.0
     _, (slow,) = fading([np.zeros(1)], rows)

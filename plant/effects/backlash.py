@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import product
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from plant.built_once import recursion
 from plant.effects.compliance import Compliance
 from plant.effects.effect import (
     POSITIVE,
@@ -25,8 +26,6 @@ from plant.effects.effect import (
     parameter,
     within,
 )
-from plant.recursion import Recursion
-from plant.symbolic import one_at_a_time
 
 _STIFF = 400.0  # swing on the spring of a flank that a log of 5 ms cannot tell from a hard one [rad/s]
 _DAMPING = 0.5  # of that swing on a flank that counts as hard
@@ -177,9 +176,8 @@ def _crossing(motion: Motion, torque: Array, rows: NDArray[np.intp], share: Arra
     return follow((side, side * gap / 2.0, still, still), moved, share, gap, machine)[1][0]
 
 
-@one_at_a_time
-@lru_cache(maxsize=8)
-def _loose_motor(count: int) -> Recursion:
+@recursion(carried=4)
+def _loose_motor(count: int) -> Any:
     """The motor in each of several gaps: (side in touch, lead before the load, its speed, whether loose).
 
     In touch the motor moves with the load and the flank carries torque - J_m a; when that changes sign the motor lets
@@ -199,4 +197,4 @@ def _loose_motor(count: int) -> Recursion:
     after = [touched, ca.if_else(lands, touched * gap / 2, ahead), ca.if_else(lands, 0, fast)]
     after.append(ca.logic_and(flies, ca.logic_not(lands)))
     inputs = [side, lead, speed, loose, moved, share, gap, machine]
-    return Recursion(ca.Function("loose_motor", inputs, [*after, added]), carried=4)
+    return ca.Function("loose_motor", inputs, [*after, added])

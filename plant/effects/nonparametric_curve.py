@@ -7,16 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import casadi as ca
 import numpy as np
 
+from plant.built_once import recursion
 from plant.effects.effect import Array, Effect, Expression, Moment, Motion, Parameter, Stage, Trace, parameter
 from plant.effects.interpolation import interpolated, rises_and_bends
-from plant.recursion import Recursion
-from plant.symbolic import one_at_a_time
 
 if TYPE_CHECKING:
     from plant.servo import ServoModel
@@ -104,7 +102,7 @@ class Curve(Nonparametric):
     @classmethod
     def hats(cls, values: Array, low: float, high: float) -> Array:
         """(T, 9) how much each knot counts at each of the values (T,)."""
-        hats = _hats(cls)  # type: ignore[arg-type]  # a class is hashable, whatever its instances are
+        hats = _hats(cls)
         return hats((), values[:, None], np.array([low, high]))[1][0]
 
     def height(self, at: Moment) -> Expression:
@@ -147,14 +145,13 @@ class Curve(Nonparametric):
         return np.ones_like(motion.time)
 
 
-@one_at_a_time
-@lru_cache(maxsize=64)
-def _hats(kind: type[Curve]) -> Recursion:
+@recursion(carried=0)
+def _hats(kind: type[Curve]) -> Any:
     """A value, the ends of the range -> (9,) derivatives of a kind of curve by its heights, in which it is linear."""
     value, ends, heights = ca.SX.sym("value"), ca.SX.sym("ends", 2), ca.SX.sym("heights", KNOTS)
     course = kind.course(value, ends[0], ends[1], ca.vertsplit(heights))
     counts = ca.densify(ca.jacobian(course, heights)).T
-    return Recursion(ca.Function("hats", [value, ends], [counts], {"cse": True}), carried=0)
+    return ca.Function("hats", [value, ends], [counts], {"cse": True})
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from plant.built_once import recursion
 from plant.effects.coulomb_friction import CoulombFriction
 from plant.effects.effect import (
     POSITIVE,
@@ -23,8 +24,6 @@ from plant.effects.effect import (
     parameter,
     within,
 )
-from plant.recursion import Recursion
-from plant.symbolic import one_at_a_time
 
 _WAYS = 8
 
@@ -109,11 +108,10 @@ def _memories(angle: Array, travels: Array) -> Array:
     return _contacts(travels.size)((np.zeros(travels.size),), travelled, travels)[1][0]
 
 
-@one_at_a_time
-@lru_cache(maxsize=8)
-def _contacts(count: int) -> Recursion:
+@recursion(carried=1)
+def _contacts(count: int) -> Any:
     """Several contacts side by side, and the mean of each over a sample."""
     force, travels, travelled = ca.SX.sym("force", count), ca.SX.sym("travels", count), ca.SX.sym("travelled")
     after = slid(force, travelled, travels)
     outputs = [after, 0.5 * (force + after)]
-    return Recursion(ca.Function("contacts", [force, travelled, travels], outputs), carried=1)
+    return ca.Function("contacts", [force, travelled, travels], outputs)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from plant.built_once import recursion
 from plant.effects.effect import Array, Effect, Expression, Motion, Trace
-from plant.recursion import Recursion
-from plant.symbolic import one_at_a_time
 
 _SAMPLES = np.array([2.0, 5.0, 12.0, 30.0, 75.0, 150.0])  # in which a rate that is tried crosses the whole range
 
@@ -66,13 +65,12 @@ def _followed(wanted: Array, reach: Array) -> Array:
     return _ramps(reach.size)((np.full(reach.size, wanted[0]),), wanted[:, None], reach)[1][0]
 
 
-@one_at_a_time
-@lru_cache(maxsize=8)
-def _ramps(count: int) -> Recursion:
+@recursion(carried=1)
+def _ramps(count: int) -> Any:
     """Several ramps side by side, and their means over a sample."""
     state, reach, wanted = ca.SX.sym("state", count), ca.SX.sym("reach", count), ca.SX.sym("wanted")
     gap = wanted - state
     step = ca.fmax(ca.fmin(gap, reach), -reach)
     share = ca.fmin(ca.fabs(gap) / reach, 1)  # of the sample that is spent on the ramp
     outputs = [state + step, state + step * (1 - share / 2)]
-    return Recursion(ca.Function("ramps", [state, wanted, reach], outputs), carried=1)
+    return ca.Function("ramps", [state, wanted, reach], outputs)

@@ -1,0 +1,80 @@
+"""Builders of recursions: one is built once for its arguments, and its instructions once for all programs.
+
+What a builder makes hangs on its arguments and on our own code. So its instructions are kept under a mark of both, but
+not where an argument is somebody's own effect, whose equations may change without our code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache, partial, wraps
+from pathlib import Path
+from typing import Any, ParamSpec, Protocol, runtime_checkable
+
+import casadi as ca
+
+from plant.kept_files import mark
+from plant.recursion import Recursion
+from plant.symbolic import one_at_a_time
+
+Arguments = ParamSpec("Arguments")
+_MOST = 512  # of one builder that are held at a time
+_BUILDERS = ("plant", "identification", "diagnosis")  # packages in which builders stand
+
+
+@runtime_checkable
+class _HasEquations(Protocol):
+    @property
+    def equations(self) -> tuple[Any, ...]: ...
+
+
+def recursion(carried: int) -> Callable[[Callable[Arguments, Any]], Callable[Arguments, Recursion]]:
+    """A builder of a `casadi.Function` whose first `carried` outputs are its next first inputs, as one of recursions.
+
+    Its arguments are hashable and, for what it builds, all that counts.
+    """
+
+    def of(build: Callable[Arguments, Any]) -> Callable[Arguments, Recursion]:
+        @wraps(build)
+        def made(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Recursion:
+            building: Callable[[], Any] = partial(one_at_a_time(build), *args, **kwargs)
+            return Recursion(building, carried, _folder(build, (*args, *sorted(kwargs.items()))))
+
+        once: Callable[Arguments, Recursion] = one_at_a_time(lru_cache(maxsize=_MOST)(made))
+        return once
+
+    return of
+
+
+def _folder(build: Callable[..., Any], args: tuple[Any, ...]) -> str | None:
+    """Of the cache, for what is built of some arguments; None where that must not be kept."""
+    if build.__module__.partition(".")[0] not in _BUILDERS or not (code := _code()):
+        return None
+    told = [_told(each) for each in args]
+    if None in told:
+        return None
+    parts = (ca.CasadiMeta.version(), code, build.__module__, build.__qualname__, *map(str, told))
+    return f"{build.__name__.strip('_')}-{mark(repr(parts).encode())}"
+
+
+def _told(value: Any) -> str | None:
+    """A value in words that tell it from all others; None if it hangs on code that is not ours."""
+    if isinstance(value, _HasEquations):
+        return _told(value.equations)
+    if isinstance(value, tuple):
+        told = [_told(each) for each in value]
+        return None if None in told else repr(told)
+    if isinstance(value, type):
+        return f"{value.__module__}.{value.__qualname__}" if value.__module__.startswith("plant.") else None
+    return repr(value) if value is None or isinstance(value, bool | int | float | str) else None
+
+
+@lru_cache(maxsize=1)
+def _code() -> str:
+    """Mark of the code of all builders; empty where it cannot be read."""
+    root = Path(__file__).parent.parent
+    try:
+        files = sorted(path for name in _BUILDERS for path in (root / name).rglob("*.py"))
+        return mark(b"".join(path.read_bytes() for path in files))
+    except OSError:
+        return ""

@@ -1,0 +1,50 @@
+"""Files that are kept from one program to the next, in the user's cache folder.
+
+Each has the hash of its content as its name: one that was cut short is noticed and thrown away.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+from pathlib import Path
+
+from platformdirs import user_cache_path
+
+
+def mark(content: bytes) -> str:
+    """A name that two contents have in common only if they are the same."""
+    return hashlib.sha256(content).hexdigest()[:24]
+
+
+def kept(folder: str, ending: str) -> Path | None:
+    """The whole file in a folder of the cache; None where there is none, or none that can be read."""
+    try:
+        for path in (_cache() / folder).glob(f"*.{ending}"):
+            if path.stem == mark(path.read_bytes()):
+                return path
+            path.unlink()
+    except OSError:
+        pass
+    return None
+
+
+def keep(folder: str, content: bytes, ending: str) -> None:
+    """Write a file in one step, so that no other process sees half of it.
+
+    Raises:
+        OSError: the cache cannot be written.
+    """
+    place = _cache() / folder
+    place.mkdir(parents=True, exist_ok=True)
+    beside = place / f"{os.getpid()}-{threading.get_ident()}"
+    with beside.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())  # else the new name may outlive a power cut, and the content not
+    os.replace(beside, place / f"{mark(content)}.{ending}")
+
+
+def _cache() -> Path:
+    return user_cache_path("antidrive")
