@@ -66,13 +66,15 @@ class MachineCode:
         machine = (sys.platform, platform.machine())  # several may share a home
         mark = self._text() if mark is None else mark
         self._kept = "-".join((name, kept_files.mark("\n".join((*machine, *self._command, mark)).encode())))
-        if not self._adopt() and start:
+        if start:
             self.start()
+        else:
+            self._adopt()
 
     def start(self) -> None:
-        """Start the compiler, unless there is a library, one is at work already, or none works."""
+        """Start the compiler, unless there is a library, also another program's by now, or one at work, or none works."""
         with self._lock:
-            if self._library is None and self._build is None and not self._failed:
+            if self._library is None and self._build is None and not self._failed and not self._adopt():
                 self._build = _Build.start(self._command, self._name, self._text())
                 self._failed = self._build is None
 

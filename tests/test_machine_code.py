@@ -196,6 +196,15 @@ def test_what_was_compiled_is_found_again() -> None:
 
 
 @with_compiler
+def test_what_another_program_has_compiled_meanwhile_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, other = example(), example()
+    assert first.wait()
+    monkeypatch.setattr(machine_code._Build, "start", lambda *_: pytest.fail("it was compiled again"))
+    assert other.wait()
+    assert is_right(other)
+
+
+@with_compiler
 def test_another_function_of_the_same_name_is_not_taken_for_it() -> None:
     assert example().wait()
     other = example(factor=2.0)
