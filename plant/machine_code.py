@@ -72,7 +72,7 @@ class MachineCode:
             self._adopt()
 
     def start(self) -> None:
-        """Start the compiler, unless there is a library, also another program's by now, or one at work, or none works."""
+        """Start the compiler, unless there is a library by now, one is at work already, or none works."""
         with self._lock:
             if self._library is None and self._build is None and not self._failed and not self._adopt():
                 self._build = _Build.start(self._command, self._name, self._text())

@@ -30,6 +30,7 @@ ROWS = 2 * CHUNK + 7
 
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    instruction_tape._loop()  # for all tests of this process, which would else stay without one
     monkeypatch.setattr(kept_files, "_cache", lambda: tmp_path / "cache")
 
 
