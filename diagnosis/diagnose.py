@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from diagnosis.evidence.search_over_sets import explore
 from diagnosis.extrapolation import extrapolation_warning
 from diagnosis.falsification import Tenable, tenable
 from diagnosis.formula_suggestion import suggested_formula
-from diagnosis.holdout import inverse_errors, measure_gain, parts, remaining
+from diagnosis.holdout import inverse_errors, measure_gain, parts, remaining, split_otherwise
 from diagnosis.holdout_refit import holdout_differences
 from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.multimodal_likelihood import on_its_best_peak
@@ -26,6 +27,7 @@ from diagnosis.repeated_runs import repeats
 from diagnosis.residual_torque import effects_over, residual_torque, torque_of
 from diagnosis.result import Cause, EffectSet, Minor, Unknown
 from diagnosis.stretches import stretches
+from diagnosis.validation_only import is_of_parameters, only_in_validation
 from diagnosis.verdict import CLEARLY, HARDLY_EVER, Judgement, judged, log_bayes, rivals
 from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable
@@ -33,10 +35,10 @@ from identification.fit import base_model, fit_with_prior, known_of
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.log_like import LogLike, log_of
-from identification.prior_knowledge import Fixed, Pairs
+from identification.prior_knowledge import Fixed, Pairs, PriorKnowledge
 from identification.threads import without_blas_threads
 from identification.time_stamp_jitter import evenly_timed
-from plant.effects.effect import Array
+from plant.effects.effect import Array, Effect
 from plant.servo import ServoModel
 
 
@@ -81,16 +83,44 @@ def diagnose(
     start = base_model(log) if base is None else base
     known = known_of(fixed, bounds, prior, start, effects.values(), stated=base is not None)
     tell = progress or (lambda line: None)
-    log, held_out, said = parts(log, None if holdout is None else log_of(holdout).usable(force=force))
+    given = None if holdout is None else log_of(holdout).usable(force=force)
+    estimation, validation, said = parts(log, given)
+    found = _diagnosed(estimation, validation, start, known, effects, tell, said)
+    if found.only_in_validation is None:
+        return found
+    if is_of_parameters(found.extended, validation):
+        changed = f"{found.only_in_validation}; the model follows it with other values of its parameters."
+        return replace(found, warnings=(*found.warnings, changed))
+    alone = f"{found.only_in_validation}: something acts there that those do not show."
+    if given is None and (other := split_otherwise(log)) is not None:
+        estimation, validation, sentence = other
+        why = f"{alone} So that part is used for estimation."
+        tell(why)
+        with suppress(Unidentifiable):
+            return _diagnosed(estimation, validation, start, known, effects, tell, [why, sentence])
+    advice = f"{alone} Use that part for estimation and another one for validation."
+    return replace(found, warnings=(*found.warnings, advice))
+
+
+def _diagnosed(
+    log: Log,
+    held_out: Log,
+    start: ServoModel,
+    known: PriorKnowledge,
+    effects: Mapping[str, type[Effect]],
+    tell: Callable[[str], None],
+    said: Sequence[str],
+) -> Diagnosis:
+    """What a model misses in a log, measured on another; `said` are warnings of how they were parted."""
     log, shorter = stretches(log)
     tell("fitting the base model")
-    null = fit_with_prior(log, start, known, progress, of_the_sensor=True)
+    null = fit_with_prior(log, start, known, tell, of_the_sensor=True)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
     if null.failed is not None:
         raise Unidentifiable(f"The fit of the base model failed: {null.failed}")
     held_out = evenly_timed(held_out) if null.log.evenly_timed else held_out
-    found = tenable(null, explore(null, effects, progress).known.values(), held_out)
+    found = tenable(null, explore(null, effects, tell).known.values(), held_out)
     tell("fitting non-parametric curves")
     found = replace(found, fit=on_its_best_peak(found.fit, found.without))
     best, named = found.posterior.best, found.fit
@@ -98,9 +128,15 @@ def diagnose(
     final = with_curves(named, null)
     shows = final is not named or (again is not None and again.deterministic)
     ruled_out = found.likeliest if found.lost > CLEARLY + HARDLY_EVER else None
-    judgement = judged(found.posterior, missing, shows=shows, ruled_out=ruled_out)
     tell("measuring the gain on validation data")
     gain, _, replays = measure_gain(held_out, [null, final])
+    judgement = judged(found.posterior, missing, shows=shows, ruled_out=ruled_out)
+    left = remaining(gain, judgement.depends_on)
+    alone = None
+    if judgement.verdict != "unknown" and (not judgement.causes or left.share > 0.5):  # more than what is named
+        alone = only_in_validation(final, held_out)
+    if alone is not None:
+        judgement = replace(judgement, verdict="unknown")
     beside = best.discrepancy.posterior
     return Diagnosis(
         verdict=judgement.verdict,
@@ -112,7 +148,8 @@ def diagnose(
         rejected=rejected(null, found.posterior, effects, {*judgement.causes, *judgement.minor}, found.falsified),
         gain=gain,
         torque_error=inverse_errors(null.log, held_out, null.model, final.model),
-        unexplained=remaining(gain, judgement.depends_on),
+        unexplained=left,
+        only_in_validation=None if alone is None else str(alone),
         warnings=(*_of_data(null, [*said, *filter(None, (shorter,))]), *_of_the_end(null, final, held_out)),
         base=null,
         extended=final,

@@ -75,6 +75,29 @@ def split(log: Log) -> tuple[Log, Log, str]:
     return _moving_part(log)
 
 
+def split_otherwise(log: Log) -> tuple[Log, Log, str] | None:
+    """The same with other validation data, so that those of `split` are learnt from; None where nothing else moves.
+
+    Several runs: the first and every third of those that move. A single run: its first 30 %.
+    """
+    if len(log.runs) > 1:
+        moving = [place for place, run in enumerate(log.runs) if moves(run, log)]
+        held = tuple(log.runs[place] for place in moving[::3])
+        kept = tuple(run for run in log.runs if run not in held)
+        if len(moving) < 2:
+            return None
+        labels = ", ".join(run.label for run in held)
+        return replace(log, runs=kept), replace(log, runs=held), f"Validation data: {labels}."
+    (run,) = log.runs
+    cut = int(len(run) * _SHARE)
+    until = f"until {_clock(run, cut - 1)} s"
+    first, last = replace(run.slice(0, cut), label=f"{run.label} {until}"), run.slice(cut, None)
+    if not moves(first, log):
+        return None
+    sentence = f"Validation data: the first {100 * _SHARE:.0f} % of the only run, {until}."
+    return replace(log, runs=(last,)), replace(log, runs=(first,)), sentence
+
+
 def _moving_part(log: Log) -> tuple[Log, Log, str]:
     """The same for a single run whose end stands still: idle ends are left out, and 30 % of the rest held out."""
     (run,) = log.runs

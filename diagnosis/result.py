@@ -186,6 +186,7 @@ class Findings:
         residual_before, residual_after: the torque that each of the two models lacks, over the estimation runs.
         replays: the held-out runs.
         whiteness: share of the extended model's innovations that are still predictable from their own past [-].
+        only_in_validation: where the validation data show an error that the estimation data do not; None if nowhere.
     """
 
     verdict: Verdict
@@ -205,6 +206,7 @@ class Findings:
     residual_after: ResidualTorque
     replays: tuple[Replay, ...]
     whiteness: float
+    only_in_validation: str | None = None
 
     @property
     def model(self) -> ServoModel:

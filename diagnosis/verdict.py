@@ -68,7 +68,8 @@ def judged(
     small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others take a ruled-out one's place
     minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}
     left = unnamed or bool(minor) or ruled_out is not None
-    verdict = _verdict(posterior, causes, unnamed=left, in_doubt=any(in_doubt(p) for p in minor.values()))
+    others = {name: p for name, p in told.items() if not special_cases(name) & causes.keys()}
+    verdict = _verdict(posterior, causes, unnamed=left, in_doubt=any(map(in_doubt, others.values())))
     if verdict == "ambiguous" and not causes:
         causes = _leading(posterior)
     return Judgement(
@@ -123,7 +124,7 @@ def special_cases(name: str) -> set[str]:
 
 
 def in_doubt(probability: float) -> bool:
-    """Whether an effect with such a probability may be there, and may be no more than a part of the rest."""
+    """Whether an effect with such a probability may be there, and may not."""
     return 1.0 - SURE < probability <= SURE
 
 

@@ -46,13 +46,15 @@ def test_of_what_no_effect_explains_no_part_is_sure() -> None:
 
 
 @pytest.mark.parametrize(("cogging", "verdict"), [(0.05, "named"), (0.15, "ambiguous"), (0.45, "ambiguous")])
-def test_a_minor_effect_in_doubt_leaves_the_verdict_open(cogging: float, verdict: str) -> None:
+@pytest.mark.parametrize("minor", [True, False])
+def test_another_effect_in_doubt_leaves_the_verdict_open(minor: bool, cogging: float, verdict: str) -> None:
+    """One that is probable, but small, and one that is as likely as not."""
     told = {"coulomb_friction": 0.99, "cogging": cogging}
     learned = SimpleNamespace(posterior=SimpleNamespace(material=0.0))
     posterior = SimpleNamespace(
         best=SimpleNamespace(discrepancy=learned),
         sets=[SimpleNamespace(names=frozenset(told))],
-        names=lambda: dict.fromkeys(told, 1.0),
+        names=lambda: dict.fromkeys(told, 1.0) if minor else told,
         told=told.__getitem__,
     )
     found = judged(posterior, SimpleNamespace(excess=0.0), shows=False, ruled_out=None)  # type: ignore[arg-type]

@@ -370,3 +370,17 @@ def test_the_headline_tells_what_is_in_doubt(diagnosis):
     assert headline(doubt) == (
         "The model lacks Coulomb friction. It may also lack cogging; the unexplained torque is about as large."
     )
+
+
+def test_the_headline_tells_what_is_as_likely_as_not(diagnosis):
+    likeliest = diagnosis.sets[0]
+    open_sets = (
+        replace(likeliest, effects=("coulomb_friction",), probability=0.55),
+        replace(likeliest, effects=("coulomb_friction", "payload_change"), probability=0.3),
+        replace(likeliest, effects=("coulomb_friction", "stribeck_friction"), probability=0.15),
+    )
+    doubt = replace(diagnosis, verdict="ambiguous", minor=(), sets=open_sets)
+    assert headline(doubt) == (
+        "The model lacks Coulomb friction. It may also lack payload change (probability 30 %); "
+        "this log does not show whether it does."
+    )

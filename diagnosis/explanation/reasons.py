@@ -164,7 +164,8 @@ def reason_for_none(diagnosis: Findings) -> Reason:
     lines = [
         f"{asked} effects were tried. None is both probable and larger than the unexplained {acts}, about "
         f"{percent(unknown.share)} of the {acts} in the log (probability {percent(unknown.probability)})."
-        f"{nearest}"
+        f"{nearest}",
+        *filter(None, (diagnosis.only_in_validation,)),
     ]
     grown = seen = None
     if diagnosis.extended is not diagnosis.base:

@@ -18,7 +18,7 @@ from diagnosis.explanation.wording import (
 from diagnosis.holdout import gain_errors
 from diagnosis.repeated_runs import repeated_pairs
 from diagnosis.result import Cause, Findings
-from diagnosis.verdict import SURE, in_doubt
+from diagnosis.verdict import SURE, in_doubt, special_cases
 
 
 def headline(diagnosis: Findings) -> str:
@@ -31,10 +31,24 @@ def headline(diagnosis: Findings) -> str:
                 "twice: what repeats is no random disturbance."
             )
         return "No effect is missing: noise accounts for the remaining error."
-    if diagnosis.verdict == "unknown" or not causes:
-        where = ", ".join(diagnosis.unexplained.depends_on)
-        lives = f"; it depends on {where}" if where else ""
-        return f"The model has an error that no effect of the catalogue explains{lives}."
+    if not causes:
+        return f"The model has an error that no effect of the catalogue explains{_where(diagnosis)}."
+    if diagnosis.verdict == "unknown":
+        return f"{_of_causes(diagnosis)} More of its error is explained by no effect{_where(diagnosis)}."
+    return _of_causes(diagnosis)
+
+
+def _where(diagnosis: Findings) -> str:
+    """Where the unexplained error shows."""
+    if diagnosis.only_in_validation is not None:
+        return "; it shows in the validation data alone"
+    depends_on = ", ".join(diagnosis.unexplained.depends_on)
+    return f"; it depends on {depends_on}" if depends_on else ""
+
+
+def _of_causes(diagnosis: Findings) -> str:
+    """What the model lacks, surely and probably."""
+    causes = diagnosis.causes
     named = [title_of(cause.effect) for cause in causes if cause.probability > SURE]
     unsure = [cause for cause in causes if cause.probability <= SURE]
     open_ones = list(dict.fromkeys(title_of(name) for cause in unsure for name in _likeliest_first(cause)))
@@ -46,9 +60,21 @@ def headline(diagnosis: Findings) -> str:
     if known and unclear:
         return f"{known}. It also {unclear}."
     if diagnosis.verdict == "ambiguous" and not unclear:
-        doubtful = [title_of(each.effect) for each in diagnosis.minor if in_doubt(each.probability)]
-        return f"{known}. It may also lack {joined_words(doubtful)}; the unexplained {acts} is about as large."
+        return f"{known}. It may also lack {_in_doubt(diagnosis, acts)}."
     return f"{known}." if known else f"The model {unclear}."
+
+
+def _in_doubt(diagnosis: Findings, acts: str) -> str:
+    """What may be missing beside sure causes: as small as what is unexplained, else what the log does not tell."""
+    small = [each.effect for each in diagnosis.minor if in_doubt(each.probability)]
+    if small:
+        return f"{joined_words([title_of(name) for name in small])}; the unexplained {acts} is about as large"
+    causes = {cause.effect for cause in diagnosis.causes}
+    others = {name for each in diagnosis.sets for name in each.effects if not special_cases(name) & causes}
+    told = {name: sum(each.probability for each in diagnosis.sets if name in each.effects) for name in others}
+    open_ones = sorted(filter(lambda name: in_doubt(told[name]), told), key=lambda name: -told[name])
+    listed = [f"{title_of(name)} (probability {percent(told[name])})" for name in open_ones]
+    return f"{joined_words(listed)}; this log does not show whether it does"
 
 
 def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> list[str]:

@@ -1,0 +1,103 @@
+"""Whether validation data show what the estimation data do not: a cause that acts there alone.
+
+A search learns nothing of what happens in the validation data only: an end stop that is reached there for the first
+time, a payload that was changed. What it leaves there is told by errors of many steps in windows that begin anew: the
+logarithms of their mean squares are compared with how much those of the estimation data scatter (Student's t for one
+more draw).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+from scipy.stats import ttest_ind
+
+from diagnosis.holdout import restart_window, squared_errors
+from diagnosis.refit import fitted_to
+from identification.fit_result import Fit
+from identification.log import Log
+from identification.run import Run
+from plant.effects.effect import Array
+from plant.servo import ServoModel
+
+_HARDLY_EVER = 1e-3  # probability of such errors by chance
+_TWICE = 2.0  # mean square of all of them over that of the estimation data: other motion has other errors
+
+
+@dataclass(frozen=True, kw_only=True)
+class OnlyInValidation:
+    """The window of the validation data with the largest error.
+
+    Attributes:
+        label: of its run.
+        begin, end: of the window, since the log's start [s].
+        ratio: of its root mean square over that of the estimation data [-].
+    """
+
+    label: str
+    begin: float
+    end: float
+    ratio: float
+
+    def __str__(self) -> str:
+        """As "From 9.9 to 10.9 s of run 1 the error is 150 times that on the estimation data"."""
+        place = f"From {self.begin:.4g} to {self.end:.4g} s of {self.label}"
+        return f"{place} the error is {self.ratio:.2g} times that on the estimation data"
+
+
+def only_in_validation(fit: Fit, validation: Log, model: ServoModel | None = None) -> OnlyInValidation | None:
+    """The worst window of the validation data, where their errors are hardly ever so large by chance; else None.
+
+    Args:
+        fit: to the estimation data.
+        validation: data that it has not seen.
+        model: to predict those; by default that of the fit.
+    """
+    window = restart_window(validation)
+    seen = np.array([square for _, _, square in _windows(fit.log, fit.model, window)])
+    parts = _windows(validation, model or fit.model, window)
+    unseen = np.array([square for _, _, square in parts])
+    if seen.size < 2 or not unseen.size or np.mean(unseen) <= _TWICE * np.mean(seen):
+        return None
+    worst = int(np.argmax(unseen))
+    if _by_chance(*(np.log(np.maximum(each, np.finfo(float).tiny)) for each in (seen, unseen))) > _HARDLY_EVER:
+        return None
+    run, first, _ = parts[worst]
+    last = min(first + round(window / run.sample_time), len(run)) - 1
+    return OnlyInValidation(
+        label=run.label,
+        begin=float(run.time[first] - run.start),
+        end=float(run.time[last] - run.start),
+        ratio=float(np.sqrt(unseen[worst] / np.mean(seen))),
+    )
+
+
+def is_of_parameters(fit: Fit, validation: Log) -> bool:
+    """Whether the model follows validation data with other values of its parameters: the machine has changed."""
+    return only_in_validation(fit, validation, fitted_to(validation, fit).model) is None
+
+
+def _by_chance(seen: Array, unseen: Array) -> float:
+    """Probability that logarithms (N,) are so much larger than others (M,), all of them or one, if nothing differs."""
+    scatter = max(float(seen.std(ddof=1)), 1e-300)
+    one = student.sf((unseen.max() - seen.mean()) / (scatter * np.sqrt(1.0 + 1.0 / seen.size)), seen.size - 1)
+    every = 1.0
+    if unseen.size > 1:
+        every = float(ttest_ind(unseen, seen, equal_var=False, alternative="greater").pvalue)
+    return float(2.0 * min(unseen.size * one, every))
+
+
+def _windows(log: Log, model: ServoModel, window: float) -> list[tuple[Run, int, float]]:
+    """Each window of each run by its first sample, with the mean square of its errors; of a rest of one nothing."""
+    squares, _ = squared_errors(log, model, window)
+    found, begun = [], 0
+    for run in log.runs:
+        each: Array = np.full(len(run), np.nan)
+        each[run.valid] = squares[begun : begun + int(run.valid.sum())]
+        begun += int(run.valid.sum())
+        length = round(window / run.sample_time)
+        starts = [first for first in range(0, len(run) - length + 1, length) if run.valid[first : first + length].any()]
+        found += [(run, first, float(np.nanmean(each[first : first + length]))) for first in starts]
+    return found

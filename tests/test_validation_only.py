@@ -1,0 +1,112 @@
+"""What happens in the validation data alone is said, and learnt from; other motion of the same machine is no cause."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from machine import Machine, excitation, record
+
+from diagnosis import diagnose
+from diagnosis.explanation.summary import headline
+from diagnosis.holdout import split, split_otherwise
+from diagnosis.validation_only import is_of_parameters, only_in_validation
+from identification import fit
+from identification.fit_result import Fit
+from identification.log import Log
+
+DURATION = 15.0
+
+
+def log_of(seed: int, machine: Machine, scale: float = 1.0) -> Log:
+    return record(machine, scale * excitation(seed, duration=DURATION), seed=seed).log()
+
+
+@pytest.fixture(scope="module")
+def fitted() -> Fit:
+    return fit(log_of(1, Machine()))
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 1.5])
+@pytest.mark.parametrize("seed", [2, 3])
+def test_other_motion_of_the_same_machine_is_no_cause(fitted: Fit, seed: int, scale: float) -> None:
+    assert only_in_validation(fitted, log_of(seed, Machine(), scale)) is None
+
+
+@pytest.mark.parametrize(
+    ("machine", "of_parameters"),
+    [(replace(Machine(), inertia=2.5), True), (Machine().hiding(coulomb_friction={"torque": 0.5}), False)],
+    ids=["payload", "friction"],
+)
+def test_a_machine_that_has_changed_is_noticed(fitted: Fit, machine: Machine, of_parameters: bool) -> None:
+    log = log_of(2, machine)
+    found = only_in_validation(fitted, log)
+    assert found is not None
+    assert found.ratio > 2.0
+    assert 0.0 <= found.begin < found.end <= DURATION
+    assert is_of_parameters(fitted, log) is of_parameters
+
+
+STOP = 8.4  # rad
+
+
+def late() -> Log:
+    """One run that reaches an end stop in its last third only."""
+    time = 0.005 * np.arange(4000)
+    torque = 12.0 * np.sin(1.2 * time) + 8.0 * np.sin(3.1 * time)
+    torque[time < 14.4] *= 0.4
+    return record(Machine().hiding(end_stop={"angle": STOP, "stiffness": 300.0}), torque, seed=4).log()
+
+
+def test_the_worst_window_is_where_it_happens() -> None:
+    estimation, validation, _ = split(late())
+    found = only_in_validation(fit(estimation), validation)
+    assert found is not None
+    (run,) = validation.runs
+    inside = (run.time - run.start >= found.begin) & (run.time - run.start <= found.end)
+    assert run.output[inside].max() > STOP
+
+
+def test_what_happens_there_alone_is_learnt_from() -> None:
+    told = list[str]()
+    found = diagnose(late(), candidates=("end_stop", "coulomb_friction", "cogging"), progress=told.append)
+    assert [cause.effect for cause in found.causes] == ["end_stop"]
+    assert found.only_in_validation is None
+    (said,) = [line for line in found.warnings if "So that part is used for estimation" in line]
+    assert said in told
+    assert "Validation data: the first 30 % of the only run, until 5.995 s." in found.warnings
+
+
+def test_validation_data_that_somebody_chose_stay_what_they_are() -> None:
+    estimation, validation, _ = split(late())
+    found = diagnose(estimation, holdout=validation, candidates=("coulomb_friction", "cogging"))
+    assert found.verdict == "unknown"
+    assert headline(found) == (
+        "The model has an error that no effect of the catalogue explains; it shows in the validation data alone."
+    )
+    assert any("Use that part for estimation" in line for line in found.warnings)
+    assert found.base.log.runs[0].output.size == estimation.runs[0].output.size
+
+
+def test_a_changed_machine_is_told_as_such() -> None:
+    runs = log_of(1, Machine()), log_of(2, replace(Machine(), inertia=2.5))
+    both = replace(runs[0], runs=(runs[0].runs[0], replace(runs[1].runs[0], label="later")))
+    found = diagnose(both, candidates=("coulomb_friction",))
+    assert found.verdict == "unknown"
+    assert any("follows it with other values of its parameters" in line for line in found.warnings)
+    assert any("inertia" in line and "instead of" in line for line in found.warnings)
+
+
+def test_other_parts_are_held_out_the_second_time() -> None:
+    log = log_of(1, Machine())
+    log = replace(log, runs=tuple(replace(log.runs[0], label=str(k)) for k in range(3)))
+    held = [tuple(run.label for run in parts[1].runs) for parts in (split(log), split_otherwise(log)) if parts]
+    assert held == [("2",), ("0",)]
+    single = replace(log, runs=log.runs[:1])
+    first, other = split(single), split_otherwise(single)
+    assert other is not None
+    assert other[1].runs[0].time[0] == single.runs[0].time[0]
+    assert len(other[1].runs[0]) == len(first[1].runs[0])
+    still = replace(single.runs[0], output=np.where(single.runs[0].time < 5.0, 0.3, single.runs[0].output))
+    assert split_otherwise(replace(single, runs=(still,))) is None
