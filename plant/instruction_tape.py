@@ -89,6 +89,7 @@ class InstructionTape:
         kinds, counts: operation of each group of instructions, and how many it has.
         first, second: places of each instruction's operands.
         outputs: places of the elements of all outputs.
+        written: number of instructions in the function's code, where what is called several times stands once.
     """
 
     inputs: tuple[int, ...]
@@ -100,6 +101,7 @@ class InstructionTape:
     first: Places
     second: Places
     outputs: Places
+    written: int
 
     @classmethod
     @one_at_a_time
@@ -150,15 +152,17 @@ class InstructionTape:
             first=placed([operands[k][0] for k in order]),
             second=placed([operands[k][1] for k in order]),
             outputs=placed([outputs[p, e] for p, size in enumerate(shown) for e in range(size)]),
+            written=_written(function),
         )
 
     @classmethod
     def read(cls, content: bytes) -> Self:
         """What `content` has written."""
         with np.load(BytesIO(content)) as stored:
-            sizes = {name: stored[name].tolist() for name in ("inputs", "carried", "shown")}
+            sizes = {name: stored[name].tolist() for name in ("inputs", "carried", "shown", "written")}
             arrays = {name: stored[name] for name in stored.files if name not in sizes}
-        return cls(inputs=tuple(sizes["inputs"]), carried=sizes["carried"], shown=tuple(sizes["shown"]), **arrays)
+        sizes |= {name: tuple(sizes[name]) for name in ("inputs", "shown")}
+        return cls(**sizes, **arrays)
 
     @property
     def content(self) -> bytes:
@@ -198,6 +202,14 @@ class InstructionTape:
             *(_pointer(self.first), _pointer(self.second), _pointer(values), _pointer(results)),
         )
         return not failed
+
+
+def _written(function: Any) -> int:
+    """Number of instructions in the code of a function and of those that it calls."""
+    called = [] if function.is_a("SXFunction") else function.find_functions()
+    return sum(
+        each.n_instructions() for each in (function, *called) if each.class_name() in ("SXFunction", "MXFunction")
+    )
 
 
 def _grouped(kinds: Sequence[int], operands: Sequence[tuple[int, int]]) -> tuple[list[int], list[tuple[int, int]]]:

@@ -27,7 +27,7 @@ from plant.symbolic import one_at_a_time
 Array: TypeAlias = NDArray[np.float64]
 CHUNK = 250  # rows that one call of the virtual machine covers
 PIECE = 4096  # rows that are followed by instructions before it is asked whether the compiler is done
-PATIENCE = 100_000_000  # instructions after which it is called: by then they have taken about as long as it does
+PATIENCE = 150_000  # rows after which it is called, if each instruction is written once: by then they took as long
 _DUST = 1e-150  # also its square is a number that is not denormal
 _LEVEL = 1  # of optimisation: the second takes a third longer to compile and makes a step 3 % faster at most
 
@@ -79,7 +79,7 @@ class Recursion:
         tape = self._tape = _instructions(lambda: self._function, carried, kept)
         mark = None if tape is None else "\n".join((ca.CasadiMeta.version(), _LOOP, repr(_DUST), tape.mark))
         self._code = MachineCode("recursion", self._source, level=_LEVEL, mark=mark, start=tape is None)
-        self._patience = 0 if tape is None else PATIENCE // max(len(tape.first), 1)
+        self._patience = 0 if tape is None else PATIENCE * tape.written // max(len(tape.first), 1)
         self._followed = 0  # rows, without machine code
         self._chunk: Any = None
 

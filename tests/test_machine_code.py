@@ -118,13 +118,25 @@ def test_rows_stay_in_order_while_the_compiler_works() -> None:
 
 @with_compiler
 def test_what_is_followed_long_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("plant.recursion.PATIENCE", 3 * ROWS * len(example()._tape.first))
+    monkeypatch.setattr("plant.recursion.PATIENCE", 3 * ROWS * len(example()._tape.first) // example()._tape.written)
     recursion = example()
     for _ in range(3):
         assert is_right(recursion)
         assert recursion._code.library is None
     assert is_right(recursion)
     assert recursion._code.library is not None
+
+
+def test_what_is_called_several_times_is_written_once() -> None:
+    x, z = ca.SX.sym("x"), ca.MX.sym("z")
+    once = ca.Function("once", [x], [ca.sin(ca.cos(x) + x)])
+    thrice = ca.Function("thrice", [z], [once(once(once(z)))])
+    tape, long = InstructionTape.of(once, 1), InstructionTape.of(thrice, 1)
+    assert tape is not None
+    assert long is not None
+    assert tape.written == once.n_instructions()
+    assert len(long.first) == 3 * len(tape.first)
+    assert long.written == once.n_instructions() + thrice.n_instructions()
 
 
 OPERATIONS = {
