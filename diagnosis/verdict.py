@@ -6,7 +6,7 @@ evidence alone (`Posterior.of`), but smaller, is a minor effect, on which no ver
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,8 +68,8 @@ def judged(
     small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others take a ruled-out one's place
     minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}
     left = unnamed or bool(minor) or ruled_out is not None
-    others = {name: p for name, p in told.items() if not special_cases(name) & causes.keys()}
-    verdict = _verdict(posterior, causes, unnamed=left, in_doubt=any(map(in_doubt, others.values())))
+    doubtful = any(map(in_doubt, minor.values())) or _complete(posterior, {*causes, *minor}) <= LIKELY
+    verdict = _verdict(posterior, causes, unnamed=left, in_doubt=doubtful)
     if verdict == "ambiguous" and not causes:
         causes = _leading(posterior)
     return Judgement(
@@ -126,6 +126,11 @@ def special_cases(name: str) -> set[str]:
 def in_doubt(probability: float) -> bool:
     """Whether an effect with such a probability may be there, and may not."""
     return 1.0 - SURE < probability <= SURE
+
+
+def _complete(posterior: Posterior, told: Collection[str]) -> float:
+    """Probability that nothing is missing beside what is told, wider forms of it aside."""
+    return sum(p for names, p in posterior.believed.items() if all(special_cases(n) & {*told} for n in names))
 
 
 def _verdict(posterior: Posterior, causes: Mapping[str, float], *, unnamed: bool, in_doubt: bool) -> Verdict:

@@ -45,32 +45,54 @@ def test_of_what_no_effect_explains_no_part_is_sure() -> None:
     assert 0.02 / 5.0 < found.unknown.share < 0.02 * 5.0
 
 
-@pytest.mark.parametrize(("cogging", "verdict"), [(0.05, "named"), (0.15, "ambiguous"), (0.45, "ambiguous")])
-@pytest.mark.parametrize("minor", [True, False])
-def test_another_effect_in_doubt_leaves_the_verdict_open(minor: bool, cogging: float, verdict: str) -> None:
-    """One that is probable, but small, and one that is as likely as not."""
-    told = {"coulomb_friction": 0.99, "cogging": cogging}
-    learned = SimpleNamespace(posterior=SimpleNamespace(material=0.0))
-    posterior = SimpleNamespace(
-        best=SimpleNamespace(discrepancy=learned),
-        sets=[SimpleNamespace(names=frozenset(told))],
-        names=lambda: dict.fromkeys(told, 1.0) if minor else told,
+def posterior_of(sets: dict[tuple[str, ...], float], evidence: dict[str, float] | None = None) -> SimpleNamespace:
+    """A posterior that believes in some sets; by the evidence alone its names may be likelier."""
+    names = {name for each in sets for name in each}
+    told = {name: sum(p for each, p in sets.items() if name in each) for name in names}
+    return SimpleNamespace(
+        best=SimpleNamespace(discrepancy=SimpleNamespace(posterior=SimpleNamespace(material=0.0))),
+        sets=[SimpleNamespace(names=frozenset(each)) for each in sets],
+        believed={frozenset(each): p for each, p in sets.items()},
+        names=lambda: told | (evidence or {}),
         told=told.__getitem__,
     )
+
+
+def judgement_of(posterior: SimpleNamespace) -> tuple[str, ...]:
     found = judged(posterior, SimpleNamespace(excess=0.0), shows=False, ruled_out=None)  # type: ignore[arg-type]
-    assert (found.verdict, *found.causes) == (verdict, "coulomb_friction")
+    return (found.verdict, *found.causes)
+
+
+@pytest.mark.parametrize(("cogging", "verdict"), [(0.05, "named"), (0.15, "ambiguous"), (0.45, "ambiguous")])
+def test_a_minor_effect_in_doubt_leaves_the_verdict_open(cogging: float, verdict: str) -> None:
+    sets = {("coulomb_friction",): 1.0 - cogging, ("coulomb_friction", "cogging"): cogging}
+    assert judgement_of(posterior_of(sets, evidence={"cogging": 1.0})) == (verdict, "coulomb_friction")
+
+
+@pytest.mark.parametrize(("other", "verdict"), [(0.2, "named"), (0.45, "named"), (0.55, "ambiguous")])
+def test_a_sure_cause_is_named_while_likelier_than_not_nothing_else_is_missing(other: float, verdict: str) -> None:
+    """Of the others none may be likely by itself."""
+    sets = {
+        ("coulomb_friction",): 1.0 - other,
+        ("coulomb_friction", "cogging"): 0.5 * other,
+        ("coulomb_friction", "payload_change"): 0.5 * other,
+    }
+    assert judgement_of(posterior_of(sets)) == (verdict, "coulomb_friction")
+
+
+def test_a_wider_form_of_a_cause_is_nothing_else() -> None:
+    sets = {
+        ("coulomb_friction",): 0.4,
+        ("coulomb_friction", "asymmetric_friction"): 0.3,
+        ("coulomb_friction", "stribeck_friction"): 0.3,
+    }
+    assert judgement_of(posterior_of(sets)) == ("named", "coulomb_friction")
 
 
 @pytest.mark.parametrize(("likelier", "causes"), [("stribeck_friction", ["coulomb_friction"]), ("cogging", [])])
 def test_a_special_case_of_what_is_ruled_out_is_no_substitute(likelier: str, causes: list[str]) -> None:
     """Stribeck friction that no machine has still holds Coulomb friction; cogging that no machine has does not."""
-    learned = SimpleNamespace(posterior=SimpleNamespace(material=0.0))
-    posterior = SimpleNamespace(
-        best=SimpleNamespace(discrepancy=learned),
-        sets=[SimpleNamespace(names=frozenset({"coulomb_friction"}))],
-        names=lambda: {"coulomb_friction": 1.0},
-        told=lambda name: 0.99,
-    )
+    posterior = posterior_of({("coulomb_friction",): 0.99, (): 0.01})
     missing = SimpleNamespace(excess=0.0)
     found = judged(posterior, missing, shows=False, ruled_out=frozenset({likelier}))  # type: ignore[arg-type]
     assert list(found.causes) == causes

@@ -72,7 +72,7 @@ def _in_doubt(diagnosis: Findings, acts: str) -> str:
     causes = {cause.effect for cause in diagnosis.causes}
     others = {name for each in diagnosis.sets for name in each.effects if not special_cases(name) & causes}
     told = {name: sum(each.probability for each in diagnosis.sets if name in each.effects) for name in others}
-    open_ones = sorted(filter(lambda name: in_doubt(told[name]), told), key=lambda name: -told[name])
+    open_ones = sorted((name for name in told if in_doubt(told[name])), key=lambda name: -told[name])
     listed = [f"{title_of(name)} (probability {percent(told[name])})" for name in open_ones]
     return f"{joined_words(listed)}; this log does not show whether it does"
 
