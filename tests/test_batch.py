@@ -47,7 +47,7 @@ def dask() -> Iterator[Executor]:
 
 @pytest.mark.parametrize(
     "workers",
-    [lambda: ThreadPoolExecutor(2), processes, dask],
+    [lambda: ThreadPoolExecutor(2), processes, pytest.param(dask, marks=pytest.mark.long)],
     ids=["threads", "processes", "dask"],
 )
 def test_an_executor_gives_the_same_diagnoses_in_order(

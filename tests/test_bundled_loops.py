@@ -15,7 +15,7 @@ from front_door import antidrive
 
 from diagnosis.explanation.wording import measured
 
-LOOPS = ("tracking", "figure7", "disturbance", pytest.param("drive-loss", marks=pytest.mark.long))
+LOOPS = ("tracking", "disturbance", *(pytest.param(name, marks=pytest.mark.long) for name in ("figure7", "drive-loss")))
 
 
 @cache
@@ -46,6 +46,7 @@ def test_tracking_keeps_contact_and_the_page_has_its_numbers(name: str) -> None:
         assert measured(summary[number], summary["std"][number], unit) in page
 
 
+@pytest.mark.long
 def test_one_drive_crosses_its_backlash_at_reversals_two_do_not() -> None:
     summary, path, page = played("figure7")
     one = summary["single_drive"]

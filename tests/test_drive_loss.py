@@ -155,6 +155,7 @@ def test_a_later_reported_loss_pushes_the_load_further() -> None:
     assert late.peak[1, 0] > 3.0 * losses().peak[1, 0]  # drive 1 pushes with gravity; against it friction holds
 
 
+@pytest.mark.long
 def test_the_command_tells_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "quick.toml").write_text(text({"runs = 3": "runs = 1", "span = 1.0": "span = 0.02"}))
     assert main(["simulate", str(tmp_path / "quick.toml"), "--out", str(tmp_path / "out"), "--json"]) == 0

@@ -104,6 +104,7 @@ def test_more_constant_preload_than_enough_buys_heat_alone() -> None:
     assert found().heat[0, much, 1] > 5.0 * found().heat[0, planned, 1]
 
 
+@pytest.mark.long
 def test_the_papers_35_and_12_are_counted(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["simulate", "figure7-samples", "--out", str(tmp_path / "out"), "--json"]) == 0
     cases = {case["strategy"]: case["dwell"] for case in json.loads(capsys.readouterr().out)["cases"]}

@@ -83,7 +83,9 @@ def with_experiment(fit: Fit, experiment: Experiment, machine: Machine) -> Fit:
     return Problem.of(log, fit.model).descend(start)
 
 
-@pytest.mark.parametrize("pair", [pair for pair in PAIRS if pair != "lag"])
+@pytest.mark.parametrize(
+    "pair", [pytest.param(pair, marks=[pytest.mark.long] if pair == "load" else []) for pair in PAIRS if pair != "lag"]
+)
 def test_limits_hold_under_both_rivals(pair: str) -> None:
     experiment = designed(pair)
     assert experiment.time.shape == experiment.torque.shape == (300,)
@@ -142,6 +144,7 @@ def test_what_is_rearranged_has_the_same_levels_in_other_places() -> None:
     assert (np.isin(moved, (1.0, -2.0))).mean() > 0.95
 
 
+@pytest.mark.long
 def test_a_signal_at_its_limits_still_gets_better() -> None:
     """A random switching between the limits: what is added to it is cut off again, and it was left as it was."""
     design = task("load", duration=3.0)

@@ -176,6 +176,7 @@ def test_competing_hypotheses_come_with_signature_and_experiment() -> None:
     assert "does not tell" not in str(friction().explain())
 
 
+@pytest.mark.long
 def test_hidden_sizes_are_those_at_the_detection_threshold() -> None:
     found = clean()
     sizes = detectable(found.base, [each.effect for each in found.rejected])

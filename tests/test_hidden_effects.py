@@ -80,6 +80,7 @@ def test_a_gap_between_soft_flanks_has_no_companion() -> None:
     assert flank.value == pytest.approx(150.0, abs=2.0 * flank.std)
 
 
+@pytest.mark.long
 def test_an_instant_is_found_among_the_peaks_beside_it() -> None:
     """From the nearest instant of the screen the fit ends 1.2 s late, and what it leaves was an end stop at 0.99."""
     change = {"time": 23.1416, "inertia": 0.006, "gravity": 0.0018}
@@ -90,7 +91,7 @@ def test_an_instant_is_found_among_the_peaks_beside_it() -> None:
     assert cause.parameters["time"].value == pytest.approx(23.1416, abs=0.02)
 
 
-@pytest.mark.parametrize("seed", [21, 22])
+@pytest.mark.parametrize("seed", [21, pytest.param(22, marks=pytest.mark.long)])
 def test_nothing_is_named_when_nothing_is_hidden(seed: int) -> None:
     log, held_out = logs_of(Machine(), seed=seed)
     found = diagnose(log, None, held_out)

@@ -56,6 +56,7 @@ def test_a_log_that_excites_more_tells_what_the_first_could_not(swing, noise, kn
     assert ("cannot tell" in str(inertia)) != known
 
 
+@pytest.mark.long
 def test_a_diagnosis_says_it_and_does_not_heed_it():
     log = log_of(rubbing(0.3), 1)
     asked = ["coulomb_friction"]

@@ -76,6 +76,7 @@ class Harness(Effect):
         return -self.size * (memory + 0.5 * memory**2)
 
 
+@pytest.mark.long
 def test_a_loop_that_nobody_listed_takes_no_name() -> None:
     truth = ServoModel.paper().with_effect(Harness(size=0.3))
     logs = []

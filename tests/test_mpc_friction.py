@@ -38,7 +38,7 @@ def error(loop: ClosedLoopResult) -> float:
 
 
 @pytest.mark.parametrize("rig", FRICTION, ids=["Coulomb", "Stribeck"])
-@pytest.mark.parametrize("factor", [1.0, 0.7, 1.3])
+@pytest.mark.parametrize("factor", [1.0, pytest.param(0.7, marks=pytest.mark.long), 1.3])
 def test_known_friction_improves_tracking_on_a_light_axis(rig: Rig, factor: float) -> None:
     friction = FRICTION[rig]
     values = [getattr(friction, spec.name) for spec in friction.parameters()]

@@ -43,6 +43,7 @@ def in_turn(monkeypatch: pytest.MonkeyPatch, *told: np.ndarray | None) -> None:
     monkeypatch.setattr(multimodal_likelihood, "_alone", lambda rest, effect, part: next(waiting))
 
 
+@pytest.mark.long
 def test_gap_scatter_over_parts_exceeds_the_width_of_a_peak(found: Fit) -> None:
     honest = with_scatter(found)
     for name in ("backlash.gap", "backlash.motor_share"):

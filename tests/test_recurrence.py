@@ -69,6 +69,7 @@ def test_friction_in_a_repeated_motion_is_not_called_a_wave():
     assert "velocity" in found.unexplained.depends_on
 
 
+@pytest.mark.long
 def test_a_wave_beside_the_motion_is_named():
     wave = {"amplitude": 0.1, "frequency": 0.93, "phase": 0.3}
     (cause,) = diagnose(swung(wave)).causes

@@ -55,6 +55,7 @@ def test_without_repeats_nothing_is_said() -> None:
     assert repeats(fit(log_of(3, 4))) is None
 
 
+@pytest.mark.long
 def test_what_repeats_and_has_no_name_is_unknown() -> None:
     swing = {"frequency": 60.0, "damping": 0.05, "motor_share": 0.3}
     log, holdout = log_of(3, 3, compliance=swing), log_of(4, duration=5.0, compliance=swing)

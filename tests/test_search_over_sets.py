@@ -51,6 +51,7 @@ def test_an_effect_found_early_is_compared_again() -> None:
     assert odds["torque_offset"]["torque_offset"] > 0.999
 
 
+@pytest.mark.long
 def test_three_are_found_though_two_of_them_make_nothing_better() -> None:
     """Beside friction, gravity and cogging are as likely; an observer holds the load until all three are there."""
     hidden = {
@@ -65,6 +66,7 @@ def test_three_are_found_though_two_of_them_make_nothing_better() -> None:
     assert named(found) == set(hidden)
 
 
+@pytest.mark.long
 def test_a_law_stays_where_one_of_its_parameters_is_not_needed() -> None:
     log = log_of(10000, asymmetric_friction={"forward": 0.3, "backward": 0.2, "viscous_difference": 0.0})
     found = diagnose(log, candidates=["coulomb_friction", "asymmetric_friction"])
@@ -122,6 +124,7 @@ def test_each_set_is_judged_behind_the_observer_that_suits_it() -> None:
     assert cause.parameters["beta"].value == pytest.approx(2.0, rel=1e-3)
 
 
+@pytest.mark.long
 def test_the_base_model_alone_stays_behind_the_observer_of_a_gap() -> None:
     """Where all other sets are ruled out by their values it is what is left."""
     knocking = Machine().hiding(backlash={"gap": 0.02, "motor_share": 0.3}, coulomb_friction={"torque": 0.5})

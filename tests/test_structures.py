@@ -187,7 +187,7 @@ def test_three_joints_and_four_drives_by_brute_force() -> None:
     assert set(numbers.tolist()) == set(class_numbers(possible).tolist())
 
 
-@pytest.mark.parametrize("m", [5, 6])
+@pytest.mark.parametrize("m", [5, pytest.param(6, marks=pytest.mark.long)])
 def test_three_joints_and_more_drives_by_brute_force(m: int) -> None:
     signs = np.array(list(product((-1, 0, 1), repeat=3)), dtype=np.int64)
     every = signs[np.array(list(combinations_with_replacement(range(27), m)))].transpose(0, 2, 1)

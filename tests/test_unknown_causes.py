@@ -40,6 +40,7 @@ def cable_beside_gravity() -> Diagnosis:
     return diagnose(log_of(**CABLE), candidates=["gravity_offset"])
 
 
+@pytest.mark.long
 def test_a_curve_has_to_predict_better(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a part of the log that it was not fitted to; paying for its parameters is not enough."""
     assert cable_beside_gravity().model.effect("curve_over_angle") is not None
