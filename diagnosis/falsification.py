@@ -28,7 +28,8 @@ from plant.servo import ServoModel
 
 SURELY = 3.0
 """Standard errors from which validation data speak for or against something."""
-_TWICE = 1.0  # rise of an error
+TWICE = 1.0
+"""Rise of an error from which it is another one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,7 +158,7 @@ def _objection(less: Fit, fit: Fit, validation: Log, gain: tuple[float, float]) 
     """
     bandwidth = max(less.bandwidth, fit.bandwidth)
     before, after = (_squared_innovations(validation, each, bandwidth) for each in (less, fit))
-    tested = ((*cut(before, after), 0.0), (*gain, _TWICE))
+    tested = ((*cut(before, after), 0.0), (*gain, TWICE))
     if any(fell > SURELY * std for fell, std, _ in tested):
         return _Objection(worse=0.0, against=np.zeros(BLOCKS))
     worse = max(-fell if fell + SURELY * std < -least else 0.0 for fell, std, least in tested)

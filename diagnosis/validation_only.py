@@ -14,16 +14,15 @@ import numpy as np
 from scipy.stats import t as student
 from scipy.stats import ttest_ind
 
+from diagnosis.falsification import TWICE
 from diagnosis.holdout import restart_window, squared_errors
 from diagnosis.refit import fitted_to
+from diagnosis.verdict import HARDLY_EVER
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.run import Run
 from plant.effects.effect import Array
 from plant.servo import ServoModel
-
-_HARDLY_EVER = 1e-3  # probability of such errors by chance
-_TWICE = 2.0  # mean square of all of them over that of the estimation data: other motion has other errors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,10 +58,10 @@ def only_in_validation(fit: Fit, validation: Log, model: ServoModel | None = Non
     seen = np.array([square for _, _, square in _windows(fit.log, fit.model, window)])
     parts = _windows(validation, model or fit.model, window)
     unseen = np.array([square for _, _, square in parts])
-    if seen.size < 2 or not unseen.size or np.mean(unseen) <= _TWICE * np.mean(seen):
-        return None
+    if seen.size < 2 or not unseen.size or np.sqrt(np.mean(unseen) / np.mean(seen)) <= 1.0 + TWICE:
+        return None  # other motion has other errors
     worst = int(np.argmax(unseen))
-    if _by_chance(*(np.log(np.maximum(each, np.finfo(float).tiny)) for each in (seen, unseen))) > _HARDLY_EVER:
+    if _by_chance(*(np.log(np.maximum(each, np.finfo(float).tiny)) for each in (seen, unseen))) > np.exp(-HARDLY_EVER):
         return None
     run, first, _ = parts[worst]
     last = min(first + round(window / run.sample_time), len(run)) - 1
