@@ -70,7 +70,7 @@ def test_a_minor_effect_in_doubt_leaves_the_verdict_open(cogging: float, verdict
 
 
 @pytest.mark.parametrize(("other", "verdict"), [(0.2, "named"), (0.45, "named"), (0.55, "ambiguous")])
-def test_a_sure_cause_is_named_while_likelier_than_not_nothing_else_is_missing(other: float, verdict: str) -> None:
+def test_named_while_likelier_than_not_nothing_else_is_missing(other: float, verdict: str) -> None:
     """Of the others none may be likely by itself."""
     sets = {
         ("coulomb_friction",): 1.0 - other,
