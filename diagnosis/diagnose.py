@@ -16,7 +16,7 @@ from diagnosis.evidence.search_over_sets import explore
 from diagnosis.extrapolation import extrapolation_warning
 from diagnosis.falsification import Tenable, tenable
 from diagnosis.formula_suggestion import suggested_formula
-from diagnosis.holdout import inverse_errors, measure_gain, parts, remaining, split_otherwise
+from diagnosis.holdout import inverse_errors, measure_gain, remaining
 from diagnosis.holdout_refit import holdout_differences
 from diagnosis.identifiability import blind_spots, standstill
 from diagnosis.multimodal_likelihood import on_its_best_peak
@@ -28,6 +28,7 @@ from diagnosis.residual_torque import effects_over, residual_torque, torque_of
 from diagnosis.result import Cause, EffectSet, Minor, Unknown
 from diagnosis.stretches import stretches
 from diagnosis.validation_only import is_of_parameters, only_in_validation
+from diagnosis.validation_split import parts, split_otherwise
 from diagnosis.verdict import CLEARLY, HARDLY_EVER, Judgement, judged, log_bayes, rivals
 from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable

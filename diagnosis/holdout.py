@@ -1,11 +1,10 @@
-"""What no step of the search may see, and what the extended model is worth there."""
+"""What an extended model is worth on validation data, which no step of the search has seen."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from diagnosis.jackknife import BLOCKS, jackknife
 from diagnosis.measured_motion import reading_noise
@@ -13,129 +12,15 @@ from diagnosis.result import Findings, Gain, Replay, TorqueError, Unexplained
 from identification.fit_result import Fit
 from identification.inverse import torque_error_samples
 from identification.log import Log
-from identification.run import Run
 from identification.simulation import free_simulation
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
-_SHARE = 0.3  # of a single run that is held out, at its end
-_BLOCKS, _IDLE = 100, 0.02  # pieces of a log, and the share of the longest way in one below which the load rests
-_LEAST = 50  # samples of a run
 _UNEVEN, _MORE = 0.05, 3.0  # spread of the sample time; times the noise that the readings themselves show
 _HUGE = 1e50  # error in place of one that overflowed; its fourth power is still a number
 _SAMPLES = 200  # between restarts at least, where nothing pulls the load back
 _PIECES = 60  # of the longest run, however fast the sampling
 _STARTS = 0.2  # of the time between restarts: where the output is looked at to find the state
-
-
-def parts(log: Log, held_out: Log | None) -> tuple[Log, Log, list[str]]:
-    """Estimation log, held-out log, and what is to be said of them; what stands still in the latter is not used.
-
-    Args:
-        log: to learn from.
-        held_out: to judge by, if somebody has set it apart.
-    """
-    if held_out is None:
-        log, held_out, sentence = split(log)
-        return log, held_out, [sentence]
-    moving = tuple(run for run in held_out.runs if _lively(run, log).any())
-    if not moving:
-        log, held_out, sentence = split(log)
-        return (
-            log,
-            held_out,
-            [f"The load stands still in that part, so another part is used for validation. {sentence}"],
-        )
-    still = [run.label for run in held_out.runs if run not in moving]
-    said = [f"The held-out part stands still in {', '.join(still)}, which is left out."] if still else []
-    return log, replace(held_out, runs=moving), said
-
-
-def split(log: Log) -> tuple[Log, Log, str]:
-    """Estimation log, held-out log, and a sentence that says which is which.
-
-    Several runs: every third one of those that move, and at least the last, is held out whole. A single run: its last
-    30 %; where that stands still, the last 30 % of what moves, or its first or middle 30 %, whichever moves first.
-    """
-    if len(log.runs) > 1:
-        moving = [place for place, run in enumerate(log.runs) if moves(run, log)]
-        choice = moving if len(moving) > 1 else list(range(len(log.runs)))
-        held = choice[2::3] or [choice[-1]]
-        kept = [place for place in range(len(log.runs)) if place not in held]
-        labels = ", ".join(log.runs[place].label for place in held)
-        estimation = replace(log, runs=tuple(log.runs[place] for place in kept))
-        return estimation, replace(log, runs=tuple(log.runs[place] for place in held)), f"Validation data: {labels}."
-    (run,) = log.runs
-    cut = int(len(run) * (1.0 - _SHARE))
-    begins = f"from {_clock(run, cut)} s"
-    first, last = run.slice(0, cut), replace(run.slice(cut, None), label=f"{run.label} {begins}")
-    if moves(last, log):
-        sentence = f"Validation data: the last {100 * _SHARE:.0f} % of the only run, {begins} on."
-        return replace(log, runs=(first,)), replace(log, runs=(last,)), sentence
-    return _moving_part(log)
-
-
-def split_otherwise(log: Log) -> tuple[Log, Log, str] | None:
-    """The same with other validation data, so that those of `split` are learnt from; None where nothing else moves.
-
-    Several runs: the first and every third of those that move. A single run: its first 30 %.
-    """
-    if len(log.runs) > 1:
-        moving = [place for place, run in enumerate(log.runs) if moves(run, log)]
-        held = tuple(log.runs[place] for place in moving[::3])
-        kept = tuple(run for run in log.runs if run not in held)
-        if len(moving) < 2:
-            return None
-        labels = ", ".join(run.label for run in held)
-        return replace(log, runs=kept), replace(log, runs=held), f"Validation data: {labels}."
-    (run,) = log.runs
-    cut = int(len(run) * _SHARE)
-    until = f"until {_clock(run, cut - 1)} s"
-    first, last = replace(run.slice(0, cut), label=f"{run.label} {until}"), run.slice(cut, None)
-    if not moves(first, log):
-        return None
-    sentence = f"Validation data: the first {100 * _SHARE:.0f} % of the only run, {until}."
-    return replace(log, runs=(last,)), replace(log, runs=(first,)), sentence
-
-
-def _moving_part(log: Log) -> tuple[Log, Log, str]:
-    """The same for a single run whose end stands still: idle ends are left out, and 30 % of the rest held out."""
-    (run,) = log.runs
-    lively = np.flatnonzero(_lively(run, log))
-    begin, end = int(lively[0]), int(lively[-1]) + 1
-    length = int(_SHARE * (end - begin))
-    starts = (end - length, begin, (begin + end - length) // 2)
-    start = next((k for k in starts if moves(run.slice(k, k + length), log)), starts[0])
-    stop = start + length
-    span = f"from {_clock(run, start)} to {_clock(run, stop - 1)} s"
-    held = replace(run.slice(start, stop), label=f"{run.label} {span}")
-    kept = tuple(run.slice(*part) for part in ((begin, start), (stop, end)) if part[1] - part[0] >= _LEAST)
-    sentence = f"Validation data: {span} of the only run; standstill at its ends is left out."
-    return replace(log, runs=kept), replace(log, runs=(held,)), sentence
-
-
-def moves(run: Run, log: Log) -> bool:
-    """Whether a run, or a part of one, moves for half as much of its time as the log does."""
-    whole = np.concatenate([_lively(other, log) for other in log.runs])
-    return bool(np.mean(_lively(run, log)) >= 0.5 * np.mean(whole))
-
-
-def _lively(run: Run, log: Log) -> NDArray[np.bool_]:
-    """(T,) whether the load moves, by the way that it makes in a hundredth of the log, beside the longest of these."""
-    width = max(2, sum(map(len, log.runs)) // _BLOCKS)
-    most = max(float(_way(other, width).max()) for other in log.runs)
-    return np.asarray(_way(run, width) > _IDLE * most)
-
-
-def _way(run: Run, width: int) -> Array:
-    """(T,) range of the output in blocks of so many samples, for each sample of the block."""
-    edges = range(0, len(run), width)
-    return np.concatenate([np.full(len(part := run.output[k : k + width]), np.ptp(part)) for k in edges])
-
-
-def _clock(run: Run, place: int) -> str:
-    """The time of a sample since the log's start [s]."""
-    return f"{round(run.time[place] - run.start, 3):.10g}"
 
 
 def restart_window(log: Log) -> float:

@@ -13,10 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.falsification import SURELY, errors_of_many_steps
-from diagnosis.holdout import cut, split
+from diagnosis.holdout import cut
 from diagnosis.linear import response
 from diagnosis.refit import fitted_from, fitted_to, problem_near
 from diagnosis.score_test import Screen
+from diagnosis.validation_split import split
 from diagnosis.verdict import HARDLY_EVER
 from identification.fit_result import Fit
 from identification.log import Log

@@ -9,8 +9,8 @@ import pytest
 from front_door import columns
 
 from diagnosis.explanation.wording import change, percent
-from diagnosis.holdout import parts, split
 from diagnosis.measured_motion import MeasuredMotion, reading_noise
+from diagnosis.validation_split import parts, split
 from identification import Log
 
 LOG = Log.from_arrays(**columns())  # its torque is 2 N m at most

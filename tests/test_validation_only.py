@@ -10,8 +10,8 @@ from machine import Machine, excitation, record
 
 from diagnosis import diagnose
 from diagnosis.explanation.summary import headline
-from diagnosis.holdout import split, split_otherwise
 from diagnosis.validation_only import is_of_parameters, only_in_validation
+from diagnosis.validation_split import split, split_otherwise
 from identification import fit
 from identification.fit_result import Fit
 from identification.log import Log
