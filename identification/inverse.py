@@ -8,6 +8,7 @@ inverse models are published.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -78,9 +79,17 @@ def smooth(values: Array, cutoff: float, dt: float) -> Array:
     """(T,) values behind the zero-phase low pass [Hz, s]."""
     from scipy import signal
 
-    low_pass = signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos")
+    low_pass = _low_pass(cutoff, dt)
     padding = min(3 * (2 * len(low_pass) + 1), len(values) - 1)  # SciPy's own, where the record is that long
     return np.asarray(signal.sosfiltfilt(low_pass, values, padlen=padding), dtype=float)
+
+
+@lru_cache(maxsize=64)
+def _low_pass(cutoff: float, dt: float) -> Array:
+    """Its second-order sections; to design them takes as long as to filter a few thousand samples."""
+    from scipy import signal
+
+    return np.asarray(signal.butter(4, min(cutoff, 0.45 / dt), fs=1.0 / dt, output="sos"))
 
 
 def mean_torque(run: Run, model: ServoModel | None, velocity: Array) -> Array:
