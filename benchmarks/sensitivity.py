@@ -1,6 +1,6 @@
 """What changes in diagnoses of drawn logs where a constant that decides is halved or doubled.
 
-    python benchmarks/sensitivity.py run [--count 12] [--first 0] [--processes 2] [--logs FOLDER]
+    python benchmarks/sensitivity.py run --seeds 3,17 [--processes 2] [--logs FOLDER]
     python benchmarks/sensitivity.py table
 
 A log and its answer are those of `field`. `run` adds an outcome for each constant and log to
@@ -85,15 +85,15 @@ def kept() -> dict[tuple[str, int], dict[str, Any]]:
     return {(told["changed"], told["seed"]): told for told in map(json.loads, lines)}
 
 
-def run(count: int, first: int, processes: int, logs: Path | None) -> None:
+def run(seeds: list[int], processes: int, logs: Path | None) -> None:
     """All constants on some logs, one constant after the other."""
     changes = [AS_IT_IS, *(f"{name} x {factor}" for name in CONSTANTS for factor in (0.5, 2.0))]
     for change in changes:
         os.environ["CHANGED"] = change
         there = kept()
-        seeds = [seed for seed in range(first, first + count) if (change, seed) not in there]
+        missing = [seed for seed in seeds if (change, seed) not in there]
         work = partial(outcome_of, method="sensitivity:changed", folder=logs)
-        for seed, told in results(seeds, work, processes, 300.0):
+        for seed, told in results(missing, work, processes, 300.0):
             with STORE.open("a", encoding="utf-8") as file:
                 file.write(json.dumps({"changed": change, "seed": seed} | told) + "\n")
             print(change, seed, told.get("verdict", told.get("failed")), flush=True)
@@ -125,13 +125,12 @@ def _answer(told: dict[str, Any]) -> tuple[str | None, frozenset[str]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("run", "table"))
-    parser.add_argument("--count", type=int, default=12, help="how many seeds")
-    parser.add_argument("--first", type=int, default=0, help="the first of them")
+    parser.add_argument("--seeds", default="", help="of the logs, separated by commas")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--logs", type=Path, default=None, help="folder in which drawn logs are kept")
     a = parser.parse_args()
     if a.what == "run":
-        run(a.count, a.first, a.processes, a.logs)
+        run([int(seed) for seed in a.seeds.split(",") if seed], a.processes, a.logs)
     else:
         text = table()
         print(text)
