@@ -11,8 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
-from scipy.stats import ttest_ind
 
 from diagnosis.falsification import TWICE
 from diagnosis.holdout import restart_window, squared_errors
@@ -80,6 +78,9 @@ def is_of_parameters(fit: Fit, validation: Log) -> bool:
 
 def _by_chance(seen: Array, unseen: Array) -> float:
     """Probability that logarithms (N,) are so much larger than others (M,), all of them or one, if nothing differs."""
+    from scipy.stats import t as student
+    from scipy.stats import ttest_ind
+
     scatter = max(float(seen.std(ddof=1)), 1e-300)
     one = student.sf((unseen.max() - seen.mean()) / (scatter * np.sqrt(1.0 + 1.0 / seen.size)), seen.size - 1)
     every = 1.0
