@@ -79,13 +79,15 @@ def is_of_parameters(fit: Fit, validation: Log) -> bool:
 def _by_chance(seen: Array, unseen: Array) -> float:
     """Probability that logarithms (N,) are so much larger than others (M,), all of them or one, if nothing differs."""
     from scipy.stats import t as student
-    from scipy.stats import ttest_ind
+    from scipy.stats import ttest_ind_from_stats
 
-    scatter = max(float(seen.std(ddof=1)), 1e-300)
+    tiny = np.finfo(float).tiny
+    scatter, other = (max(float(each.std(ddof=1)), tiny) if each.size > 1 else tiny for each in (seen, unseen))
     one = student.sf((unseen.max() - seen.mean()) / (scatter * np.sqrt(1.0 + 1.0 / seen.size)), seen.size - 1)
     every = 1.0
     if unseen.size > 1:
-        every = float(ttest_ind(unseen, seen, equal_var=False, alternative="greater").pvalue)
+        sample, rest = (unseen.mean(), other, unseen.size), (seen.mean(), scatter, seen.size)
+        every = float(ttest_ind_from_stats(*sample, *rest, equal_var=False, alternative="greater").pvalue)
     return float(2.0 * min(unseen.size * one, every))
 
 

@@ -10,7 +10,7 @@ from machine import Machine, excitation, record
 
 from diagnosis import diagnose
 from diagnosis.explanation.summary import headline
-from diagnosis.validation_only import is_of_parameters, only_in_validation
+from diagnosis.validation_only import _by_chance, is_of_parameters, only_in_validation
 from diagnosis.validation_split import split, split_otherwise
 from identification import fit
 from identification.fit_result import Fit
@@ -49,6 +49,14 @@ def test_a_machine_that_has_changed_is_noticed(fitted: Fit, machine: Machine, of
 
 
 STOP = 8.4  # rad
+
+
+def test_errors_that_do_not_scatter_are_no_numbers_out_of_range() -> None:
+    same, larger = np.zeros(5), np.ones(4)
+    assert _by_chance(same, larger) < 1e-3 < _by_chance(same, same[:4])
+    rng = np.random.default_rng(0)
+    usual, one = rng.normal(size=20), np.append(rng.normal(size=9), 12.0)
+    assert _by_chance(usual, one) < 1e-3 < _by_chance(usual, rng.normal(size=10))
 
 
 def late() -> Log:
