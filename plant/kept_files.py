@@ -1,16 +1,23 @@
 """Files that are kept from one program to the next, in the user's cache folder.
 
-Each has the hash of its content as its name: one that was cut short is noticed and thrown away.
+Each has the hash of its content as its name: one that was cut short is noticed and thrown away. So is what nobody has
+used for a long time, such as that of an older version.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import threading
+import time
+from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 
 from platformdirs import user_cache_path
+
+_LONG = 90 * 86400.0  # [s]
 
 
 def mark(content: bytes) -> str:
@@ -23,6 +30,8 @@ def kept(folder: str, ending: str) -> Path | None:
     try:
         for path in (_cache() / folder).glob(f"*.{ending}"):
             if path.stem == mark(path.read_bytes()):
+                with suppress(OSError):  # not ours to write
+                    os.utime(path.parent)
                 return path
             path.unlink()
     except OSError:
@@ -38,12 +47,22 @@ def keep(folder: str, content: bytes, ending: str) -> None:
     """
     place = _cache() / folder
     place.mkdir(parents=True, exist_ok=True)
+    _swept(place.parent)
     beside = place / f"{os.getpid()}-{threading.get_ident()}"
     with beside.open("wb") as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())  # else the new name may outlive a power cut, and the content not
     os.replace(beside, place / f"{mark(content)}.{ending}")
+
+
+@lru_cache(maxsize=1)
+def _swept(root: Path) -> None:
+    """Throw away what nobody has used for long, once in a program."""
+    with suppress(OSError):
+        for folder in root.iterdir():
+            if folder.stat().st_mtime < time.time() - _LONG:
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def _cache() -> Path:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -111,6 +113,16 @@ def test_a_cache_that_cannot_be_written_costs_only_time(monkeypatch: pytest.Monk
     for _ in range(2):
         followed(another_program(monkeypatch, times)(Structure(PAPER), 3))
     assert times == [3, 3]
+
+
+def test_what_nobody_has_used_for_long_is_thrown_away(tmp_path: Path) -> None:
+    for name in ("used", "unused"):
+        kept_files.keep(name, b"content", "txt")
+        os.utime(tmp_path / name, (0.0, time.time() - 91 * 86400.0))
+    assert kept_files.kept("used", "txt") is not None
+    kept_files._swept.cache_clear()
+    kept_files.keep("new", b"content", "txt")
+    assert {path.name for path in tmp_path.iterdir()} == {"used", "new"}
 
 
 def test_the_mark_of_our_code_reads_it() -> None:
