@@ -137,6 +137,8 @@ def test_what_is_called_several_times_is_written_once() -> None:
     assert tape.written == once.n_instructions()
     assert len(long.first) == 3 * len(tape.first)
     assert long.written == once.n_instructions() + thrice.n_instructions()
+    patience = [Recursion(lambda each=each: each, carried=1)._patience for each in (once, thrice)]
+    assert patience[1] < 0.8 * patience[0]  # in which it is followed as long as it takes to compile
 
 
 OPERATIONS = {
