@@ -57,6 +57,15 @@ def test_errors_that_do_not_scatter_are_no_numbers_out_of_range() -> None:
     rng = np.random.default_rng(0)
     usual, one = rng.normal(size=20), np.append(rng.normal(size=9), 12.0)
     assert _by_chance(usual, one) < 1e-3 < _by_chance(usual, rng.normal(size=10))
+    assert _by_chance(usual, 1.5 + 0.1 * rng.normal(size=10)) < 1e-3  # none of them is out of the way
+
+
+def test_a_little_more_noise_is_no_cause(fitted: Fit) -> None:
+    """However sure it is: other motion has other errors."""
+    log = record(Machine(), excitation(2, duration=DURATION), seed=2, noise=1.6e-3).log()
+    assert only_in_validation(fitted, log) is None
+    louder = record(Machine(), excitation(2, duration=DURATION), seed=2, noise=3e-3).log()
+    assert only_in_validation(fitted, louder) is not None
 
 
 def late() -> Log:
@@ -104,6 +113,15 @@ def test_a_changed_machine_is_told_as_such() -> None:
     assert found.verdict == "unknown"
     assert any("follows it with other values of its parameters" in line for line in found.warnings)
     assert any("inertia" in line and "instead of" in line for line in found.warnings)
+
+
+def test_what_is_named_stands_beside_a_smaller_change() -> None:
+    friction = Machine().hiding(coulomb_friction={"torque": 0.5})
+    log, later = log_of(1, friction), log_of(2, replace(friction, inertia=2.1))
+    found = diagnose(log, holdout=later, candidates=("coulomb_friction",))
+    assert only_in_validation(found.extended, later) is not None
+    assert found.unexplained.share < 0.5
+    assert (found.verdict, found.only_in_validation) == ("named", None)
 
 
 def test_other_parts_are_held_out_the_second_time() -> None:
