@@ -384,3 +384,12 @@ def test_the_headline_tells_what_is_as_likely_as_not(diagnosis):
         "The model lacks Coulomb friction. It may also lack payload change (probability 30 %); "
         "this log does not show whether it does."
     )
+
+
+@pytest.mark.parametrize(
+    ("alone", "where"), [("From 1 to 2 s ...", "it shows in the validation data alone"), (None, "it depends on angle")]
+)
+def test_the_headline_tells_that_more_is_unexplained_than_named(diagnosis, alone, where):
+    left = replace(diagnosis.unexplained, depends_on=("angle",))
+    more = replace(diagnosis, verdict="unknown", only_in_validation=alone, unexplained=left)
+    assert headline(more) == f"The model lacks Coulomb friction. More of its error is explained by no effect; {where}."
