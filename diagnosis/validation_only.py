@@ -1,9 +1,9 @@
 """Whether validation data show what the estimation data do not: a cause that acts there alone.
 
 A search learns nothing of what happens in the validation data only: an end stop that is reached there for the first
-time, a payload that was changed. What it leaves there is told by errors of many steps in windows that begin anew: the
-logarithms of their mean squares are compared with how much those of the estimation data scatter (Student's t for one
-more draw).
+time, a payload that was changed. What it leaves there is told by errors of many steps in windows that begin anew. The
+logarithms of their mean squares are compared with those of the estimation data: all of them by the test of Welch
+(1947), the largest by Student's t for one more draw.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def only_in_validation(fit: Fit, validation: Log, model: ServoModel | None = Non
     seen = np.array([square for _, _, square in _windows(fit.log, fit.model, window)])
     parts = _windows(validation, model or fit.model, window)
     unseen = np.array([square for _, _, square in parts])
-    if seen.size < 2 or not unseen.size or np.sqrt(np.mean(unseen) / np.mean(seen)) <= 1.0 + TWICE:
+    if seen.size < 2 or not unseen.size or np.mean(unseen) <= (1.0 + TWICE) ** 2 * np.mean(seen):
         return None  # other motion has other errors
     worst = int(np.argmax(unseen))
     if _by_chance(*(np.log(np.maximum(each, np.finfo(float).tiny)) for each in (seen, unseen))) > np.exp(-HARDLY_EVER):
@@ -67,7 +67,7 @@ def only_in_validation(fit: Fit, validation: Log, model: ServoModel | None = Non
         label=run.label,
         begin=float(run.time[first] - run.start),
         end=float(run.time[last] - run.start),
-        ratio=float(np.sqrt(unseen[worst] / np.mean(seen))),
+        ratio=float(np.sqrt(unseen[worst] / max(np.mean(seen), np.finfo(float).tiny))),
     )
 
 
