@@ -80,8 +80,8 @@ def split_otherwise(log: Log) -> tuple[Log, Log, str] | None:
     cut = int(len(run) * _SHARE)
     until = f"until {_clock(run, cut - 1)} s"
     first, last = replace(run.slice(0, cut), label=f"{run.label} {until}"), run.slice(cut, None)
-    if not moves(first, log):
-        return None
+    if not (moves(first, log) and moves(run.slice(len(run) - cut, None), log)):
+        return None  # where the end stands still, `split` has taken another part, perhaps this one
     sentence = f"Validation data: the first {100 * _SHARE:.0f} % of the only run, {until}."
     return replace(log, runs=(last,)), replace(log, runs=(first,)), sentence
 

@@ -386,6 +386,15 @@ def test_the_headline_tells_what_is_as_likely_as_not(diagnosis):
     )
 
 
+def test_of_many_that_are_unlikely_each_is_told(diagnosis):
+    others = ("backlash", "compliance", "end_stop", "payload_change", "rate_limit", "sensor_lag")
+    sets = [replace(diagnosis.sets[0], effects=("coulomb_friction",), probability=0.46)]
+    sets += [replace(sets[0], effects=("coulomb_friction", name), probability=0.09) for name in others]
+    said = headline(replace(diagnosis, verdict="ambiguous", minor=(), sets=tuple(sets)))
+    assert "It may also lack backlash (probability 9 %), " in said
+    assert said.count("(probability 9 %)") == len(others)
+
+
 @pytest.mark.parametrize(
     ("alone", "where"), [("From 1 to 2 s ...", "it shows in the validation data alone"), (None, "it depends on angle")]
 )

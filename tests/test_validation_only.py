@@ -134,5 +134,6 @@ def test_other_parts_are_held_out_the_second_time() -> None:
     assert other is not None
     assert other[1].runs[0].time[0] == single.runs[0].time[0]
     assert len(other[1].runs[0]) == len(first[1].runs[0])
-    still = replace(single.runs[0], output=np.where(single.runs[0].time < 5.0, 0.3, single.runs[0].output))
-    assert split_otherwise(replace(single, runs=(still,))) is None
+    (run,) = single.runs
+    for rest in (run.time < 5.0, run.time > DURATION - 5.0):
+        assert split_otherwise(replace(single, runs=(replace(run, output=np.where(rest, 0.3, run.output)),))) is None

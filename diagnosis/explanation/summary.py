@@ -72,9 +72,10 @@ def _in_doubt(diagnosis: Findings, acts: str) -> str:
     causes = {cause.effect for cause in diagnosis.causes}
     others = {name for each in diagnosis.sets for name in each.effects if not special_cases(name) & causes}
     told = {name: sum(each.probability for each in diagnosis.sets if name in each.effects) for name in others}
-    open_ones = sorted((name for name in told if in_doubt(told[name])), key=lambda name: -told[name])
+    ranked = sorted(told, key=lambda name: (-told[name], name))
+    open_ones = [name for name in ranked if in_doubt(told[name])] or ranked  # of many unlikely ones one may be
     listed = [f"{title_of(name)} (probability {percent(told[name])})" for name in open_ones]
-    return f"{joined_words(listed)}; this log does not show whether it does"
+    return f"{joined_words(listed) or 'something else'}; this log does not show whether it does"
 
 
 def sentences(diagnosis: Findings, explanation: Explanation | None = None) -> list[str]:
