@@ -77,7 +77,8 @@ def advance(model: ServoModel, state: Any, step: Step) -> Any:
     if model.slides:
         at = _moment(model, step, x, (x, (v + end[1]) / 2), arriving(half, "middle")[1], h / 2)
         end[:2] = _stop_and_go(model, x, v, end[0], end[1], at, step)
-    return ca.vertcat(end[0], end[1], *_own_after(model, own, step, way, (x, half[0], end[0]), half[1], end))
+    angles = x, (x + end[0]) / 2 + h * (v - end[1]) / 8, end[0]
+    return ca.vertcat(end[0], end[1], *_own_after(model, own, step, way, angles, half[:2], end))
 
 
 def _moment(model: ServoModel, step: Step, begin: Any, motion: tuple[Any, Any], torque: Any, elapsed: Any) -> Moment:
@@ -144,14 +145,18 @@ def _own_after(
     step: Step,
     way: _Way,
     angles: tuple[Any, Any, Any],
-    velocity: Any,
+    half: list[Any],
     end: list[Any],
 ) -> list[Any]:
-    """The states of the effects after a step, given the angle at its start, middle and end, the velocity in between."""
+    """The states of the effects after a step, given the angle at its start, middle and end, and half a step's motion.
+
+    The angle is read in between: a load that is accelerated moves along a parabola, which a slow sensor follows. The
+    drive's law sees half a step from the start.
+    """
     h = step.length
     on_the_way = played(model, own, step.command, step.gain, h)[1]
-    on_the_way |= way.after(angles[1], velocity, end[-1])
-    before, after = angles[0], angles[2]  # what enters the sensor
+    on_the_way |= way.after(*half, end[-1])
+    entering = angles  # the sensor
     states: list[Any] = []
     for effect in model.effects:
         mine: tuple[Any, ...] = own[effect.name]
@@ -160,11 +165,11 @@ def _own_after(
         elif effect.states in ((State.RELAXED,), (State.RANDOM_WALK,)):
             mine = (effect.slide(mine[0], angles[2] - angles[0]),)
         elif _is_sensor(effect):
-            shown = effect.sense(mine[0], before, after, h)
-            before, after, mine = mine[0], shown, (shown,)
+            shown = effect.sense(mine[0], *entering, h)
+            entering, mine = (mine[0], (mine[0] + shown) / 2, shown), (shown,)
         else:
             mine = on_the_way.get(effect.name, ())
-            before, after = effect.reading(before, 0.0), effect.reading(after, 0.0)
+            entering = tuple(effect.reading(angle, 0.0) for angle in entering)
         states += mine
     return states
 

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from machine_laws import Array, Machine
 from numpy.typing import ArrayLike, NDArray
+
+_PIECES = 8  # of a step's way, before the lag of a sensor
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, slots=True)
@@ -88,7 +91,7 @@ def _advance(machine: Machine, state: State, command: Array, load_torque: Array,
         motion, bristle = _slide(step, start)
     else:
         motion, bristle = _runge_kutta(step, start, None), state.bristle
-    seen = _sensor(machine, state.seen, start[0], motion[0], h)
+    seen = _sensor(machine, state.seen, start, motion, h)
     return State(motion=motion, slewed=slewed, lagged=lagged, bristle=bristle, seen=seen)
 
 
@@ -153,15 +156,19 @@ def _lag_of_ramp(lagged: Array, start: Array, goal: Array, rate: ArrayLike, time
     return np.asarray(goal + (at_arrival - goal) * np.exp(-(t - arrival) / time_constant))
 
 
-def _sensor(machine: Machine, seen: Array, x: Array, new_x: Array, h: Array) -> Array:
-    """The reading behind the sensor's lag, its way through one step taken as straight."""
-    new = machine.reading(new_x)
-    if p := machine.effects.get("sensor_lag"):
-        old, steps = machine.reading(x), np.where(h > 0.0, p["time_constant"] / np.where(h > 0.0, h, 1.0), 0.0)
+def _sensor(machine: Machine, seen: Array, start: Array, end: Array, h: Array) -> Array:
+    """The reading behind the sensor's lag: the way through a step is cut into pieces that are taken as straight."""
+    if not (p := machine.effects.get("sensor_lag")):
+        return machine.reading(end[0])
+    (x, v), (new_x, new_v), place = start[:2], end[:2], np.linspace(0.0, 1.0, _PIECES + 1)[:, None]
+    bend = place * (1.0 - place) * ((1.0 - place) * (v * h - new_x + x) - place * (new_v * h - new_x + x))
+    way = machine.reading(x + place * (new_x - x) + bend)  # cubic, with the speeds at both ends (Hermite)
+    steps = np.where(h > 0.0, p["time_constant"] / np.where(h > 0.0, h, 1.0), 0.0) * _PIECES
+    fade = np.exp(-h / _PIECES / p["time_constant"])
+    for old, new in pairwise(way):
         behind = (new - old) * steps
-        fade = np.exp(-h / p["time_constant"])
-        return np.asarray(new - behind + (seen - old + behind) * fade)
-    return new
+        seen = new - behind + (seen - old + behind) * fade
+    return np.asarray(seen)
 
 
 # Motion.

@@ -209,8 +209,10 @@ class Effect:
         """What the sensor shows when `angle` enters it [rad]."""
         return angle
 
-    def sense(self, state: Expression, before: Expression, after: Expression, h: Expression) -> Expression:
-        """A sensor's state after `h`, in which what enters it went from `before` to `after`."""
+    def sense(
+        self, state: Expression, before: Expression, middle: Expression, after: Expression, h: Expression
+    ) -> Expression:
+        """A sensor's state after `h`, in which what enters it went from `before` over `middle` to `after`."""
         return state
 
     # What it looks like.

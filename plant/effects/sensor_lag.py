@@ -25,10 +25,15 @@ class SensorLag(Effect):
 
     time_constant: float = parameter("s", "time constant", lower=POSITIVE, lag=True)
 
-    def sense(self, state: Expression, before: Expression, after: Expression, h: Expression) -> Expression:
-        """Exact for an angle that changes evenly over `h`."""
-        trail = self.time_constant * (after - before) / ca.fmax(h, 1e-15)
-        return after - trail + (state - before + trail) * ca.exp(-h / self.time_constant)
+    def sense(
+        self, state: Expression, before: Expression, middle: Expression, after: Expression, h: Expression
+    ) -> Expression:
+        """Exact for an angle on a parabola, as of a load under a steady torque."""
+        lag = self.time_constant / ca.fmax(h, 1e-15)
+        left = ca.exp(-h / self.time_constant)
+        speed, bend = 4 * middle - 3 * before - after, 2 * (before - 2 * middle + after)  # times h and h^2
+        trail = lag * (1 - left)
+        return after + (state - before) * left - speed * trail - 2 * bend * lag * (1 - trail)
 
     def reading(self, angle: Expression, state: Expression) -> Expression:
         """The filtered angle."""
