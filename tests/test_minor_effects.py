@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from test_evidence import log_of, with_smooth_torque
 
 from diagnosis import Diagnosis, diagnose
 from diagnosis.evidence.families import Families
+from diagnosis.evidence.marginal import Explanation
+from diagnosis.evidence.posterior import beside_discrepancy
+from diagnosis.evidence.sizes import Sizes
 from diagnosis.motion import motion_of
 from diagnosis.result import Minor
 from diagnosis.verdict import judged
@@ -43,6 +47,34 @@ def test_of_what_no_effect_explains_no_part_is_sure() -> None:
     assert together > 0.7
     assert found.unknown.probability > 0.5
     assert 0.02 / 5.0 < found.unknown.share < 0.02 * 5.0
+
+
+def explanation_of(sizes: dict[str, float], discrepancy: float = 0.0, *, unbounded: bool = False) -> Explanation:
+    """A set whose effects have such sizes beside a discrepancy."""
+    beyond = Sizes(fit=None, names=frozenset(sizes), bandwidth=0.0, here=None, discrepancy=discrepancy)  # type: ignore[arg-type]
+    beyond.__dict__.update(effects=sizes, beyond_special={}, beyond=lambda name, out: sizes[name])
+    beside = SimpleNamespace(posterior=SimpleNamespace(unbounded=unbounded))
+    made: Any = SimpleNamespace(names=frozenset(sizes), sizes=beyond, discrepancy=beside)
+    return cast(Explanation, made)
+
+
+def share_told(explanation: Explanation, name: str) -> float:
+    """Probability of an effect of a set that is sure by its evidence."""
+    return sum(p for names, p in beside_discrepancy(explanation, 1.0).items() if name in names)
+
+
+def test_what_a_law_may_be_wrong_by_is_no_cause() -> None:
+    """No law is exact to a hundredth of itself: what is smaller beside another effect may be that. Alone it is not."""
+    assert share_told(explanation_of({"drift": 1.0, "wave": 1e-3}), "wave") < 0.02
+    assert share_told(explanation_of({"drift": 1.0, "wave": 1e-3}), "drift") > 0.999
+    assert share_told(explanation_of({"drift": 1.0, "wave": 0.1}), "wave") > 0.98
+    assert share_told(explanation_of({"wave": 1e-3}), "wave") > 0.999
+
+
+def test_nothing_is_sure_where_the_fit_has_failed() -> None:
+    """Where the unmodelled torque is as large as it may be, an effect may be the nearest to what is missing."""
+    assert share_told(explanation_of({"drag": 5.0}, discrepancy=0.1), "drag") > 0.99
+    assert share_told(explanation_of({"drag": 5.0}, discrepancy=0.1, unbounded=True), "drag") <= 0.5
 
 
 def posterior_of(sets: dict[tuple[str, ...], float], evidence: dict[str, float] | None = None) -> SimpleNamespace:

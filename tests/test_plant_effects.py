@@ -56,8 +56,8 @@ def seen(name: str) -> Motion:
         angle=motion.angle[:, 0],
         velocity=motion.velocity[:, 0],
         torque=motion.command[:, 0],
-        score=missing(name, motion),  # of a torque seen at once
-        reading_score=np.zeros(motion.time.size),
+        score=missing(name, motion)[:, None],  # of a torque seen at once
+        reading_score=np.zeros((motion.time.size, 1)),
         acceleration=np.gradient(motion.velocity[:, 0], motion.time),
         command=motion.command[:, 0],
         servo_gain=np.zeros(motion.time.size),
@@ -71,9 +71,10 @@ def best_start(name: str) -> tuple[Effect, float]:
     """The start that regression on the effect's own traces suggests, and the share of the torque left over."""
     motion, found = seen(name), []
     for trace in catalogue[name].traces(motion):
-        coefficients, *_ = np.linalg.lstsq(trace.columns, motion.score)
-        left = motion.score - trace.columns @ coefficients
-        found.append((float(left @ left / (motion.score @ motion.score)), trace.start(coefficients)))
+        score = motion.score[:, 0]
+        coefficients, *_ = np.linalg.lstsq(trace.columns, score)
+        left = score - trace.columns @ coefficients
+        found.append((float(left @ left / (score @ score)), trace.start(coefficients)))
     left, effect = min(found, key=lambda entry: entry[0])
     return effect, left
 
@@ -109,8 +110,8 @@ def test_a_load_that_stands_still_breaks_no_trace(name: str) -> None:
         angle=np.zeros(count),
         velocity=np.zeros(count),
         torque=np.zeros(count),
-        score=np.zeros(count),
-        reading_score=np.zeros(count),
+        score=np.zeros((count, 1)),
+        reading_score=np.zeros((count, 1)),
         acceleration=np.zeros(count),
         command=np.zeros(count),
         servo_gain=np.zeros(count),

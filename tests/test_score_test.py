@@ -95,8 +95,8 @@ def test_a_spectral_line_is_measured_against_white_noise() -> None:
     score = chance() + 0.05 * np.sin(29.0 * place)
     draws = np.column_stack([chance() for _ in range(16)])
     apart = 2.0 * np.pi / 50.0
-    found, searched = strongest_lines(place, score, draws, 40.0)
-    blind, _ = strongest_lines(place, score, draws[:, :0], 40.0)
+    found, searched = strongest_lines(place, score[:, None], draws, 40.0)
+    blind, _ = strongest_lines(place, score[:, None], draws[:, :0], 40.0)
     assert searched > 1000
     assert min(abs(rate - 29.0) for rate in found) < 0.5 * apart
     assert min(abs(rate - 29.0) for rate in blind) > apart

@@ -51,6 +51,11 @@ class Posterior:
     weights: Array
     scale: Array
 
+    @property
+    def unbounded(self) -> bool:
+        """Whether it is likeliest as large as it may be: then the fit has failed, and its slopes say little."""
+        return self.likeliest[0] == len(AMPLITUDES) - 1
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Responses:

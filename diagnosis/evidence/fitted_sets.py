@@ -68,9 +68,9 @@ class Explored:
         return self.asked[begun]
 
     def gained(self, fit: Fit, proposal: Proposal) -> float:
-        """Log-likelihood that one effect brings a fit after a few iterations, behind the same observer."""
-        problem = problem_near(fit, fit.model.with_effect(proposal.starts[0][0]))
-        return log_likelihood(problem.glance(fit, fit.bandwidth), fit.samples) - fit.log_likelihood
+        """Log-likelihood that one effect brings a fit from the first of its starts, behind the same observer."""
+        model = fit.model.with_effect(proposal.starts[0][0])
+        return self.fitted(fit, [model], fit.bandwidth).log_likelihood - fit.log_likelihood
 
     def fitted_with(self, fit: Fit, proposal: Proposal, bandwidth: float, least: float = 0.0) -> Fit:
         """The model of a fit with what is proposed, fitted from there.

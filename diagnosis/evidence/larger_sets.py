@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -42,9 +42,8 @@ def extend(
     bandwidth: float = np.inf,
     *,
     leading_alone: bool = False,
-    also: Collection[frozenset[str]] = (),
 ) -> None:
-    """Fit the sets with one or two names more that promise most, and `also` others; also behind another observer.
+    """Fit the sets with one or two names more that promise most, also behind another observer.
 
     And those that would promise most if there were no discrepancy: one that has taken much over leaves little to see.
     Two take longer than one, and what is chaotic longer than all others: they are fitted where they promise more than
@@ -52,7 +51,7 @@ def extend(
     """
     best = max(parent.log_marginal for parent in parents)
     proposed: dict[frozenset[str], tuple[float, Explanation, Proposal]] = {}
-    leading = set(also)
+    leading = set[frozenset[str]]()
     for parent in parents:
         for proposal in proposals(found, parent):
             value = parent.log_marginal + proposal.value - best
@@ -61,6 +60,7 @@ def extend(
             if proposal.leads:
                 leading.add(proposal.names)
     ranked = sorted(proposed.values(), key=lambda each: -each[0])
+    ranked = [(value, parent, _with_starts_of(found, parents, each)) for value, parent, each in ranked]
     promising = [each.names for value, _, each in ranked if value > -BELOW]
     likeliest = set[frozenset[str]]()
     if not leading_alone:
@@ -72,8 +72,19 @@ def extend(
         try_sets(found, now, bandwidth)
 
 
-def rising(found: Explored, parent: Explanation) -> list[frozenset[str]]:
-    """The names that are worth most beside a set by a few iterations of a fit.
+def _with_starts_of(found: Explored, parents: Sequence[Explanation], proposal: Proposal) -> Proposal:
+    """A proposal of one effect, with the starts that it has beside other parents too.
+
+    Where a model lacks much, only behind a fast observer its motion is that of the log.
+    """
+    if len(proposal.names) > 1 or proposal.chaotic:
+        return proposal
+    every = (each.starts[0] for parent in parents for each in proposals(found, parent) if each.names == proposal.names)
+    return replace(proposal, starts=(tuple(dict.fromkeys((*proposal.starts[0], *chain.from_iterable(every)))),))
+
+
+def rise(found: Explored, parent: Explanation) -> None:
+    """Fit each effect beside a set, and weigh those that are worth most by that.
 
     A promise is linear. It is worth nothing where the model is so poor that its inertia is that of friction, or that
     its observer and the discrepancy have taken the missing torque over.
@@ -81,7 +92,9 @@ def rising(found: Explored, parent: Explanation) -> list[frozenset[str]]:
     asked = [each for each in proposals(found, parent) if not each.costly]
     gains = in_threads(lambda each: found.gained(parent.fit, each), asked)
     worth = {each.names: each.worth(gain) for each, gain in zip(asked, gains, strict=True)}
-    return sorted((names for names, value in worth.items() if value > 0.0), key=lambda names: -worth[names])[:ASKED]
+    rising = [each for each in asked if worth[each.names] > 0.0]
+    rising.sort(key=lambda each: -worth[each.names])
+    try_sets(found, [(parent, each) for each in rising[: 2 * ASKED]])  # a wider form may stand before what is there
 
 
 def try_sets(
@@ -102,7 +115,7 @@ def try_sets(
     loose = [pair for pair in chosen if pair not in held]
     found.add(chain.from_iterable(in_threads(lambda pair: list(_tried(found, *pair, bandwidth, least)), loose)))
     if held:
-        _try_held(found, held[:1])  # each takes as long as all others
+        _try_held(found, sorted(held, key=lambda pair: len(pair[1].names))[:1])  # each takes as long as all others
 
 
 def _tried(

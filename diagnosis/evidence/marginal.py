@@ -88,7 +88,9 @@ def weigh(
     if found is None:
         return None
     here, discrepancy = found.here, found.discrepancy
-    torque, reading = score(here.filters, discrepancy.beyond(here.innovations)[:, None])
+    # The discrepancy may hold what is missing, so it is asked beside it and beyond the parameters alone.
+    views = (discrepancy.beyond(here.innovations), discrepancy.left)
+    torque, reading = score(here.filters, np.column_stack(views))
     problem = Problem.of(fit.log, fit.model, known=fit.known)
     motion = replace(
         motion_of(fit, problem, list(here.told), fit.bandwidth, (torque, reading)),

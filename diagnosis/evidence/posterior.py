@@ -29,13 +29,13 @@ from functools import cached_property
 import numpy as np
 
 from diagnosis.evidence.marginal import Explanation
+from diagnosis.evidence.sizes import EXACT
 from diagnosis.jackknife import BLOCKS
 from plant.effects.effect import Array
 
 LIKELY = 0.5
 """Probability from which a name is told, and is in the model."""
 _NEGLIGIBLE = 1e-4  # probability of a set that is not weighed against the discrepancy any further
-_EXACT = 0.01  # of an effect: no law is exact to less, so a wider form has to add more to be told
 _DRAWS = 1000  # of the blocks
 _SURELY = 1e6  # ratio that is as good as any larger one
 
@@ -130,10 +130,10 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
             return
         sizes = {name: explanation.sizes.beyond(name, out) for name in sorted(left)}
         name = min(sizes, key=lambda each: sizes[each])
-        whole = wide = kept_share(explanation, sizes[name])
+        whole = wide = kept_share(explanation, sizes[name], least=explanation.sizes.to_exceed(name))
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
-            wide = whole * kept_share(explanation, more, least=_EXACT * sizes[name])
+            wide = whole * kept_share(explanation, more, least=EXACT * sizes[name])
             ask(left - {name}, kept | {special}, out, p * (whole - wide))
         ask(left - {name}, kept | {name}, out, p * wide)
         ask(left - {name}, kept, out | {name}, p * (1.0 - whole))
@@ -143,6 +143,11 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
 
 
 def kept_share(explanation: Explanation, size: float, least: float = 0.0) -> float:
-    """Share of its probability that an effect of such a size [rad] keeps beside the discrepancy, or `least` [-]."""
+    """Share of its probability that an effect of such a size [rad] keeps beside the discrepancy, or `least` [-].
+
+    Where the discrepancy is as large as it may be, the fit has failed: the effect may well be the nearest there is to
+    what is missing.
+    """
     ratio = min(size / max(explanation.sizes.discrepancy, least, 1e-300), _SURELY)
-    return float(ratio**2 / (1.0 + ratio**2))
+    believed = LIKELY if explanation.discrepancy.posterior.unbounded else 1.0
+    return float(believed * ratio**2 / (1.0 + ratio**2))

@@ -18,13 +18,14 @@ from diagnosis.evidence.larger_sets import (
     STEP,
     extend,
     proposals,
-    rising,
+    rise,
     try_sets,
     with_slower_observers,
 )
 from diagnosis.evidence.marginal import Explanation, families_along
-from diagnosis.evidence.posterior import Posterior
+from diagnosis.evidence.posterior import LIKELY, Posterior
 from diagnosis.evidence.signatures import Proposal
+from diagnosis.refit import models_without
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
 from identification.threads import in_threads, without_blas_threads
@@ -48,7 +49,11 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     found.add(in_threads(lambda bandwidth: found.weighed(found.fitted(null, [null.model], bandwidth)), grid))
     if not found.fits:
         raise Unidentifiable("The motion of the base model grows without bound.")
-    extend(found, list(found.fits.values()), also=rising(found, found.best))
+    bare = list(found.fits.values())
+    rise(found, found.fits.get((frozenset(), null.bandwidth), found.best))
+    extend(found, bare)
+    if found.best.discrepancy.posterior.unbounded:
+        rise(found, _parents(found, found.best)[-1])
     _improve(found)
     _replace(found)
     _fit_leading(found)
@@ -87,13 +92,25 @@ def _improve(found: Explored) -> None:
         if (best := found.best) is before:
             break
         small = before is not None and _are_small(best, best.names - before.names)
-        extend(found, [best], leading_alone=small)
+        extend(found, _parents(found, best), leading_alone=small)
         before = best
+
+
+def _parents(found: Explored, best: Explanation) -> list[Explanation]:
+    """What is asked for more: the best set, and where it lacks something the one that leaves least behind an observer.
+
+    That of the base model, behind which also a poor model follows the log.
+    """
+    observed = [each for (_, bandwidth), each in found.fits.items() if bandwidth == found.null.bandwidth]
+    if not observed or best.discrepancy.posterior.material <= LIKELY:
+        return [best]
+    barest = max(observed, key=lambda each: each.fit.log_likelihood)
+    return [best] if barest is best else [best, barest]
 
 
 def _are_small(explanation: Explanation, names: Collection[str]) -> bool:
     sizes = explanation.sizes
-    return bool(names) and all(sizes.effects[name] < sizes.discrepancy for name in names)
+    return bool(names) and all(sizes.effects[name] < sizes.to_exceed(name) for name in names)
 
 
 def _retune(found: Explored) -> None:
@@ -119,7 +136,7 @@ def _replace(found: Explored) -> None:
     before = -np.inf
     while (best := found.best).names and best.log_marginal > before + BELOW:
         before = best.log_marginal
-        large = [name for name in sorted(best.names) if best.sizes.effects[name] >= best.sizes.discrepancy]
+        large = [name for name in sorted(best.names) if best.sizes.effects[name] >= best.sizes.to_exceed(name)]
         places = [{name} for name in large]
         for one, other in combinations(large, 2):
             if _confounded(found.effects, one) & _confounded(found.effects, other):
@@ -176,13 +193,11 @@ def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanatio
 
     From the latter it goes on behind slower ones: straight there a fit may end astray.
     """
-    names, model = best.names - out, best.fit.model
-    for name in out:
-        model = model.without_effect(name)
+    names, models = best.names - out, models_without(best.fit, sorted(out))
     observers = {best.fit.bandwidth} if found.held else {best.fit.bandwidth, found.null.bandwidth}
     for bandwidth in sorted(observers):
         if (names, bandwidth) not in found.fits:
-            found.add([found.weighed(found.fitted(best.fit, [model], bandwidth))])
+            found.add([found.weighed(found.fitted(best.fit, models, bandwidth))])
     known = [found.fits[names, each] for each in observers if (names, each) in found.fits]
     best_one = max(known, key=lambda each: each.log_marginal, default=None)
     if best_one is not None and best_one.fit.bandwidth > best.fit.bandwidth and not found.held:

@@ -19,6 +19,9 @@ from diagnosis.nuisance import Nuisance, basis
 from identification.fit_result import Fit
 from plant.effects.effect import Array
 
+EXACT = 0.01
+"""Of an effect: no law is exact to less, so a wider form, or another effect, has to add more to be told."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sizes:
@@ -49,6 +52,11 @@ class Sizes:
             columns = Responses.of(families, here.filters, noise).columns
             discrepancy = float(np.linalg.norm(here.nuisance().beyond(columns @ functions)))
         return cls(fit=fit, names=frozenset(names), bandwidth=bandwidth, here=here, discrepancy=discrepancy)
+
+    def to_exceed(self, name: str) -> float:
+        """What an effect has to be larger than: the discrepancy, and what the law of another may be wrong by."""
+        others = (size for other, size in self.effects.items() if other != name)
+        return max(self.discrepancy, EXACT * max(others, default=0.0))
 
     @cached_property
     def effects(self) -> dict[str, float]:

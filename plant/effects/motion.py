@@ -27,10 +27,11 @@ class Motion:
         command: (T,) as the log has it: a torque, or servo gain times goal [N m].
         servo_gain: (T,) fall of the drive's torque with the angle [N m/rad]; 0 where the log gives the torque.
         torque: (T,) torque command after the drive's law [N m].
-        score: (T,) how much a load torque at each sample would improve the fit: half the squared innovations that it
-            would take away, per N m [rad^2/(N m)].
-        reading_score: (T,) the same for an error of the reading at each sample, per rad [rad^2/rad].
-        chance: both scores (T, M) of M draws of white noise in place of the innovations; by default there are none.
+        score: (T, S) how much a load torque at each sample would improve the fit: half the squared innovations that it
+            would take away, per N m [rad^2/(N m)]; by each of S views of what else there is.
+        reading_score: (T, S) the same for an error of the reading at each sample, per rad [rad^2/rad].
+        chance: the first of both scores (T, M) for M draws of white noise in place of the innovations; by default there
+            are none.
         run: (T,) index of the run of each sample.
         inertia: J of the fitted model [N m s^2/rad].
         velocity_resolution: velocity below which its sign is not known [rad/s].
@@ -57,10 +58,10 @@ class Motion:
     turn: float = TURN
 
     def scores(self, acts_on: Place) -> tuple[Array, Array]:
-        """The score (T,) of what acts there, and those (T, M) that chance has."""
+        """The scores (T, S) of what acts there, and those (T, M) that chance has."""
         place = ("torque", "reading").index(acts_on)
         score = (self.score, self.reading_score)[place]
-        return score, self.chance()[place] if self.chance is not None else np.empty((score.size, 0))
+        return score, self.chance()[place] if self.chance is not None else np.empty((len(score), 0))
 
     @property
     def sample_time(self) -> float:

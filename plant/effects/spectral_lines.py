@@ -69,7 +69,7 @@ def eight_periods(place: Array) -> float:
     return 16.0 * np.pi / reach if reach > 0.0 else 1.0
 
 
-def strongest_lines(place: Array, score: Array, chance: Array, highest: float) -> tuple[list[float], int]:
+def strongest_lines(place: Array, scores: Array, chance: Array, highest: float) -> tuple[list[float], int]:
     """Frequencies over a variable (T,) at which a wave would improve a fit most, and the number that were looked at.
 
     A line must complete two periods within the range, or it cannot be told from a trend.
@@ -80,8 +80,8 @@ def strongest_lines(place: Array, score: Array, chance: Array, highest: float) -
 
     Args:
         place: the variable.
-        score: (T,) how much a push at each sample would improve the fit.
-        chance: (T, M) the same with draws of white noise in place of the innovations; M may be 0.
+        scores: (T, S) how much a push at each sample would improve the fit, by each of S views of what else there is.
+        chance: (T, M) the first of them for M draws of white noise in place of the innovations; M may be 0.
         highest: frequency [rad per unit].
     """
     reach = float(np.ptp(place))
@@ -92,10 +92,11 @@ def strongest_lines(place: Array, score: Array, chance: Array, highest: float) -
     if highest <= 2.0 * apart:
         return [], 1
     frequencies = apart * np.arange(8.0, np.floor(4.0 * highest / apart * (1.0 + _EVEN)) + 1.0) / 4.0
-    seen, *white = _sines_and_cosines(place, (score, *chance.T), frequencies)
-    heights = [(np.sum(seen**2, axis=0), _BY_POWER)]
+    drawn = _sines_and_cosines(place, (*scores.T, *chance.T), frequencies)
+    seen, white = drawn[: scores.shape[1]], drawn[scores.shape[1] :]
+    heights = [(np.sum(each**2, axis=0), _BY_POWER // len(seen)) for each in seen]
     if white:
-        heights.append((_explained(seen, np.array(white)), _BY_MEASURE))
+        heights.append((_explained(seen[0], np.array(white)), _BY_MEASURE))
     chosen: list[float] = []
     for height, count in heights:
         found = 0

@@ -1,0 +1,45 @@
+"""The search on logs of drawn machines whose base model is so poor that linear promises are worth nothing."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+
+from drawn_machines import drawn
+
+from diagnosis import diagnose
+from diagnosis.evidence.fitted_sets import Explored
+from diagnosis.evidence.marginal import families_along
+from identification.fit import fit
+from plant import catalogue
+from plant.effects.spectral_lines import lines_over_angle
+
+
+def test_beside_one_effect_another_is_seen_behind_a_fast_observer() -> None:
+    """Behind the slow one that suits the offset, where it stops short, the ripple promised too little for a fit."""
+    found = diagnose(drawn(364).log, candidates=["torque_offset", "cogging"])
+    assert found.verdict == "named"
+    assert {cause.effect for cause in found.causes} == {"torque_offset", "cogging"}
+
+
+def test_a_ripple_that_the_discrepancy_holds_is_looked_for() -> None:
+    """Five waves a turn are among its functions; beside all of them together nothing is left at that order."""
+    null = fit(drawn(358).log)
+    families = families_along(null)
+    assert families is not None
+    alone = Explored(null=null, effects=dict(catalogue), tell=print, families=families).weighed(null)
+    assert alone is not None
+    assert alone.discrepancy.posterior.unbounded
+    motion = alone.screen.motion
+    apart = 2.0 * np.pi / float(np.ptp(motion.angle))
+
+    def nearest(score: np.ndarray) -> float:
+        orders, _ = lines_over_angle(replace(motion, score=score))
+        return min(abs(order - 5.0) for order in orders)
+
+    assert nearest(motion.score) < apart < nearest(motion.score[:, :1])
