@@ -7,7 +7,7 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import diagnose
-from plant.effects import CableStiffness, Cogging, Effect, EncoderEccentricity, EndStop
+from plant.effects import CableStiffness, Cogging, Compliance, Effect, EncoderEccentricity, EndStop
 from plant.effects.effect import TURN
 
 
@@ -22,6 +22,8 @@ from plant.effects.effect import TURN
         (CableStiffness(stiffness=0.01, rest_angle=-12.0), True),
         (CableStiffness(stiffness=0.01, rest_angle=-30.0), False),
         (CableStiffness(stiffness=-0.01, cubic=0.02), False),
+        (Compliance(frequency=40.0, damping=0.2, motor_share=0.3), True),
+        (Compliance(frequency=40.0, damping=0.8, motor_share=0.97), False),  # nothing swings
         (Cogging(amplitude=0.1, order=1.01, phase=0.3), False),  # gravity with its offset
         (Cogging(amplitude=0.1, order=2.0, phase=0.3), True),
         (Cogging(amplitude=0.1, order=0.7, phase=0.3), False),

@@ -66,6 +66,10 @@ class Compliance(Effect):
             motor_share=share,
         )
 
+    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
+        """A spring swings: at a damping ratio of 1 / sqrt(2) and more there is no resonance, only a filter."""
+        return bool(self.damping < np.sqrt(0.5))
+
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
         """The command behind a resonance less the command: what a torque at the motor does to the load (s = c s + k).
