@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -30,20 +30,6 @@ def settled(fit: Fit, bandwidth: float) -> Fit:
     """The same model, fitted behind the observer that it needs: from a bandwidth down as far as that pays [rad/s]."""
     found = problem_near(fit, fit.model).descend(replace(fit, bandwidth=max(fit.bandwidth, bandwidth)))
     return found if found.converged else fit
-
-
-def models_without(fit: Fit, names: Iterable[str]) -> list[ServoModel]:
-    """The model of a fit less some effects: with the load as it was before them, and as they leave it.
-
-    What changes at the first of the samples is no change but another load.
-    """
-    models = [fit.model]
-    for name in names:
-        rest = [model.without_effect(name) for model in models]
-        effect = fit.model.effect(name)
-        left = [effect.without_clock(model, None) for model in rest] if effect is not None else []
-        models = [*rest, *(end for end, model in zip(left, rest, strict=False) if end is not model)]
-    return models
 
 
 def without(fit: Fit, effect: str, bandwidth: float) -> Fit:

@@ -49,11 +49,11 @@ def test_of_what_no_effect_explains_no_part_is_sure() -> None:
     assert 0.02 / 5.0 < found.unknown.share < 0.02 * 5.0
 
 
-def explanation_of(sizes: dict[str, float], discrepancy: float = 0.0, *, unbounded: bool = False) -> Explanation:
+def explanation_of(sizes: dict[str, float], discrepancy: float = 0.0, *, at_its_limit: bool = False) -> Explanation:
     """A set whose effects have such sizes beside a discrepancy."""
     beyond = Sizes(fit=None, names=frozenset(sizes), bandwidth=0.0, here=None, discrepancy=discrepancy)  # type: ignore[arg-type]
     beyond.__dict__.update(effects=sizes, beyond_special={}, beyond=lambda name, out: sizes[name])
-    beside = SimpleNamespace(posterior=SimpleNamespace(unbounded=unbounded))
+    beside = SimpleNamespace(posterior=SimpleNamespace(at_its_limit=at_its_limit))
     made: Any = SimpleNamespace(names=frozenset(sizes), sizes=beyond, discrepancy=beside)
     return cast(Explanation, made)
 
@@ -74,7 +74,7 @@ def test_what_a_law_may_be_wrong_by_is_no_cause() -> None:
 def test_nothing_is_sure_where_the_fit_has_failed() -> None:
     """Where the unmodelled torque is as large as it may be, an effect may be the nearest to what is missing."""
     assert share_told(explanation_of({"drag": 5.0}, discrepancy=0.1), "drag") > 0.99
-    assert share_told(explanation_of({"drag": 5.0}, discrepancy=0.1, unbounded=True), "drag") <= 0.5
+    assert share_told(explanation_of({"drag": 5.0}, discrepancy=0.1, at_its_limit=True), "drag") <= 0.5
 
 
 def posterior_of(sets: dict[tuple[str, ...], float], evidence: dict[str, float] | None = None) -> SimpleNamespace:

@@ -34,7 +34,7 @@ def test_a_ripple_that_the_discrepancy_holds_is_looked_for() -> None:
     assert families is not None
     alone = Explored(null=null, effects=dict(catalogue), tell=print, families=families).weighed(null)
     assert alone is not None
-    assert alone.discrepancy.posterior.unbounded
+    assert alone.discrepancy.posterior.at_its_limit
     motion = alone.screen.motion
     apart = 2.0 * np.pi / float(np.ptp(motion.angle))
 

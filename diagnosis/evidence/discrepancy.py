@@ -52,7 +52,7 @@ class Posterior:
     scale: Array
 
     @property
-    def unbounded(self) -> bool:
+    def at_its_limit(self) -> bool:
         """Whether it is likeliest as large as it may be: then the fit has failed, and its slopes say little."""
         return self.likeliest[0] == len(AMPLITUDES) - 1
 

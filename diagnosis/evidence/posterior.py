@@ -142,12 +142,12 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
     return found
 
 
-def kept_share(explanation: Explanation, size: float, least: float = 0.0) -> float:
+def kept_share(explanation: Explanation, size: float, least: float) -> float:
     """Share of its probability that an effect of such a size [rad] keeps beside the discrepancy, or `least` [-].
 
     Where the discrepancy is as large as it may be, the fit has failed: the effect may well be the nearest there is to
     what is missing.
     """
     ratio = min(size / max(explanation.sizes.discrepancy, least, 1e-300), _SURELY)
-    believed = LIKELY if explanation.discrepancy.posterior.unbounded else 1.0
-    return float(believed * ratio**2 / (1.0 + ratio**2))
+    sound = LIKELY if explanation.discrepancy.posterior.at_its_limit else 1.0
+    return float(sound * ratio**2 / (1.0 + ratio**2))

@@ -25,7 +25,6 @@ from diagnosis.evidence.larger_sets import (
 from diagnosis.evidence.marginal import Explanation, families_along
 from diagnosis.evidence.posterior import LIKELY, Posterior
 from diagnosis.evidence.signatures import Proposal
-from diagnosis.refit import models_without
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
 from identification.threads import in_threads, without_blas_threads
@@ -52,7 +51,7 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     bare = list(found.fits.values())
     rise(found, found.fits.get((frozenset(), null.bandwidth), found.best))
     extend(found, bare)
-    if found.best.discrepancy.posterior.unbounded:
+    if found.best.discrepancy.posterior.at_its_limit:
         rise(found, _parents(found, found.best)[-1])
     _improve(found)
     _replace(found)
@@ -193,11 +192,13 @@ def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanatio
 
     From the latter it goes on behind slower ones: straight there a fit may end astray.
     """
-    names, models = best.names - out, models_without(best.fit, sorted(out))
+    names, model = best.names - out, best.fit.model
+    for name in out:
+        model = model.without_effect(name)
     observers = {best.fit.bandwidth} if found.held else {best.fit.bandwidth, found.null.bandwidth}
     for bandwidth in sorted(observers):
         if (names, bandwidth) not in found.fits:
-            found.add([found.weighed(found.fitted(best.fit, models, bandwidth))])
+            found.add([found.weighed(found.fitted(best.fit, [model], bandwidth))])
     known = [found.fits[names, each] for each in observers if (names, each) in found.fits]
     best_one = max(known, key=lambda each: each.log_marginal, default=None)
     if best_one is not None and best_one.fit.bandwidth > best.fit.bandwidth and not found.held:
