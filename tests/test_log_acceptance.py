@@ -112,6 +112,19 @@ def test_a_speed_in_place_of_a_torque(factor):
     assert any("a speed or its set-point was taken" in fault for fault in Log.from_arrays(**log).faults)
 
 
+def test_the_torque_of_a_viscous_load_is_no_speed():
+    """Held for 2 s against a time constant of 20 ms, it is the speed times 34 but for 0.1 %, and leads it."""
+    time = 0.02 * np.arange(4000)
+    torque = np.repeat(np.random.default_rng(2).normal(size=40), 100) * np.minimum(1.0, (time % 2.0) / 0.3)
+    speed = np.zeros(4000)
+    for k in range(1, 4000):
+        speed[k] = torque[k - 1] / 34.0 + (speed[k - 1] - torque[k - 1] / 34.0) * np.exp(-0.02 / 0.02)
+    angle = np.cumsum(speed) * 0.02
+    assert Log.from_arrays(time=time, torque=torque, angle=angle).faults == ()
+    (fault,) = Log.from_arrays(time=time, torque=34.0 * np.gradient(angle, time), angle=angle).faults
+    assert "a speed or its set-point was taken" in fault
+
+
 def test_a_set_point_of_the_speed_is_known_by_its_unit():
     time, wanted = 0.005 * np.arange(4000), np.repeat([10.0, 30.0, -20.0, 15.0, 40.0, -35.0, 5.0, 25.0], 500)
     speed = np.zeros(4000)

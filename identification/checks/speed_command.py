@@ -2,8 +2,9 @@
 
 A torque has to accelerate the load, and to overcome friction before it moves at all. A command that is the speed times
 a constant does neither. Where the constant is that of a unit of speed, a loop that follows its set-point with an error
-is known as well; where it is another, the speed itself was taken. Where it was given the unit of a torque
-that is accepted, for a load of viscous friction alone moves like that too.
+is known as well; where it is another, the speed itself was taken. That shows no inertia, while the torque of a slow
+load with much viscous friction leads the speed by it. Where it was given the unit of a torque that is accepted, for a
+load of viscous friction alone moves like that too.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from identification.checks.sign import views
+from identification.checks.sign import SURE, views
 from identification.recording import Finding, Recording
 
 _UNITS = {
@@ -38,7 +39,8 @@ def speed_for_torque(recording: Recording) -> Iterable[Finding]:
         left = 1.0 - factor**2 * squares[0] / squares[1]
         units = _UNITS[recording.axis].items()
         unit = next((unit for unit, size in units if abs(abs(factor) / size - 1) < _NEAR), None)
-        if left < _EXACT or (unit is not None and left < _FOLLOWED):
+        taken = left < _EXACT and view.inertia(part.command) < SURE if unit is None else left < _FOLLOWED
+        if taken:
             name = recording.name("command")
             stated = "command" in recording.stated
             what = f"the speed of '{recording.name('output')}'" + (f" in {unit}" if unit else f" times {factor:.4g}")
