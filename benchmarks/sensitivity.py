@@ -39,7 +39,7 @@ CONSTANTS: dict[str, tuple[str, str]] = {
     "families._WAYS": ("diagnosis.evidence.families", "ways after which a direction is forgotten"),
     "prior._DECADES": ("diagnosis.evidence.prior", "log of the range of a size"),
     "posterior.BLOCKS": ("diagnosis.jackknife", "blocks of the log that are drawn again"),
-    "posterior._EXACT": ("diagnosis.evidence.posterior", "of an effect that a wider form has to add"),
+    "sizes.EXACT": ("diagnosis.evidence.sizes", "of an effect that a wider form, or another effect, has to exceed"),
     "larger_sets.BELOW": ("diagnosis.evidence.larger_sets", "that a set may promise below the best"),
     "search_over_sets._NEAR": ("diagnosis.evidence.search_over_sets", "... as a share"),
     "larger_sets.ASKED": ("diagnosis.evidence.larger_sets", "sets that are fitted at once"),

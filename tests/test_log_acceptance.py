@@ -105,6 +105,18 @@ def test_degrees_by_the_encoder_by_the_wraps_and_by_gravity():
     assert Log.from_arrays(**log | {"angle": coarse}, units={"angle": "deg"}).faults == ()
 
 
+@pytest.mark.parametrize("stop", [4.0, 6.0, 8.0])
+def test_a_soft_stop_is_no_gravity_in_degrees(stop):
+    """Over two turns and more in radians its kink is a bend, as the sine of so many degrees is one."""
+    time, rng = 0.02 * np.arange(2000), np.random.default_rng(3)
+    for stiffness in (0.5, 2.65, 8.0):
+        far = sum(rng.uniform(1, 4) * np.sin(w * time + rng.uniform(0, 6)) for w in (0.3, 0.7, 1.3, 2.1))
+        far *= 12.0 / np.abs(far).max()
+        speed = np.gradient(far, time)
+        torque = 0.01 * np.gradient(speed, time) + 0.04 * speed + stiffness * np.maximum(far - stop, 0.0)
+        assert Log.from_arrays(time=time, torque=torque, angle=far).faults == ()
+
+
 @pytest.mark.parametrize("factor", [1.0, 30 / np.pi, 7.3])
 def test_a_speed_in_place_of_a_torque(factor):
     log = columns()

@@ -43,3 +43,9 @@ def test_a_ripple_that_the_discrepancy_holds_is_looked_for() -> None:
         return min(abs(order - 5.0) for order in orders)
 
     assert nearest(motion.score) < apart < nearest(motion.score[:, :1])
+
+
+def test_a_loop_that_an_observer_follows_without_the_torque_is_diagnosed() -> None:
+    """With white errors the likeliest inertia of a light arm is without bound; with coloured ones it is its own."""
+    found = diagnose(drawn(100341).log, candidates=["gravity_offset", "coulomb_friction"])
+    assert {cause.effect for cause in found.causes} == {"gravity_offset", "coulomb_friction"}

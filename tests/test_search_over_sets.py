@@ -106,7 +106,7 @@ def test_a_fit_sees_what_a_linear_promise_does_not() -> None:
     assert alone is not None
     promised = {name: each.value for each in proposals(found, alone) for name in each.names if len(each.names) == 1}
     assert promised["torque_offset"] < 0.0 < max(promised.values())
-    rise(found, alone)
+    rise(found, alone, [alone])
     assert found.best.names == {"torque_offset"}
     told: list[str] = []
     explore(found.null, catalogue, told.append)

@@ -83,13 +83,13 @@ def _with_starts_of(found: Explored, parents: Sequence[Explanation], proposal: P
     return replace(proposal, starts=(tuple(dict.fromkeys((*proposal.starts[0], *chain.from_iterable(every)))),))
 
 
-def rise(found: Explored, parent: Explanation) -> None:
-    """Fit each effect beside a set, and weigh those that are worth most by that.
+def rise(found: Explored, parent: Explanation, parents: Sequence[Explanation]) -> None:
+    """Fit each effect beside a set, and weigh those that are worth most by that, from the starts beside all parents.
 
     A promise is linear. It is worth nothing where the model is so poor that its inertia is that of friction, or that
     its observer and the discrepancy have taken the missing torque over.
     """
-    asked = [each for each in proposals(found, parent) if not each.costly]
+    asked = [_with_starts_of(found, parents, each) for each in proposals(found, parent) if not each.costly]
     gains = in_threads(lambda each: found.gained(parent.fit, each), asked)
     worth = {each.names: each.worth(gain) for each, gain in zip(asked, gains, strict=True)}
     rising = [each for each in asked if worth[each.names] > 0.0]

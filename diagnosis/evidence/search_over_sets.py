@@ -49,10 +49,8 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     if not found.fits:
         raise Unidentifiable("The motion of the base model grows without bound.")
     bare = list(found.fits.values())
-    rise(found, found.fits.get((frozenset(), null.bandwidth), found.best))
+    rise(found, found.fits.get((frozenset(), null.bandwidth), found.best), bare)
     extend(found, bare)
-    if found.best.discrepancy.posterior.at_its_limit:
-        rise(found, _parents(found, found.best)[-1])
     _improve(found)
     _replace(found)
     _fit_leading(found)

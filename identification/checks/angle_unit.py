@@ -60,8 +60,11 @@ def wraps_in_degrees(values: Array, index: NDArray[np.int64]) -> bool:
 
 
 def gravity_in_degrees(recording: Recording) -> bool:
-    """Whether the torque surely goes with the sine of the angle in degrees, rather than in radians or as a spring."""
-    if recording.servo_gain.any():
+    """Whether the torque surely goes with the sine of the angle in degrees, rather than in radians or as a spring.
+
+    Within half a turn a sine is no more than a bend, as that of a stop.
+    """
+    if recording.servo_gain.any() or np.ptp(recording.output[recording.valid]) < 180.0:
         return False
     part, seen = views(recording)
     told, felt = [], 0.0
