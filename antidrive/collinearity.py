@@ -33,7 +33,7 @@ def collinear_share(kind: type[Effect], other: type[Effect]) -> float | None:
         effect = kind.typical(on.motion)
         if effect is not None:
             left = _beyond(on, _mark(effect, on))
-            torque, reading = on.score(left[:, 0])
+            torque, reading = (each[:, None] for each in on.score(left[:, 0]))
             motion = replace(on.motion, score=torque, reading_score=reading, chance=on.chance)
             shapes = ((trace.columns, trace.acts_on == "reading") for trace in other.traces(motion))
             seen = (_beyond(on, on.response(columns, on_reading=reading)) for columns, reading in shapes)

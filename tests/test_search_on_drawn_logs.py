@@ -20,7 +20,7 @@ from plant import catalogue
 from plant.effects.spectral_lines import lines_over_angle
 
 
-def test_beside_one_effect_another_is_seen_behind_a_fast_observer() -> None:
+def test_beside_an_effect_another_is_seen_behind_a_fast_observer() -> None:
     """Behind the slow one that suits the offset, where it stops short, the ripple promised too little for a fit."""
     found = diagnose(drawn(364).log, candidates=["torque_offset", "cogging"])
     assert found.verdict == "named"
@@ -45,7 +45,7 @@ def test_a_ripple_that_the_discrepancy_holds_is_looked_for() -> None:
     assert nearest(motion.score) < apart < nearest(motion.score[:, :1])
 
 
-def test_a_loop_that_an_observer_follows_without_the_torque_is_diagnosed() -> None:
+def test_a_loop_that_is_followed_without_its_torque_is_diagnosed() -> None:
     """With white errors the likeliest inertia of a light arm is without bound; with coloured ones it is its own."""
     found = diagnose(drawn(100341).log, candidates=["gravity_offset", "coulomb_friction"])
     assert {cause.effect for cause in found.causes} == {"gravity_offset", "coulomb_friction"}
