@@ -32,7 +32,7 @@ from plant.effects import Effect
 
 _NEAR = 0.3  # of a promise, that it may be too large: linearised, it is rough
 _RETUNED = 3  # sets whose observer is chosen anew
-_MOST = 5  # times that names are added
+_MOST = 5  # times that names are added, and names in a set from which on none is
 
 
 @without_blas_threads
@@ -86,7 +86,7 @@ def _improve(found: Explored) -> None:
     for _ in range(_MOST):
         _retune(found)
         _without_each(found, found.best)
-        if (best := found.best) is before:
+        if (best := found.best) is before or len(best.names) >= _MOST:
             break
         small = before is not None and _are_small(best, best.names - before.names)
         extend(found, _parents(found, best), leading_alone=small)
