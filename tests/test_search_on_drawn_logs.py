@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
@@ -49,3 +50,11 @@ def test_a_loop_that_is_followed_without_its_torque_is_diagnosed() -> None:
     """With white errors the likeliest inertia of a light arm is without bound; with coloured ones it is its own."""
     found = diagnose(drawn(100341).log, candidates=["gravity_offset", "coulomb_friction"])
     assert {cause.effect for cause in found.causes} == {"gravity_offset", "coulomb_friction"}
+
+
+@pytest.mark.long
+def test_a_gap_is_tried_alone_before_a_gap_with_another_effect() -> None:
+    """Only one chaotic set is followed at a time; beside a stop the gap with an eccentric encoder promised most."""
+    found = diagnose(drawn(326).log, candidates=["end_stop", "backlash", "encoder_eccentricity"])
+    assert found.verdict == "named"
+    assert {cause.effect for cause in found.causes} == {"end_stop", "backlash"}
