@@ -23,7 +23,7 @@ from plant.effects.spectral_lines import lines_over_angle
 
 def test_beside_an_effect_another_is_seen_behind_a_fast_observer() -> None:
     """Behind the slow one that suits the offset, where it stops short, the ripple promised too little for a fit."""
-    found = diagnose(drawn(364).log, candidates=["torque_offset", "cogging"])
+    found = diagnose(drawn(364).log)
     assert found.verdict == "named"
     assert {cause.effect for cause in found.causes} == {"torque_offset", "cogging"}
 
