@@ -116,7 +116,7 @@ def _diagnosed(
     log, shorter = stretches(log)
     tell("fitting the base model")
     null = fit_with_prior(log, start, known, tell, of_the_sensor=True)
-    if null.failed is not None:  # behind an observer that follows a loop whatever the torque is
+    if null.failed is not None:  # with white errors, an observer follows a loop whatever the torque is
         null = fit_with_prior(log, start, known, tell)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)

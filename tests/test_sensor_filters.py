@@ -23,7 +23,7 @@ def log_of(machine: Machine, seed: int, **how: Any) -> Log:
 
 @pytest.mark.parametrize("time_constant", [0.002, 0.007, 0.02, 0.3])
 def test_a_reading_behind_a_lag_is_exact_under_a_steady_torque(time_constant: float) -> None:
-    """T y' = x - y behind x = a t^2 / 2, at samples no shorter than the lag: a straight way would err by a T dt / 2."""
+    """T y' = x - y behind x = a t^2 / 2, at samples longer and shorter than the lag."""
     dt, acceleration, load = 0.02, 40.0, ServoModel(inertia=0.05, gravity=0.0, viscous_friction=0.0)
     model = load.with_effect(SensorLag(time_constant=time_constant))
     t = dt * np.arange(11)
@@ -31,6 +31,16 @@ def test_a_reading_behind_a_lag_is_exact_under_a_steady_torque(time_constant: fl
     gone = time_constant * (1.0 - np.exp(-t / time_constant))
     exact = acceleration * (0.5 * t**2 - time_constant * (t - gone))
     assert states[:, 2] == pytest.approx(exact, abs=1e-12)
+
+
+@pytest.mark.parametrize("h", [0.0, 1e-16, 1e-15, 1e-14, 1e-12])
+def test_a_step_of_hardly_any_length_leaves_the_reading_where_it_is(h: float) -> None:
+    """As a switch of a delayed command leaves one: the way is rounding, which the lag over the step would magnify."""
+    rng = np.random.default_rng(0)
+    for x, v in rng.uniform(-50.0, 50.0, size=(500, 2)):
+        state, after = x - 0.007 * v, x + h * v
+        shown = float(SensorLag(time_constant=0.007).sense(state, x, (x + after) / 2.0, after, h))
+        assert shown == pytest.approx(state + h * v, abs=1e-10)
 
 
 @pytest.mark.long

@@ -60,12 +60,12 @@ def extend(
             if proposal.leads:
                 leading.add(proposal.names)
     ranked = sorted(proposed.values(), key=lambda each: -each[0])
-    ranked = [(value, parent, _with_starts_of(found, parents, each)) for value, parent, each in ranked]
     promising = [each.names for value, _, each in ranked if value > -BELOW]
     likeliest = set[frozenset[str]]()
     if not leading_alone:
         likeliest = {names for size in (1, 2) for names in [n for n in promising if len(n) == size][:ASKED]}
-    chosen = [(value, parent, each) for value, parent, each in ranked if each.names in likeliest | leading]
+    wanted = ((value, parent, each) for value, parent, each in ranked if each.names in likeliest | leading)
+    chosen = [(value, parent, _with_starts_of(found, parents, each)) for value, parent, each in wanted]
     for costly in (0, 1, 2):
         reached = found.best.log_marginal - best
         now = [(p, e) for v, p, e in chosen if e.costly == costly and (not costly or v > reached - BELOW)]

@@ -15,9 +15,10 @@ What is significant, but smaller than what no name explains, may well be a part 
 
     r^2 / (1 + r^2)
 
-of its probability, with r what it changes in the innovations over what the discrepancy explains there; the rest goes to
-the same set without it. An effect that has a simpler one as its special case is asked twice: what it adds to that may
-be a part of the discrepancy, and so may all of it.
+of its probability, with r what it changes in the innovations over what the discrepancy explains there, or over a
+hundredth of the largest other effect, which that one's law may be wrong by; the rest goes to the same set without it.
+An effect that has a simpler one as its special case is asked twice: what it adds to that may be a part of the
+discrepancy, and so may all of it.
 """
 
 from __future__ import annotations
@@ -120,9 +121,11 @@ def over_blocks(sets: Sequence[Explanation], against: Mapping[str, Array]) -> Ar
 def beside_discrepancy(explanation: Explanation, probability: float) -> dict[frozenset[str], float]:
     """The sets that one may be when parts of the discrepancy are taken out of it, with their shares of its probability.
 
-    The smallest effect is asked first. Without it, one that looks like it is larger.
+    The smallest effect is asked first. Without it, one that looks like it is larger. Where the discrepancy is as large
+    as it may be, the fit has failed: each effect may well be the nearest there is to what is missing.
     """
     found: dict[frozenset[str], float] = {}
+    sound = LIKELY if explanation.discrepancy.posterior.at_its_limit else 1.0
 
     def ask(left: frozenset[str], kept: frozenset[str], out: frozenset[str], p: float) -> None:
         if not left or p < _NEGLIGIBLE:
@@ -130,10 +133,10 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
             return
         sizes = {name: explanation.sizes.beyond(name, out) for name in sorted(left)}
         name = min(sizes, key=lambda each: sizes[each])
-        whole = wide = kept_share(explanation, sizes[name], least=explanation.sizes.to_exceed(name))
+        whole = wide = sound * kept_share(sizes[name], explanation.sizes.to_exceed(name))
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
-            wide = whole * kept_share(explanation, more, least=EXACT * sizes[name])
+            wide = whole * kept_share(more, max(explanation.sizes.discrepancy, EXACT * sizes[name]))
             ask(left - {name}, kept | {special}, out, p * (whole - wide))
         ask(left - {name}, kept | {name}, out, p * wide)
         ask(left - {name}, kept, out | {name}, p * (1.0 - whole))
@@ -142,12 +145,7 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
     return found
 
 
-def kept_share(explanation: Explanation, size: float, least: float) -> float:
-    """Share of its probability that an effect of such a size [rad] keeps beside the discrepancy, or `least` [-].
-
-    Where the discrepancy is as large as it may be, the fit has failed: the effect may well be the nearest there is to
-    what is missing.
-    """
-    ratio = min(size / max(explanation.sizes.discrepancy, least, 1e-300), _SURELY)
-    sound = LIKELY if explanation.discrepancy.posterior.at_its_limit else 1.0
-    return float(sound * ratio**2 / (1.0 + ratio**2))
+def kept_share(size: float, beside: float) -> float:
+    """Share of its probability that an effect of such a size keeps beside what it has to exceed [rad] [-]."""
+    ratio = min(size / max(beside, 1e-300), _SURELY)
+    return float(ratio**2 / (1.0 + ratio**2))

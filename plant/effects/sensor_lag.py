@@ -29,11 +29,11 @@ class SensorLag(Effect):
         self, state: Expression, before: Expression, middle: Expression, after: Expression, h: Expression
     ) -> Expression:
         """Exact for an angle on a parabola, as of a load under a steady torque."""
-        lag = self.time_constant / ca.fmax(h, 1e-15)
-        left = ca.exp(-h / self.time_constant)
+        gone = ca.fmax(h / self.time_constant, 1e-9)  # a switch may leave a step of no length, where all is rounding
         speed, bend = 4 * middle - 3 * before - after, 2 * (before - 2 * middle + after)  # times h and h^2
-        trail = lag * (1 - left)
-        return after + (state - before) * left - speed * trail - 2 * bend * lag * (1 - trail)
+        trail = (1 - ca.exp(-gone)) / gone
+        kept = (state - before) * ca.exp(-h / self.time_constant)
+        return after + kept - speed * trail - 2 * bend * (1 - trail) / gone
 
     def reading(self, angle: Expression, state: Expression) -> Expression:
         """The filtered angle."""
