@@ -48,7 +48,7 @@ class StandardExcitation:
     def step_inputs(self, model: ServoModel) -> tuple[Array, Array]:
         """(P,) parameters and (8, T) inputs that a step of a model takes, see `plant.discrete.INPUTS`."""
         steps = np.full(self.command.size, SAMPLE_TIME)
-        now, before, switch = held_commands(self.command, steps, float(model.delay()))
+        now, before, switch = held_commands(model, self.command, steps)
         given: dict[str, Array | float] = {"command": now, "previous_command": before, "time": self.motion.time}
         given |= {"servo_gain": self.servo_gain, "command_limit": np.inf, "dt": SAMPLE_TIME, "width": 0.0}
         given |= {"servo_damping": 0.0}

@@ -16,7 +16,7 @@ missed without it is above the rest. Naming the others is no fault.
     missed   not so, and the verdict is "named" or "nothing_missing"
 
 Where an effect was left out of the catalogue and is expected, only "unknown" or "ambiguous" is honest, and nothing is
-right.
+right. A measured current is late by its filter; that is no hidden effect, and naming it is right but not expected.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ TELLING = 60.0
 SMALL = 0.003  # of the torque
 NO_TORQUE = {
     *("input_delay", "actuator_lag", "rate_limit", "goal_rate_limit"),
-    *("compliance", "backlash", "encoder_eccentricity", "sensor_lag"),
+    *("compliance", "backlash", "encoder_eccentricity", "sensor_lag", "torque_measurement_lag"),
 }
 PARTS: dict[str, tuple[str, ...]] = {
     "stribeck_friction": ("coulomb_friction",),
@@ -120,7 +120,9 @@ def _found(hidden: dict[str, Any], named: set[str]) -> bool:
 
 
 def _true(told: dict[str, Any], outcome: Outcome) -> bool:
-    """Whether it is hidden there, or stands for what is."""
+    """Whether it is hidden there, or stands for what is; a measured current is filtered in each log that has one."""
+    if told["effect"] == "torque_measurement_lag":
+        return bool(outcome["loop"] == "closed, current")
     if any(told["effect"] in (h["name"], *PARTS.get(h["name"], ())) for h in outcome["truth"]):
         return True
     if not any(told["effect"] in names for h in outcome["truth"] for names in h["alike"]):
@@ -159,5 +161,7 @@ def _events(outcome: Outcome) -> tuple[tuple[float, bool], ...]:
         if mine:
             events.append((min(1.0, sum(mine.values())), True))
     parts = {part for h in outcome["truth"] for part in PARTS.get(h["name"], ())}
+    if outcome["loop"] == "closed, current":
+        parts.add("torque_measurement_lag")
     events += [(p, name in parts) for name, p in told.items() if name not in used]
     return tuple(events)

@@ -16,6 +16,7 @@ from identification.problem import Problem, first_states
 from identification.standard_errors import fit_with_errors
 from identification.threads import in_threads
 from plant.effects import Effect
+from plant.effects.effect import Covered
 from plant.servo import ServoModel
 
 _MANY = 12  # starts, of which each can be followed for a few iterations
@@ -88,18 +89,24 @@ def is_plausible(fit: Fit, name: str) -> bool:
     if effect is None:
         return True
     angles = np.concatenate([run.output[run.valid] for run in fit.log.runs])
-    told = {
-        "low": float(angles.min()),
-        "high": float(angles.max()),
-        "speed": typical_speed(fit),
-        "inertia": fit.model.inertia,
-        "turn": turn_of(fit.model.axis),
-    }
-    return any(each.plausible(**told) for each in (effect, *_as_likely(fit, effect)))
+    covered = Covered(
+        low=float(angles.min()),
+        high=float(angles.max()),
+        speed=typical_speed(fit),
+        duration=max(float(run.time[-1] - run.time[0]) for run in fit.log.runs),
+        inertia=fit.model.inertia,
+        turn=turn_of(fit.model.axis),
+    )
+    return any(each.plausible(covered) for each in (effect, *_as_likely(fit, effect)))
 
 
 def _as_likely(fit: Fit, effect: Effect) -> Iterator[Effect]:
-    """The effect with one parameter at a time two standard errors lower or higher."""
+    """The effect with one parameter at a time two standard errors lower or higher.
+
+    Not of a drivetrain, which in doubt is a lag: that it swings has to be seen.
+    """
+    if effect.flexible:
+        return
     for spec in effect.parameters():
         std = fit[f"{effect.name}.{spec.name}"].std or 0.0
         for away in (-2.0 * std, 2.0 * std) if std else ():

@@ -213,6 +213,11 @@ class Findings:
         """The extended model."""
         return self.extended.model
 
+    @property
+    def read_as(self) -> str:
+        """Whether the torque of the log is a command, or was "measured" and shows late what acts."""
+        return "command" if self.model.lead() is None else "measured"
+
     def to_dict(self) -> dict[str, Any]:
         """The content of diagnosis.json."""
         return {
@@ -265,6 +270,6 @@ class Findings:
                 "held_out_before": self.torque_error.held_out_before,
                 "held_out_after": self.torque_error.held_out_after,
             },
-            "data": {"warnings": list(self.warnings), "read_as": "command"},
+            "data": {"warnings": list(self.warnings), "read_as": self.read_as},
             "separating_experiment": None,
         }

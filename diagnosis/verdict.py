@@ -134,7 +134,8 @@ def _complete(posterior: Posterior, told: Collection[str]) -> float:
 
 
 def _verdict(posterior: Posterior, causes: Mapping[str, float], *, unnamed: bool, in_doubt: bool) -> Verdict:
-    if causes:
+    of_the_machine = [name for name in causes if not (name in catalogue and catalogue[name].measured)]
+    if causes and (of_the_machine or not unnamed):
         return "named" if all(p > SURE for p in causes.values()) and not in_doubt else "ambiguous"
     if unnamed:
         return "unknown"

@@ -31,6 +31,7 @@ from plant.discrete import INPUTS, Structure, integration_steps, sample_reading
 from plant.effects import State
 from plant.effects.effect import Array
 from plant.effects.goal_rate_limit import first_goal
+from plant.measured_torque import supporting_points
 from plant.sensitivity import step_with_slopes
 from plant.servo import ServoModel
 from plant.simulation import beginning, whole_samples
@@ -191,6 +192,9 @@ def _joined(pieces: Sequence[Prediction]) -> Prediction:
     )
 
 
+MEASURED = -1  # samples by which a measured torque is delayed: it goes on to the next one
+
+
 def run_inputs(
     run: Run, model: ServoModel, values: Array, bandwidth: float, width: float, part: slice
 ) -> tuple[Array, Array]:
@@ -202,6 +206,8 @@ def run_inputs(
     if "input_delay.time" in model.names:
         delay, values = model.names.index("input_delay.time"), values.copy()
         whole, values[delay] = whole_samples(float(values[delay]), run.sample_time)
+    if model.lead() is not None:
+        whole = MEASURED
     return _rows(run, part.start, part.stop, whole, bandwidth, width, model.has_random_walk), values
 
 
@@ -214,9 +220,10 @@ def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: 
         dt = np.append(dt, run.time[-1] - run.time[-2])
     gains = correcting_gain(run, bandwidth, dt, random_walk=random_walk)
     rows = np.empty((dt.size, len(INPUTS) + 1 + len(gains)))
+    command = supporting_points(run.command) if whole == MEASURED else run.command
     columns = (
-        _delayed(run.command, whole, part),
-        _delayed(run.command, whole + 1, part),
+        _delayed(command, whole, part),
+        _delayed(command, whole + 1, part),
         run.servo_gain[part],
         run.command_limit,
         run.time[part],
@@ -234,11 +241,8 @@ def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: 
 
 
 def _delayed(values: Array, samples: int, part: slice) -> Array:
-    """A part of values (T,) as they were some samples before; at first the first."""
-    first = max(part.start - samples, 0)
-    found = values[first : max(part.stop - samples, first)]
-    missing = part.stop - part.start - found.size
-    return np.concatenate((np.repeat(values[first], missing), found)) if missing else found
+    """A part of values (T,) as they were some samples before, or will be after; at the ends the first and the last."""
+    return np.asarray(values[np.clip(np.arange(part.start, part.stop) - samples, 0, values.size - 1)])
 
 
 def moves_with(model: ServoModel) -> Array:

@@ -44,6 +44,11 @@ class Course:
         """A torque that does not change."""
         return cls(start=torque, half=torque, end=torque, early=0.0)
 
+    @classmethod
+    def straight(cls, torque: Expression, more: Expression) -> Course:
+        """A torque that rises evenly by so much."""
+        return cls(start=torque, half=torque + more / 2, end=torque + more, early=0.0)
+
     @property
     def is_held(self) -> bool:
         """Whether it does not change: start and end are one and the same expression."""
@@ -145,7 +150,7 @@ def _not_zero(way: Expression) -> Expression:
 
 
 def played(
-    model: ServoModel, own: Own, command: Expression, gain: Expression, h: Expression
+    model: ServoModel, own: Own, entering: Course, gain: Expression, h: Expression
 ) -> tuple[Course, dict[str, tuple[Any, ...]]]:
     """The command behind the effects that shape it before the drive's law, and the states of these after `h`.
 
@@ -153,7 +158,7 @@ def played(
     an internal goal stays where it is.
     """
     states: dict[str, tuple[Any, ...]] = {}
-    course = Course.held(command)
+    course = entering
     for effect in model.effects:
         if State.COMMAND in effect.states:
             course = course.followed_by(effect, own[effect.name][0], h, straight=_is_straight(model, effect))

@@ -29,7 +29,8 @@ INPUTS = ("command", "previous_command", "servo_gain", "command_limit", "time", 
 """What a step takes besides state and parameters.
 
 command:           torque command from now on [N m]; of a position servo: servo gain times goal
-previous_command:  the command before, which acts until a delay inside the sample has passed [N m]
+previous_command:  the command before, which acts until a delay inside the sample has passed [N m]; of a measured torque
+                   these two are the next value and the one at the sample
 servo_gain:        by how much the drive's torque falls with the angle [N m/rad]; 0 when the log gives the torque
 command_limit:     bound on the drive's torque [N m]; inf if there is none
 time:              at the start of the sample, on the log's clock [s]
@@ -130,8 +131,17 @@ def _build(structure: Structure, substeps: int, settling: int, method: Method) -
     end = state
     for held, length in stretches(model, inputs):
         for h in division(model, end, held, inputs, length, substeps, settling):
-            step = Step(command=held, gain=gain, damping=damping, limit=limit, time=time, length=h, width=width)
-            end, time = one_step(model, end, step), time + h
+            step = Step(
+                command=held,
+                rise=rise(model, inputs),
+                gain=gain,
+                damping=damping,
+                limit=limit,
+                time=time,
+                length=h,
+                width=width,
+            )
+            end, time, held = one_step(model, end, step), time + h, held + h * rise(model, inputs)
     names = (["state", "inputs", "parameters"], ["next_state"])
     return ca.Function("sample_step", [state, inputs, parameters], [end], *names, {"cse": True})
 
@@ -139,10 +149,17 @@ def _build(structure: Structure, substeps: int, settling: int, method: Method) -
 def stretches(model: ServoModel, inputs: Any) -> list[tuple[Expression, Expression]]:
     """Commands that are held within a sample, and how long: a delay splits it where the new command arrives."""
     command, previous, dt = inputs[0], inputs[1], inputs[5]
+    if model.lead() is not None:
+        return [(previous, dt)]
     if not any(effect.name == "input_delay" for effect in model.effects):
         return [(command, dt)]
     late = ca.fmin(model.delay(), dt)
     return [(previous, late), (command, dt - late)]
+
+
+def rise(model: ServoModel, inputs: Any) -> Expression:
+    """How fast a measured torque rises over a sample [N m/s]; zero of a command, which is held."""
+    return 0.0 if model.lead() is None else (inputs[0] - inputs[1]) / inputs[5]
 
 
 def division(

@@ -22,8 +22,10 @@ class Step:
     """What acts during an integration step.
 
     Attributes:
-        command: held torque command; of a position servo servo gain times goal [N m].
+        command: held torque command, of a position servo servo gain times goal; where it is measured, its value at the
+            beginning [N m].
         gain, damping, limit: the drive's law, see `plant.discrete.INPUTS`.
+        rise: how fast a measured torque rises [N m/s].
         time, length: where the step begins and how long it is [s].
         width: smoothing of dry friction [rad/s].
     """
@@ -35,10 +37,18 @@ class Step:
     time: Expression
     length: Expression
     width: Expression
+    rise: Expression = 0.0
+
+    def entering(self, model: ServoModel) -> Course:
+        """The command, which is held, or the torque that acts where that of the log is measured, and late."""
+        lead = model.lead()
+        if lead is None:
+            return Course.held(self.command)
+        return Course.straight(self.command + lead * self.rise, self.rise * self.length)
 
     def drive(self, model: ServoModel, own: Own, angle: Expression, velocity: Expression) -> Course:
         """Torque of the drive's law at an angle and a velocity of the load."""
-        course, _ = played(model, own, self.command, self.gain, self.length)
+        course, _ = played(model, own, self.entering(model), self.gain, self.length)
         return course.moved(1.0, -self.gain * angle - self.damping * velocity).limited(self.limit)
 
 
@@ -154,7 +164,7 @@ def _own_after(
     drive's law sees half a step from the start.
     """
     h = step.length
-    on_the_way = played(model, own, step.command, step.gain, h)[1]
+    on_the_way = played(model, own, step.entering(model), step.gain, h)[1]
     on_the_way |= way.after(*half, end[-1])
     entering = angles  # the sensor
     states: list[Any] = []

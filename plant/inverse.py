@@ -110,7 +110,7 @@ def unmodelled_effects(model: ServoModel) -> list[str]:
     if others:
         found.append(f"Not compensated: {_listed(others)}.")
     if clocked:
-        found.append(f"Left out, because it depends on the time of the log: {_listed(clocked)}.")
+        found.append(f"Left out, because it holds for the log alone: {_listed(clocked)}.")
     return found
 
 

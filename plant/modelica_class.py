@@ -53,7 +53,7 @@ def modelica_class(model: ServoModel, *, name: str = "Antidrive") -> ModelicaCla
     clocked = [effect.title for effect in model.effects if effect.name not in kept]
     left_out = [f"Not in it: {', '.join(others)}."] if others else []
     if clocked:
-        left_out.append(f"Left out, because it depends on the time of the log: {', '.join(clocked)}.")
+        left_out.append(f"Left out, because it holds for the log alone: {', '.join(clocked)}.")
     return ModelicaClass(text=_text(timeless, name, left_out), left_out=tuple(left_out))
 
 

@@ -109,7 +109,7 @@ def _left_out(model: ServoModel, timeless: ServoModel) -> list[str]:
     found = [f"Not in it: {', '.join(lost)}."] if lost else []
     return [
         *found,
-        *([f"Left out, because it depends on the time of the log: {', '.join(clocked)}."] if clocked else []),
+        *([f"Left out, because it holds for the log alone: {', '.join(clocked)}."] if clocked else []),
     ]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import casadi as ca
 
-from plant.discrete import INPUTS, division, stretches
+from plant.discrete import INPUTS, division, rise, stretches
 from plant.integrator import Step, advance
 from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
@@ -50,13 +50,14 @@ def step_with_slopes(
     parts = []
     for command, stretch in stretches(bound, inputs):
         lengths = ca.vertcat(*division(bound, state, command, inputs, stretch, substeps))
-        given = [command, lengths, along(lengths)]
+        given = [ca.vertcat(command, rise(bound, inputs)), lengths, along(lengths)]
         parts.append(ca.Function("stretch", [state, slopes, inputs, parameters], given, {"cse": True}))
     clocked = any(part.nnz_out(2) for part in parts)  # whether the steps' instants move with the parameters
 
-    held, clock = kind.sym("held"), kind.sym("clock", 2)
+    held, clock = kind.sym("held", 2), kind.sym("clock", 2)
     clock_slopes = kind.sym("clock_slopes", ca.Sparsity.dense(2, columns) if clocked else ca.Sparsity(2, columns))
-    step = Step(command=held, gain=gain, damping=damping, limit=limit, time=clock[0], length=clock[1], width=width)
+    begun = {"time": clock[0], "length": clock[1]}
+    step = Step(command=held[0], rise=held[1], gain=gain, damping=damping, limit=limit, width=width, **begun)
     end = ca.cse(advance(bound, state, step))  # what occurs twice is differentiated once
     after = along(end) + ca.mtimes(ca.jacobian(end, clock), clock_slopes)
     given = [state, slopes, inputs, parameters, held, clock, clock_slopes]
@@ -73,6 +74,7 @@ def step_with_slopes(
         for row in range(lengths.shape[0]):
             now = ca.vertcat(time, lengths[row]), ca.vertcat(time_slopes, length_slopes[row, :])
             end, after = one(end, after, inputs, parameters, command, *now)
+            command = ca.vertcat(command[0] + lengths[row] * command[1], command[1])
             time, time_slopes = time + lengths[row], time_slopes + length_slopes[row, :]
     return ca.Function("step_with_slopes", [state, slopes, inputs, parameters], [end, after])
 

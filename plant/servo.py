@@ -46,7 +46,7 @@ class ServoModel(Tabled):
         torque_unit: what the torque is counted in where its scale is unknown, such as "V" or "A"; None is N m, or N.
 
     Raises:
-        BadParameter: a parameter is not finite or out of its bounds, or an effect appears twice.
+        BadParameter: a parameter is not finite or out of its bounds, an effect appears twice, or two exclude each other.
     """
 
     inertia: float = parameter("{torque} s^2/{angle}", "inertia J", lower=POSITIVE, default=2.0)
@@ -57,7 +57,7 @@ class ServoModel(Tabled):
     torque_unit: str | None = None
 
     _internal: ClassVar[frozenset[str]] = Tabled._internal | {
-        *("bound", "chaotic", "delay", "drivetrain", "dry_friction", "has_random_walk", "holds", "kinds"),
+        *("bound", "chaotic", "delay", "drivetrain", "dry_friction", "has_random_walk", "holds", "kinds", "lead"),
         *("load_inertia", "longest_step", "own_states", "parameters_with", "quantities", "reading", "slides"),
         *("smooth_acceleration", "states", "structure", "without_clock"),
     }
@@ -83,6 +83,12 @@ class ServoModel(Tabled):
         names = [effect.name for effect in self.effects]
         if len(set(names)) != len(names):
             raise BadParameter(f"ServoModel: an effect appears twice among {', '.join(names)}.")
+        for effect in self.effects:
+            if before := sorted(set(names) & set(effect.measured)):
+                raise BadParameter(
+                    f"ServoModel: {', '.join(before)} cannot stand beside {effect.name}, because a measured torque is "
+                    "already behind it; leave one of them out."
+                )
         order = {name: place for place, name in enumerate(catalogue)}
         ordered = tuple(sorted(self.effects, key=lambda effect: order.get(effect.name, len(order))))
         object.__setattr__(self, "effects", ordered)
@@ -279,6 +285,10 @@ class ServoModel(Tabled):
     def delay(self) -> Expression:
         """Dead time of the command [s]."""
         return sum((effect.delay() for effect in self.effects), start=0.0)
+
+    def lead(self) -> Expression | None:
+        """By how much the torque of a log is late because it was measured [s]; None where it is a command."""
+        return next((lead for effect in self.effects if (lead := effect.lead()) is not None), None)
 
     def inverse(self, angle: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> pd.DataFrame:
         """The torque command that a motion takes, each effect's share in a column: see `plant.inverse.inverse`."""

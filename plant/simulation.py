@@ -7,29 +7,35 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from plant.actuator import actuated, played
+from plant.actuator import Course, actuated, played
 from plant.built_once import recursion
 from plant.discrete import Method, Structure, integration_steps, sample_step
 from plant.effects import State
 from plant.effects.effect import Array
 from plant.effects.goal_rate_limit import first_goal
 from plant.integrator import Step
+from plant.measured_torque import supporting_points
 from plant.servo import ServoModel
 from plant.symbolic import one_at_a_time
 
 
-def held_commands(command: Array, dt: Array, delay: float) -> tuple[Array, Array, float]:
+def held_commands(model: ServoModel, command: Array, dt: Array) -> tuple[Array, Array, float]:
     """The two commands that act within each sample under a delay, and the part of the delay inside a sample.
 
+    A measured torque is not held: it goes from the second to the first.
+
     Args:
+        model: the servo.
         command: (T,) torque command, each held until the next [N m].
         dt: (T,) time step that follows each sample [s].
-        delay: dead time [s].
 
     Returns:
         (T,) the command from the switch on, (T,) the command until the switch, and when the switch comes [s].
     """
-    whole, switch = whole_samples(delay, float(np.median(dt)))
+    if model.lead() is not None:
+        points = supporting_points(command)
+        return np.append(points[1:], points[-1:]), points, 0.0
+    whole, switch = whole_samples(float(model.delay()), float(np.median(dt)))
     index = np.arange(command.size)
     return command[np.maximum(index - whole, 0)], command[np.maximum(index - whole - 1, 0)], switch
 
@@ -71,7 +77,7 @@ def simulate(
     """
     command = np.asarray(command, dtype=float)
     steps = np.broadcast_to(np.asarray(dt, dtype=float), command.shape)
-    now, before, switch = held_commands(command, steps, float(model.delay()))
+    now, before, switch = held_commands(model, command, steps)
     values = at_switch(model, switch)
     gain = np.broadcast_to(np.asarray(servo_gain, dtype=float), command.shape)
     begin = beginning(model, goal=first_goal(command, gain)) if state is None else np.asarray(state, dtype=float)
@@ -116,8 +122,10 @@ def actuator_torque(
         angle: (T,) of the load [rad].
         servo_gain, servo_damping, command_limit: the drive's law, see `INPUTS`; gain and damping (T,).
     """
-    now, before, switch = held_commands(command, dt, float(model.delay()))
+    now, before, switch = held_commands(model, command, dt)
     entering = before * np.minimum(switch / dt, 1.0) + now * (1.0 - np.minimum(switch / dt, 1.0))
+    if (lead := model.lead()) is not None:
+        entering = (now + before) / 2 + float(lead) * (now - before) / dt
     goal = first_goal(command, servo_gain)
     first = entering[0] - servo_gain[0] * angle[0] - servo_damping[0] * velocity[0]
     first = float(np.clip(first, -command_limit, command_limit))
@@ -138,7 +146,7 @@ def _actuator(structure: Structure) -> Any:
     own = model.own_states(state)
     step = Step(command=torque, gain=gain, damping=damping, limit=limit, time=0.0, length=h, width=0.0)
     course, behind = actuated(model, own, step.drive(model, own, x, v), h, v)
-    following = {**own, **played(model, own, torque, gain, h)[1], **behind}
+    following = {**own, **played(model, own, Course.held(torque), gain, h)[1], **behind}
     kept = [value for effect in model.effects for value in following[effect.name]]
     outputs: list[Any] = [ca.densify(ca.vertcat(state[:2], *kept)), ca.densify(course.mean)]
     return ca.Function("actuator", [state, row, parameters, limit], outputs, {"cse": True})

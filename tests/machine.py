@@ -170,13 +170,23 @@ def record(
                 now = now + h
     return Record(
         time=begin + np.arange(count) * sample_time,
-        command=given,
+        command=_measured(given, machine, sample_time),
         angle=angles,
         velocity=velocities,
         measured=measured,
         motor_angle=motors,
         reference=loop.reference if loop else None,
     )
+
+
+def _measured(torque: Array, machine: Machine, sample_time: float) -> Array:
+    """(T, B) what a log shows of a torque that is held over each sample: itself, or behind its measurement's filter."""
+    if not (filtered := machine.effects.get("torque_measurement_lag")):
+        return torque
+    kept, shown = np.exp(-sample_time / filtered["time_constant"]), np.array(torque)
+    for k in range(1, len(torque)):
+        shown[k] = torque[k - 1] + (shown[k - 1] - torque[k - 1]) * kept
+    return shown
 
 
 def _encoded(angle: Array, bits: int | None) -> Array:

@@ -5,6 +5,7 @@
     position servo: goal -> (delay) -> (goal rate limit) -> clip(gain (goal - x), -limit, limit) -> (saturation) -> ...
     J x'' = -alpha cos x - K x' + tau_load + tau_added - friction
     reading = x + eccentricity -> (first-order lag) -> noise -> encoder
+    recorded torque = command -> (first-order lag of its measurement)
 
 NumPy alone and nothing of the product; every effect by the name and the parameter names of the catalogue.
 """
@@ -47,6 +48,7 @@ KNOWN = {
     "friction_drift": ("viscous_rate", "coulomb_rate"),
     "encoder_eccentricity": ("amplitude", "order", "phase"),
     "sensor_lag": ("time_constant",),
+    "torque_measurement_lag": ("time_constant",),
 }
 DRY = {
     "coulomb_friction",

@@ -139,7 +139,7 @@ def test_what_is_not_undone_is_said():
         "The torque acts late: give set-points that lie 0.014 s ahead.",
         "Motor and load are taken as rigid, without backlash.",
         "Not compensated: encoder eccentricity, squared command.",
-        "Left out, because it depends on the time of the log: payload change, friction drift.",
+        "Left out, because it holds for the log alone: payload change, friction drift.",
     ]
     assert model.inverse(0.0, 0.0, 1.0)["inertia"].tolist() == pytest.approx([2.1])  # the payload has come to stay
     assert unmodelled_effects(ServoModel()) == []

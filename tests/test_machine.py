@@ -36,6 +36,7 @@ HIDDEN = {
     "friction_drift": {"viscous_rate": 0.2, "coulomb_rate": 0.1},
     "encoder_eccentricity": {"amplitude": 0.01, "order": 2.0, "phase": 0.3},
     "sensor_lag": {"time_constant": 0.004},
+    "torque_measurement_lag": {"time_constant": 0.004},
 }
 DRIVE = {"goal_rate_limit": {"servo_gain": 40.0, "command_limit": 60.0}}  # what only a position servo can have
 
@@ -158,7 +159,8 @@ def test_every_effect_can_be_hidden_and_shows() -> None:
     for name, values in HIDDEN.items():
         drive = DRIVE.get(name, {})
         hiding, bare = (exact(Machine(effects=effects, **drive), command) for effects in ({name: values}, {}))
-        assert np.abs(hiding.measured - bare.measured).max() > 1e-3, name
+        shown, without = (np.hstack((each.measured, each.command)) for each in (hiding, bare))
+        assert np.abs(shown - without).max() > 1e-3, name
 
 
 @pytest.mark.parametrize("name", KNOWN)

@@ -92,7 +92,7 @@ def test_units_names_and_what_is_left_out_stand_in_the_class():
     assert "entering = delay(torque, input_delay_time);" in made.text
     assert made.left_out == (
         "Not in it: sensor lag.",
-        "Left out, because it depends on the time of the log: friction drift.",
+        "Left out, because it holds for the log alone: friction drift.",
     )
     assert "force(unit" in modelica_class(ServoModel(gravity=0.0, axis="linear")).text
     with pytest.raises(BadParameter, match="beginning with a letter"):

@@ -40,6 +40,7 @@ HIDDEN = {
     "friction_drift": {"viscous_rate": 0.05, "coulomb_rate": 0.03},
     "encoder_eccentricity": {"amplitude": 0.02, "order": 1.0, "phase": 0.4},
     "sensor_lag": {"time_constant": 0.02},
+    "torque_measurement_lag": {"time_constant": 0.02},
 }
 DRIVE = {"goal_rate_limit": {"servo_gain": 40.0}}  # what only a position servo can have
 SLACK = {  # rad, where a step of the product is knowingly coarse
@@ -49,6 +50,7 @@ SLACK = {  # rad, where a step of the product is knowingly coarse
     "end_stop": 5e-5,
     "payload_change": 5e-4,
     "friction_drift": 5e-5,
+    "torque_measurement_lag": 5e-4,  # between samples a torque that jumps is not known
 }
 
 
@@ -64,7 +66,7 @@ def test_every_effect_matches_the_independent_machine(name: str) -> None:
     truth = record(machine, command, noise=0.0, bits=None, angle=0.3, velocity=-0.4)
     model, first = model_of(name), command[0]
     begin = beginning(model, angle=0.3, velocity=-0.4, torque=first, goal=first)
-    command = drive.get("servo_gain", 1.0) * command
+    command = drive.get("servo_gain", 1.0) * truth.command[:, 0]
     found = simulate(model, command=command, dt=SAMPLE, state=begin, **drive)[:-1]
     bare = simulate(ServoModel(), command=command, dt=SAMPLE, state=begin[:2], **drive)[:-1]
     seen = np.array(sample_reading(model).map(len(found))(found.T, model.values)).ravel()
@@ -215,8 +217,8 @@ def test_the_fewest_integration_steps_cover_the_sample(delay: float, goal: float
 
 
 def test_the_command_before_the_log_is_its_first() -> None:
-    command = np.array([3.0, 4.0, 5.0])
-    now, before, switch = held_commands(command, np.full(3, SAMPLE), 0.0075)
+    model, command = ServoModel(effects=(InputDelay(time=0.0075),)), np.array([3.0, 4.0, 5.0])
+    now, before, switch = held_commands(model, command, np.full(3, SAMPLE))
     assert now.tolist() == [3.0, 3.0, 4.0]
     assert before.tolist() == [3.0, 3.0, 3.0]
     assert switch == pytest.approx(0.0025)

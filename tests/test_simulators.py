@@ -88,7 +88,7 @@ def test_each_effect_is_in_the_mjcf_or_called_or_left_out():
     assert made.called == ("dead zone",)
     assert made.left_out == (
         "Not in it: sensor lag.",
-        "Left out, because it depends on the time of the log: friction drift.",
+        "Left out, because it holds for the log alone: friction drift.",
     )
     rigid = mujoco_model(model_with())
     assert (rigid.called, list(rigid.files)) == ((), ["antidrive.xml"])

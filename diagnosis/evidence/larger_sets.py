@@ -23,6 +23,7 @@ BELOW = 5.0
 STEP = 4.0
 """From bandwidth to bandwidth."""
 _NOTHING = 1e-3  # rise of the log-likelihood that says nothing
+_FASTEST = 16.0  # samples within the time constant of an observer
 _STEPS = 4  # below the bandwidth of the base model alone
 
 
@@ -131,7 +132,7 @@ def _tried(
             begun = found.weighed(found.fitted_with(parent.fit, proposal, found.null.bandwidth))
             if begun is not None:
                 yield begun
-                yield from with_slower_observers(found, begun)
+                yield from with_other_observers(found, begun)
         return
     weighed = found.weighed(fit)
     yield weighed
@@ -163,18 +164,43 @@ def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -
 
 def _would_add(fit: Fit, kind: type[Effect]) -> bool:
     drivetrain = fit.model.drivetrain
-    return not fit.model.holds(kind.name) and fit.log.shows(kind) and not (kind.flexible and drivetrain is not None)
+    if fit.model.holds(kind.name) or not fit.log.shows(kind) or (kind.flexible and drivetrain is not None):
+        return False
+    return not any(kind.name in effect.measured or effect.name in kind.measured for effect in fit.model.effects)
 
 
-def with_slower_observers(found: Explored, best: Explanation) -> Iterator[Explanation]:
-    """A set behind slower and slower observers, as long as it gets likelier; the one before the last is best."""
+def with_other_observers(found: Explored, best: Explanation) -> Iterator[Explanation]:
+    """A set behind slower and slower observers, as long as it gets likelier, and then between the best and the next.
+
+    None is faster than the base model needs, behind which innovations have a colour, which the discrepancy explains.
+    But the noise of a measured torque is one that nothing predicts. Where there is one, they are also faster as long as
+    the likelihood without a discrepancy rises as much.
+    """
+    fastest = found.null.bandwidth
+    if best.fit.model.lead() is not None:
+        fastest = max(fastest, _FASTEST / best.fit.log.sample_time)
+    for step in (STEP, STEP**0.5):
+        for ratio in (1.0 / step, step):
+            first = best
+            while 0.0 < best.fit.bandwidth * ratio <= fastest:
+                moved = _behind(found, best, best.fit.bandwidth * ratio)
+                if moved is None or (ratio > 1.0 and _gained(best, moved) < moved.log_marginal - best.log_marginal):
+                    break
+                yield moved
+                if moved.log_marginal <= best.log_marginal:
+                    break
+                best = moved
+            if best is not first:
+                break
+
+
+def _behind(found: Explored, explanation: Explanation, bandwidth: float) -> Explanation | None:
+    """The same set behind another observer; behind none where that is slower than the slowest."""
     slowest = found.null.bandwidth / STEP**_STEPS
-    while best.fit.bandwidth:
-        bandwidth = best.fit.bandwidth / STEP
-        moved = found.weighed(found.fitted(best.fit, [best.fit.model], bandwidth if bandwidth > slowest else 0.0))
-        if moved is None:
-            return
-        yield moved
-        if moved.log_marginal <= best.log_marginal:
-            return
-        best = moved
+    fit = found.fitted(explanation.fit, [explanation.fit.model], bandwidth if bandwidth > slowest else 0.0)
+    return found.weighed(fit)
+
+
+def _gained(before: Explanation, after: Explanation) -> float:
+    """Log-likelihood without a discrepancy."""
+    return after.fit.log_likelihood - before.fit.log_likelihood

@@ -20,7 +20,7 @@ from diagnosis.evidence.larger_sets import (
     proposals,
     rise,
     try_sets,
-    with_slower_observers,
+    with_other_observers,
 )
 from diagnosis.evidence.marginal import Explanation, families_along
 from diagnosis.evidence.posterior import LIKELY, Posterior
@@ -119,7 +119,7 @@ def _retune(found: Explored) -> None:
     """
 
     def lowered(best: Explanation) -> list[Explanation]:
-        return list(with_slower_observers(found, best))
+        return list(with_other_observers(found, best))
 
     if not found.held:
         ranked = sorted(found.known.values(), key=lambda each: -each.log_marginal)
@@ -200,7 +200,7 @@ def _less(found: Explored, best: Explanation, out: frozenset[str]) -> Explanatio
     known = [found.fits[names, each] for each in observers if (names, each) in found.fits]
     best_one = max(known, key=lambda each: each.log_marginal, default=None)
     if best_one is not None and best_one.fit.bandwidth > best.fit.bandwidth and not found.held:
-        found.add(with_slower_observers(found, best_one))
+        found.add(with_other_observers(found, best_one))
     return None if best_one is None else found.known[names]
 
 

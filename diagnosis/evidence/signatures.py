@@ -39,11 +39,13 @@ class Signature:
     searched: int
     forms: int
     flexible: bool
+    measured: tuple[str, ...]
     start: Callable[[Array], Effect]
 
     def excludes(self, other: Signature) -> bool:
         """Whether a model cannot have both: the same effect twice, or two motors before one load."""
-        return self.name == other.name or (self.flexible and other.flexible)
+        both_drive = self.flexible and other.flexible
+        return self.name == other.name or both_drive or other.name in self.measured or self.name in other.measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +150,7 @@ class Signatures:
                             searched=trace.searched,
                             forms=forms(effects[name]),
                             flexible=effects[name].flexible,
+                            measured=effects[name].measured,
                             start=trace.start,
                         )
                     )

@@ -28,10 +28,12 @@ from plant.effects.quadratic_drag import QuadraticDrag
 from plant.effects.rate_limit import RateLimit
 from plant.effects.sensor_lag import SensorLag
 from plant.effects.stribeck_friction import StribeckFriction
+from plant.effects.torque_measurement_lag import TorqueMeasurementLag
 from plant.effects.torque_offset import TorqueOffset
 from plant.effects.torque_saturation import TorqueSaturation
 
 _ALONG_THE_WAY: tuple[type[Effect], ...] = (
+    TorqueMeasurementLag,
     InputDelay,
     GoalRateLimit,
     RateLimit,
@@ -94,6 +96,7 @@ __all__ = [
     "Stage",
     "State",
     "StribeckFriction",
+    "TorqueMeasurementLag",
     "TorqueOffset",
     "TorqueSaturation",
     "Trace",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter
 from plant.effects.torque_offset import TorqueOffset
 
 
@@ -33,9 +33,9 @@ class CableStiffness(Effect):
         bend = at.angle - self.rest_angle
         return -self.stiffness * bend - self.cubic * bend**3
 
-    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
+    def plausible(self, log: Covered) -> bool:
         """A cable pulls back, to an angle no further than a travel away: from afar its pull is the same everywhere."""
-        return bool(self.stiffness >= 0.0 and 2.0 * low - high <= self.rest_angle <= 2.0 * high - low)
+        return bool(self.stiffness >= 0.0 and log.low - log.travel <= self.rest_angle <= log.high + log.travel)
 
     def reduced(self) -> tuple[Effect, ...]:
         """Soft and far away it is an offset."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from plant.effects.effect import TURN, Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import TURN, Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter
 from plant.effects.spectral_lines import as_wave, closer, eight_periods, is_wave, lines_over_angle, waves
 
 
@@ -33,13 +33,13 @@ class Cogging(Effect):
         """The ripple."""
         return self.amplitude * ca.sin(self.order * at.angle + self.phase)
 
-    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
+    def plausible(self, log: Covered) -> bool:
         """Once a turn or more often, or two periods were seen: a slower wave is an offset, or the bend of something.
 
         One that keeps step with the turn itself, all over the travel, is gravity with its offset.
         """
-        as_gravity = turn > 0.0 and abs(self.order - TURN / turn) * (high - low) < 0.5 * TURN
-        return is_wave(self.order, high - low, turn) and not as_gravity
+        as_gravity = log.turn > 0.0 and abs(self.order - TURN / log.turn) * log.travel < 0.5 * TURN
+        return is_wave(self.order, log.travel, log.turn) and not as_gravity
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

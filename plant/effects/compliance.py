@@ -10,6 +10,7 @@ import numpy as np
 from plant.effects.effect import (
     POSITIVE,
     Array,
+    Covered,
     Effect,
     Expression,
     Motion,
@@ -66,7 +67,7 @@ class Compliance(Effect):
             motor_share=share,
         )
 
-    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
+    def plausible(self, log: Covered) -> bool:
         """A spring swings: at a damping ratio of 1 / sqrt(2) and more there is no resonance, only a filter."""
         return bool(self.damping < np.sqrt(0.5))
 

@@ -28,6 +28,7 @@ from plant.effects.moment import Expression as Expression
 from plant.effects.moment import Moment as Moment
 from plant.effects.motion import TURN as TURN
 from plant.effects.motion import Array as Array
+from plant.effects.motion import Covered as Covered
 from plant.effects.motion import Motion as Motion
 from plant.effects.motion import Place as Place
 from plant.effects.parameter import POSITIVE as POSITIVE
@@ -109,8 +110,10 @@ class Effect:
     """Whether it repeats over the angle or over time."""
     chaotic: ClassVar[bool] = False
     """Whether a small error grows without bound in a free simulation, so that only short pieces can be judged."""
+    measured: ClassVar[tuple[str, ...]] = ()
+    """Effects that a log cannot show beside this one: they come before the torque that was measured."""
     clocked: ClassVar[bool] = False
-    """Whether it depends on the time of the log's clock, which ends with the log."""
+    """Whether it ends with the log: it depends on the log's clock, or on how the log was measured."""
     needs_angle: ClassVar[bool] = False
     """Whether it depends on where the load is, or changes the reading of that: a log of the speed does not show it."""
     longest_step: ClassVar[float] = 0.005
@@ -154,6 +157,10 @@ class Effect:
     def delay(self) -> Expression:
         """Dead time of the command [s]."""
         return 0.0
+
+    def lead(self) -> Expression | None:
+        """By how much the torque of a log is late because it was measured [s]; None where it is a command."""
+        return None
 
     def advance(self, state: Expression, torque: Expression, h: Expression) -> Expression:
         """The effect's own state after `h` under a constant incoming torque."""
@@ -279,16 +286,8 @@ class Effect:
         """
         return False
 
-    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
-        """Whether the values are such as the cause can well have; with others it is not named.
-
-        Args:
-            low: least angle of the load in the log [rad].
-            high: greatest.
-            speed: typical of the log [rad/s].
-            inertia: of the load [N m s^2/rad].
-            turn: of the load [rad]; 0 on a linear axis, which has none.
-        """
+    def plausible(self, log: Covered) -> bool:
+        """Whether the values are such as the cause can well have in a log; with others it is not named."""
         return True
 
     # How its trace looks.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Motion, Stage, Trace, parameter
+from plant.effects.effect import Covered, Effect, Expression, Motion, Stage, Trace, parameter
 from plant.effects.spectral_lines import as_wave, closer, is_wave, lines_over_angle, waves
 
 _FIRST = (1.0, 2.0)  # orders of a disc off its centre, and of one that is not round
@@ -36,12 +36,12 @@ class EncoderEccentricity(Effect):
         """The angle and its error."""
         return angle + self.amplitude * ca.sin(self.order * angle + self.phase)
 
-    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
+    def plausible(self, log: Covered) -> bool:
         """Once a turn or more often, or two periods were seen: a slower wave is the bend of something else.
 
         And no reading goes back while the load goes on.
         """
-        return is_wave(self.order, high - low, turn) and self.amplitude * self.order < 1.0
+        return is_wave(self.order, log.travel, log.turn) and self.amplitude * self.order < 1.0
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

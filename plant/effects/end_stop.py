@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import POSITIVE, Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import POSITIVE, Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,9 +33,9 @@ class EndStop(Effect):
         upper = ca.if_else(self.stiffness > 0, ca.fmax(beyond, 0), ca.fmin(beyond, 0))
         return -ca.fabs(self.stiffness) * upper
 
-    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
+    def plausible(self, log: Covered) -> bool:
         """A stop stops: at its usual speed the load gets no deeper than half of its travel."""
-        return bool(np.sqrt(inertia / max(abs(self.stiffness), 1e-300)) * speed < 0.5 * (high - low))
+        return bool(np.sqrt(log.inertia / max(abs(self.stiffness), 1e-300)) * log.speed < 0.5 * log.travel)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
+from plant.effects.effect import Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,7 @@ class LoadDependentFriction(Effect):
         level = self.coefficient * ca.fabs(at.torque)
         return level, level
 
-    def plausible(self, *, low: float, high: float, speed: float, inertia: float, turn: float) -> bool:
+    def plausible(self, log: Covered) -> bool:
         """A gear that takes more than half of the torque locks itself: the load cannot drive it."""
         return self.coefficient <= 0.5
 

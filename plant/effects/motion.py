@@ -15,6 +15,31 @@ Place: TypeAlias = Literal["torque", "reading"]
 TURN = 2.0 * np.pi
 
 
+@dataclass(frozen=True, kw_only=True)
+class Covered:
+    """What a log covers.
+
+    Attributes:
+        low, high: least and greatest angle of the load [rad].
+        speed: typical [rad/s].
+        duration: of the longest run [s].
+        inertia: of the load, by the model at hand [N m s^2/rad].
+        turn: of the load [rad]; 0 on a linear axis, which has none.
+    """
+
+    low: float
+    high: float
+    speed: float
+    duration: float
+    inertia: float
+    turn: float
+
+    @property
+    def travel(self) -> float:
+        """From the least angle to the greatest [rad]."""
+        return self.high - self.low
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
     """What a fitted model did over one log, for an effect to say how its trace would look.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter
 from plant.effects.spectral_lines import as_wave, closer, eight_periods, lines_over_time, waves
 
 
@@ -36,6 +36,10 @@ class PeriodicDisturbance(Effect):
     def load_torque(self, at: Moment, state: Expression) -> Expression:
         """The sine."""
         return self.amplitude * ca.sin(2 * np.pi * self.frequency * at.time + self.phase)
+
+    def plausible(self, log: Covered) -> bool:
+        """Two periods were seen; else it is a torque that drifts."""
+        return self.frequency * log.duration >= 2.0
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
