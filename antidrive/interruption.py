@@ -5,6 +5,7 @@ Threads may still be in machine code for a while; they are not waited for.
 
 from __future__ import annotations
 
+import _thread
 import atexit
 import os
 import signal
@@ -15,6 +16,7 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_AGAIN = 0.05  # until a signal comes again that was ignored [s]
 
 
 class Stopped(BaseException):
@@ -28,15 +30,31 @@ class Stopped(BaseException):
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """Within the block a signal raises `Stopped`, once: what cleans up is not stopped again."""
+    """Within the block a signal raises `Stopped`, once: what cleans up is not stopped again.
+
+    Python ignores what is raised while an object is taken away, or a module's lock; then it comes again a little later.
+    """
+    reported = sys.unraisablehook
 
     def stop(number: int, frame: Any) -> NoReturn:
         for each in _SIGNALS:
             signal.signal(each, signal.SIG_IGN)
         raise Stopped(number)
 
+    def ignored(told: Any) -> None:
+        if not isinstance(told.exc_value, Stopped):
+            reported(told)
+            return
+        for each in _SIGNALS:
+            signal.signal(each, stop)
+        threading.Timer(_AGAIN, _thread.interrupt_main, (told.exc_value.code - 128,)).start()
+
     with _handled(stop):
-        yield
+        sys.unraisablehook = ignored
+        try:
+            yield
+        finally:
+            sys.unraisablehook = reported
 
 
 @contextmanager

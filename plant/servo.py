@@ -46,7 +46,7 @@ class ServoModel(Tabled):
         torque_unit: what the torque is counted in where its scale is unknown, such as "V" or "A"; None is N m, or N.
 
     Raises:
-        BadParameter: a parameter is not finite or out of its bounds, an effect appears twice, or two exclude each other.
+        BadParameter: a parameter is not finite or out of its bounds, or effects appear twice or exclude each other.
     """
 
     inertia: float = parameter("{torque} s^2/{angle}", "inertia J", lower=POSITIVE, default=2.0)

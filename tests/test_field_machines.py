@@ -82,7 +82,7 @@ def test_a_seed_gives_the_same_log_again_also_from_a_folder(seed, tmp_path):
 
 
 def test_names_of_the_tables_are_those_of_the_catalogue():
-    assert set(VARIABLES) | {"torque_offset", "dead_zone"} == set(catalogue)
+    assert set(VARIABLES) | {"torque_offset", "dead_zone", "torque_measurement_lag"} == set(catalogue)
     assert {name for true, told, _ in TABLE for name in (true, *told)} <= set(catalogue)
 
 

@@ -115,6 +115,30 @@ def test_a_signal_waits_until_results_are_whole(tmp_path, monkeypatch):
     assert ends == ["whole"]
 
 
+class Telltale:
+    """An object that is being taken away when the signal comes."""
+
+    def __del__(self) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        _ = [number for number in range(100)]  # where Python looks for signals, and ignores what they raise
+
+
+def stopped_while_something_goes() -> None:
+    with stoppable():
+        Telltale()
+        begun = time.monotonic()
+        while time.monotonic() - begun < 5.0:
+            pass
+
+
+def test_a_signal_that_python_ignores_comes_again():
+    before = sys.unraisablehook
+    with pytest.raises(Stopped) as stopped:
+        stopped_while_something_goes()
+    assert stopped.value.code == 143
+    assert sys.unraisablehook is before
+
+
 @pytest.mark.parametrize(("what", "code"), [(KeyboardInterrupt(), 130), (Stopped(15), 143), (RuntimeError("x"), 1)])
 def test_what_is_said_of_the_results_is_so(what, code, tmp_path, monkeypatch):
     def fail(*_: object, **__: object) -> None:

@@ -393,7 +393,7 @@ def test_varying_friction_begins_where_none_of_it_is_cut_off() -> None:
 def test_a_choice_must_make_sense() -> None:
     assert set(chosen(None, ["backlash"])) == set(catalogue) - {"backlash"}
     assert list(chosen(["cogging", Windage], ())) == ["cogging", "windage"]
-    with pytest.raises(BadParameter, match="'stiktion' is no effect; the catalogue has input_delay"):
+    with pytest.raises(BadParameter, match="'stiktion' is no effect; the catalogue has torque_measurement_lag"):
         chosen(["stiktion"], ())
     with pytest.raises(BadParameter, match="exclude: 'stiktion'"):
         chosen(None, ["stiktion"])

@@ -170,28 +170,24 @@ def _would_add(fit: Fit, kind: type[Effect]) -> bool:
 
 
 def with_other_observers(found: Explored, best: Explanation) -> Iterator[Explanation]:
-    """A set behind slower and slower observers, as long as it gets likelier, and then between the best and the next.
+    """A set behind slower and slower observers, as long as it gets likelier; the one before the last is best.
 
     None is faster than the base model needs, behind which innovations have a colour, which the discrepancy explains.
-    But the noise of a measured torque is one that nothing predicts. Where there is one, they are also faster as long as
-    the likelihood without a discrepancy rises as much.
+    But the noise of a measured torque is one that nothing predicts, so that one observer suits it. Where there is one,
+    they are also faster, as long as the likelihood without a discrepancy rises as much, and then in between.
     """
-    fastest = found.null.bandwidth
-    if best.fit.model.lead() is not None:
+    measured, fastest = best.fit.model.lead() is not None, found.null.bandwidth
+    if measured:
         fastest = max(fastest, _FASTEST / best.fit.log.sample_time)
-    for step in (STEP, STEP**0.5):
-        for ratio in (1.0 / step, step):
-            first = best
-            while 0.0 < best.fit.bandwidth * ratio <= fastest:
-                moved = _behind(found, best, best.fit.bandwidth * ratio)
-                if moved is None or (ratio > 1.0 and _gained(best, moved) < moved.log_marginal - best.log_marginal):
-                    break
-                yield moved
-                if moved.log_marginal <= best.log_marginal:
-                    break
-                best = moved
-            if best is not first:
+    for ratio in (1.0 / STEP, STEP, STEP**-0.5, STEP**0.5) if measured else (1.0 / STEP,):
+        while 0.0 < best.fit.bandwidth * ratio <= fastest:
+            moved = _behind(found, best, best.fit.bandwidth * ratio)
+            if moved is None or (ratio > 1.0 and _gained(best, moved) < moved.log_marginal - best.log_marginal):
                 break
+            yield moved
+            if moved.log_marginal <= best.log_marginal:
+                break
+            best = moved
 
 
 def _behind(found: Explored, explanation: Explanation, bandwidth: float) -> Explanation | None:
