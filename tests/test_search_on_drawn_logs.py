@@ -58,3 +58,20 @@ def test_a_gap_is_tried_alone_before_a_gap_with_another_effect() -> None:
     found = diagnose(drawn(326).log, candidates=["end_stop", "backlash", "encoder_eccentricity"])
     assert found.verdict == "named"
     assert {cause.effect for cause in found.causes} == {"end_stop", "backlash"}
+
+
+@pytest.mark.parametrize("seed", [411, 381])
+def test_the_noise_of_a_measured_torque_has_its_own_observer(seed: int) -> None:
+    """Faster than the base model needs for one log, and for the other between two that the search tries."""
+    log = drawn(seed).log
+    found = diagnose(log, candidates=["torque_measurement_lag", "coulomb_friction"])
+    assert {cause.effect: cause.probability > 0.9 for cause in found.causes} == {"torque_measurement_lag": True}
+    assert found.unknown.share < 0.01
+
+
+@pytest.mark.long
+def test_a_measured_current_of_drawn_machines_hides_nothing() -> None:
+    """Friction that drifts and a gap are named beside the lag of the current, which is a sample and a half."""
+    found = diagnose(drawn(303).log, candidates=["torque_measurement_lag", "friction_drift", "backlash"])
+    assert {cause.effect for cause in found.causes} == {"torque_measurement_lag", "friction_drift", "backlash"}
+    assert found.verdict == "named"

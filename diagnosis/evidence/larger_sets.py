@@ -23,7 +23,6 @@ BELOW = 5.0
 STEP = 4.0
 """From bandwidth to bandwidth."""
 _NOTHING = 1e-3  # rise of the log-likelihood that says nothing
-_FASTEST = 16.0  # samples within the time constant of an observer
 _STEPS = 4  # below the bandwidth of the base model alone
 
 
@@ -176,9 +175,8 @@ def with_other_observers(found: Explored, best: Explanation) -> Iterator[Explana
     But the noise of a measured torque is one that nothing predicts, so that one observer suits it. Where there is one,
     they are also faster, as long as the likelihood without a discrepancy rises as much, and then in between.
     """
-    measured, fastest = best.fit.model.lead() is not None, found.null.bandwidth
-    if measured:
-        fastest = max(fastest, _FASTEST / best.fit.log.sample_time)
+    measured = best.fit.model.lead() is not None
+    fastest = np.inf if measured else found.null.bandwidth
     for ratio in (1.0 / STEP, STEP, STEP**-0.5, STEP**0.5) if measured else (1.0 / STEP,):
         while 0.0 < best.fit.bandwidth * ratio <= fastest:
             moved = _behind(found, best, best.fit.bandwidth * ratio)
