@@ -183,14 +183,15 @@ def _squared_innovations(log: Log, fit: Fit, bandwidth: float) -> Array:
 
 
 def _possible(explanations: Collection[Explanation]) -> tuple[list[Explanation], dict[str, str]]:
-    """The explanations whose values a machine may have, and by name what is wrong with the others."""
+    """The explanations whose values a machine may have, and what is wrong with each name that none of them holds."""
     kept, falsified = [], dict[str, str]()
     for each in sorted(explanations, key=lambda each: -each.log_marginal):
         wrong = {name: why for name in sorted(each.names) if (why := _impossible(each, name)) is not None}
         if not wrong:
             kept.append(each)
         falsified = wrong | falsified
-    return kept, falsified
+    left = {name for each in kept for name in each.names}
+    return kept, {name: why for name, why in falsified.items() if name not in left}
 
 
 def _impossible(explanation: Explanation, name: str) -> str | None:
@@ -205,7 +206,8 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
     sizes = {key: values[key] for key in {*torques, *_sizes(name)} & values.keys()}
     if sizes and all(_is_zero(value) for value in sizes.values()):
         return f"its {_said(sizes)} {'is' if len(sizes) == 1 else 'are'} zero within the standard error"
-    if any(fit[f"{name}.{spec}"].at_bound for spec in _swings(name)):
+    swings = [fit[f"{name}.{spec}"] for spec in _swings(name)]
+    if any(line.at_bound or line.value is None for line in swings):
         return "its resonance is faster than this log can show"
     if not is_plausible(fit, name):
         return "such a cause hardly ever has the fitted values"

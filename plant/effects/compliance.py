@@ -22,6 +22,8 @@ from plant.effects.effect import (
     within,
 )
 
+_MOST_DAMPED = 0.3  # damping ratio of a drivetrain: four times that of rubber
+
 
 @dataclass(frozen=True, kw_only=True)
 class Compliance(Effect):
@@ -68,8 +70,12 @@ class Compliance(Effect):
         )
 
     def plausible(self, log: Covered) -> bool:
-        """A spring swings: at a damping ratio of 1 / sqrt(2) and more there is no resonance, only a filter."""
-        return bool(self.damping < np.sqrt(0.5))
+        """A spring swings; one that hardly does is a filter.
+
+        Even rubber couplings have damping ratios D of 0.04 to 0.07 only (as damping energy ratios 4 pi D of 0.45 to
+        0.90; Martyr and Plint 2007, table 9.2).
+        """
+        return self.damping < _MOST_DAMPED
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
