@@ -140,7 +140,7 @@ def _verdict(posterior: Posterior, causes: Mapping[str, float], *, unnamed: bool
     if unnamed:
         return "unknown"
     nothing = posterior.believed.get(frozenset(), 0.0)
-    return "nothing_missing" if nothing > 1.0 - SURE or not posterior.names() else "ambiguous"
+    return "nothing_missing" if nothing > LIKELY or not posterior.names() else "ambiguous"
 
 
 def _leading(posterior: Posterior) -> dict[str, float]:

@@ -15,7 +15,7 @@ from diagnosis.evidence.fitted_sets import Explored, fitted
 from diagnosis.evidence.marginal import families_along
 from diagnosis.evidence.posterior import Posterior, beside_discrepancy
 from diagnosis.falsification import tenable
-from diagnosis.verdict import rivals
+from diagnosis.verdict import judged, rivals
 from identification.fit import fit
 from plant.effects import Compliance, StribeckFriction, TorqueOffset, catalogue
 
@@ -51,6 +51,22 @@ def test_a_rival_is_likelier_without_a_name_than_beside_it() -> None:
     assert told["b"] == pytest.approx(0.32)
     found = dict(rivals(believing(a=0.5, b=0.3, a__c=0.18, b__c=0.02), "a"))
     assert "c" not in found
+
+
+@pytest.mark.parametrize(("nothing", "verdict"), [(0.3, "ambiguous"), (0.55, "nothing_missing")])
+def test_look_alikes_together_say_that_one_is_missing(nothing: float, verdict: str) -> None:
+    """None of three is likely by itself, but that it is one of them is likelier than that nothing is missing."""
+    each = (1.0 - nothing) / 3.0
+    shares = {frozenset[str](): nothing} | {
+        frozenset({name}): each for name in ("input_delay", "sensor_lag", "back_emf")
+    }
+    quiet = SimpleNamespace(material=0.0, at_its_limit=False)
+    fits: Any = tuple(SimpleNamespace(names=n, discrepancy=SimpleNamespace(posterior=quiet)) for n in shares)
+    posterior = Posterior(sets=fits, probabilities=tuple(shares.values()), believed=shares)
+    missing: Any = SimpleNamespace(excess=0.0)
+    found = judged(posterior, missing, shows=False, ruled_out=None)
+    assert found.verdict == verdict
+    assert bool(found.causes) == (verdict == "ambiguous")
 
 
 def test_look_alikes_do_not_take_each_other_away() -> None:
