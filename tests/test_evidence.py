@@ -18,6 +18,7 @@ from diagnosis.evidence.families import Families
 from diagnosis.evidence.fitted_sets import fitted as fitted_near
 from diagnosis.evidence.marginal import families_along, weigh
 from diagnosis.evidence.posterior import over_blocks
+from diagnosis.evidence.proposals import proposals_of
 from diagnosis.evidence.signatures import Signatures
 from identification.fit import fit
 from identification.fit_result import Fit
@@ -261,7 +262,7 @@ def test_no_set_has_two_motors_before_one_load() -> None:
     base = weigh(fitted, {"dead_zone"}, families, catalogue=2, observer=fitted.bandwidth)
     assert base is not None
     both = {name: catalogue[name] for name in ("backlash", "compliance", "encoder_eccentricity")}
-    proposed = {each.names for each in Signatures.at(base, both, len(both)).proposals()}
+    proposed = {each.names for each in proposals_of(Signatures.at(base, both, len(both)))}
     assert {"backlash", "compliance"} not in proposed
     assert frozenset({"backlash"}) in proposed
 

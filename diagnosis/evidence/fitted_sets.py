@@ -8,7 +8,7 @@ from typing import Any
 
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import Explanation, weigh
-from diagnosis.evidence.signatures import Proposal
+from diagnosis.evidence.proposals import Proposal
 from diagnosis.refit import fitted_from, is_its_special_case, most_promising, problem_near
 from identification.fit_result import Fit
 from identification.noise import log_likelihood

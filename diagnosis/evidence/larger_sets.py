@@ -10,7 +10,8 @@ import numpy as np
 
 from diagnosis.evidence.fitted_sets import Explored
 from diagnosis.evidence.marginal import Explanation
-from diagnosis.evidence.signatures import Proposal, Signatures
+from diagnosis.evidence.proposals import Proposal, proposals_of
+from diagnosis.evidence.signatures import Signatures
 from identification.fit_result import Fit
 from identification.predictor import HELD
 from identification.threads import in_threads
@@ -31,7 +32,7 @@ def proposals(found: Explored, parent: Explanation) -> list[Proposal]:
     key = parent.names, parent.fit.bandwidth
     if key not in found.proposed:
         asked = {n: kind for n, kind in found.effects.items() if _would_add(parent.fit, kind)}
-        drawn = Signatures.at(parent, asked, len(found.effects)).proposals() if asked else []
+        drawn = proposals_of(Signatures.at(parent, asked, len(found.effects))) if asked else []
         found.proposed[key] = drawn
     return found.proposed[key]
 

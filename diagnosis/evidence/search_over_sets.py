@@ -24,7 +24,7 @@ from diagnosis.evidence.larger_sets import (
 )
 from diagnosis.evidence.marginal import Explanation, families_along
 from diagnosis.evidence.posterior import LIKELY, Posterior
-from diagnosis.evidence.signatures import Proposal
+from diagnosis.evidence.proposals import Proposal
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
 from identification.threads import in_threads, without_blas_threads

@@ -1,0 +1,147 @@
+"""Which sets of one or two effects promise most beside an explanation, and where their fits begin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+
+from diagnosis.evidence.explained_power import Products, Signature, explained, powers, unbounded
+from diagnosis.evidence.prior import LOG_UNIFORM
+from diagnosis.evidence.signatures import Signatures
+from identification.least_squares import bounded_least_squares
+from plant.effects import Effect
+
+_FIRST = 6  # effects beside which a second is looked for
+_NEAR = 0.4  # share of the best shape's evidence that makes another a start of its own
+_STARTS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proposal:
+    """A set of effects to add to a model, each with its starts, the best first.
+
+    Attributes:
+        value: log Bayes factor that it promises.
+        worth: log Bayes factor by the log-likelihood that it brings.
+        starts: of each effect.
+        leads: whether nothing would promise more if there were no discrepancy.
+    """
+
+    value: float
+    worth: Callable[[float], float]
+    starts: tuple[tuple[Effect, ...], ...]
+    leads: bool = False
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Of the effects."""
+        return frozenset(starts[0].name for starts in self.starts)
+
+    @property
+    def chaotic(self) -> bool:
+        """Whether one of them is."""
+        return any(starts[0].chaotic for starts in self.starts)
+
+    @property
+    def costly(self) -> int:
+        """How long a fit takes: 0 of one effect, 1 of two, 2 of what is chaotic."""
+        return 2 if self.chaotic else len(self.starts) - 1
+
+
+def proposals_of(signatures: Signatures) -> list[Proposal]:
+    """The sets of one or two effects, each with what it promises.
+
+    Beside a discrepancy that has taken a missing effect over, the effect brings next to nothing. So each set is
+    asked about beside discrepancies of several sizes, and has what it makes with the best of them.
+    """
+    best: dict[frozenset[str], Proposal] = {}
+    for likelihood, products in signatures.views:
+        ranked = _Ranking(signatures=signatures, products=products).proposals(likelihood)
+        for proposal in ranked:
+            at_hand = best.get(proposal.names)
+            if at_hand is None or proposal.value > at_hand.value:
+                best[proposal.names] = proposal
+    # In the last view, the one without discrepancy: the best effect, and the best two.
+    by_size = ([each for each in ranked if len(each.names) == size] for size in (1, 2))
+    leading = {max(some, key=lambda each: each.value).names for some in by_size if some}
+    return [replace(each, leads=each.names in leading) for each in best.values()]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ranking:
+    """By what the signatures explain beside one view of the discrepancy."""
+
+    signatures: Signatures
+    products: Products
+
+    def proposals(self, likelihood: float) -> list[Proposal]:
+        """Each effect, and two of them where they promise more than either alone."""
+        alone = self._best(self.products)
+        found = [self._proposal((shape,), likelihood + value) for value, shape in alone.values()]
+        leading = sorted(alone.values(), key=lambda pair: -pair[0])[:_FIRST]
+        for value, shape in leading:
+            second = self._best(self.products.beyond(shape.columns), shape)
+            for more, other in sorted(second.values(), key=lambda pair: -pair[0])[:_FIRST]:
+                if more > 0.0 and (other.name not in alone or value + more > alone[other.name][0]):
+                    found.append(self._proposal((shape, other), likelihood + value + more))
+        return found
+
+    def _best(self, products: Products, beside: Signature | None = None) -> dict[str, tuple[float, Signature]]:
+        """The best shape of each effect that explains anything, beside one perhaps, and what it promises.
+
+        With signs left free a shape explains no less; so only those are looked at that might still be the best.
+        """
+        best: dict[str, tuple[float, Signature]] = {}
+        most = unbounded(products, self.signatures.plain, self.signatures.shapes)
+        for place in np.argsort(-most, kind="stable"):
+            shape, bound = self.signatures.shapes[place], float(most[place])
+            if bound <= 0.0 or (beside is not None and shape.excludes(beside)):
+                continue
+            at_hand = best[shape.name][0] if shape.name in best else -np.inf
+            if self._value(self._evidence(products, bound), shape) <= at_hand:
+                continue
+            power = explained(products, self.signatures.plain, shape, bound)
+            value = self._value(self._evidence(products, power), shape)
+            if power > 0.0 and value > at_hand:
+                best[shape.name] = value, shape
+        return best
+
+    def _evidence(self, products: Products, power: float) -> float:
+        """Of an explained power."""
+        return -0.5 * self.signatures.samples * float(np.log(max(1.0 - power / max(products.power, 1e-300), 1e-12)))
+
+    def _value(self, evidence: float, *shapes: Signature) -> float:
+        """Of an evidence: less what the priors of the sizes, the search and the catalogue cost."""
+        return evidence - sum(self._cost(evidence, shape) for shape in shapes)
+
+    def _cost(self, evidence: float, shape: Signature) -> float:
+        sizes = len(shape.positive)
+        precise = 0.5 * float(np.log1p(2.0 * max(evidence, 0.0) / sizes))  # log of a size over its standard error
+        searched = float(np.log(shape.searched)) + shape.forms * float(np.log(self.signatures.catalogue))
+        return sizes * (precise + LOG_UNIFORM) + searched
+
+    def _proposal(self, shapes: tuple[Signature, ...], value: float) -> Proposal:
+        places = np.concatenate([np.arange(s.columns.start, s.columns.stop) for s in shapes])
+        positive = tuple(chain.from_iterable(s.positive for s in shapes))
+        sizes = bounded_least_squares(self.products.gram[np.ix_(places, places)], self.products.pull[places], positive)
+        starts, first = [], 0
+        for shape in shapes:
+            last = first + len(shape.positive)
+            own = shape.start(sizes[first:last])
+            starts.append((own, *self._others(shape)) if len(shapes) == 1 and own.multimodal else (own,))
+            first = last
+        return Proposal(value=value, worth=lambda gain: self._value(gain, *shapes), starts=tuple(starts))
+
+    def _others(self, best: Signature) -> Iterator[Effect]:
+        """Other shapes of the same effect, nearly as good."""
+        products, shapes = self.products, self.signatures.shapes
+        own = [best, *(shape for shape in shapes if shape.name == best.name and shape is not best)]
+        evidence = [self._evidence(products, power) for power in powers(products, self.signatures.plain, own)]
+        least, like = _NEAR * evidence[0], list(zip(evidence[1:], own[1:], strict=True))
+        near = sorted((pair for pair in like if pair[0] > least), key=lambda pair: -pair[0])
+        for _, shape in near[: _STARTS - 1]:
+            at = shape.columns
+            yield shape.start(bounded_least_squares(products.gram[at, at], products.pull[at], shape.positive))
