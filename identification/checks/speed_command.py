@@ -2,9 +2,9 @@
 
 A torque has to accelerate the load, and to overcome friction before it moves at all. A command that is the speed times
 a constant does neither. Where the constant is that of a unit of speed, a loop that follows its set-point with an error
-is known as well; where it is another, the speed itself was taken. That shows no inertia, while the torque of a slow
-load with much viscous friction leads the speed by it. Where it was given the unit of a torque that is accepted, for a
-load of viscous friction alone moves like that too.
+is known as well. Where it is another, the speed itself may have been taken. That shows no inertia, while the torque of a
+slow load with much viscous friction leads the speed by it. But a load of viscous friction alone moves like that too. So
+that is said, and no more, as it is where the command was given the unit of a torque.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _VARIES = 0.1  # share of the speed's square that is not its mean
 
 
 def speed_for_torque(recording: Recording) -> Iterable[Finding]:
-    """A command that is proportional to the speed makes the log unusable."""
+    """A command that is a speed in some unit makes the log unusable; one that is proportional to it is told."""
     if recording.servo_gain.any():
         return
     part, seen = views(recording)
@@ -42,14 +42,14 @@ def speed_for_torque(recording: Recording) -> Iterable[Finding]:
         taken = left < _EXACT and view.inertia(part.command) < SURE if unit is None else left < _FOLLOWED
         if taken:
             name = recording.name("command")
-            stated = "command" in recording.stated
+            possible = "command" in recording.stated or unit is None
             what = f"the speed of '{recording.name('output')}'" + (f" in {unit}" if unit else f" times {factor:.4g}")
             said = (
                 "so the load has neither inertia nor dry friction, or a speed was taken for the torque"
-                if stated
+                if possible
                 else "so a speed or its set-point was taken for what drives the load; name the torque, current or "
                 "voltage with --map torque=COLUMN"
             )
             text = f"{recording.label}: '{name}' is {what}, {said}"
-            yield Finding(kind="speed as command", repaired=False, text=text, unusable=not stated)
+            yield Finding(kind="speed as command", repaired=False, text=text, unusable=not possible)
             return
