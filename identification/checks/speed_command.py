@@ -2,9 +2,9 @@
 
 A torque has to accelerate the load, and to overcome friction before it moves at all. A command that is the speed times
 a constant does neither. Where the constant is that of a unit of speed, a loop that follows its set-point with an error
-is known as well. Where it is another, the speed itself may have been taken. That shows no inertia, while the torque of a
-slow load with much viscous friction leads the speed by it. But a load of viscous friction alone moves like that too. So
-that is said, and no more, as it is where the command was given the unit of a torque.
+is known as well. Where it is another, the speed itself may have been taken. That shows no inertia, while the torque of
+a slow load with much viscous friction leads the speed by it. But a load of viscous friction alone moves like that too.
+So that is said, and no more, as it is where the command was given the unit of a torque.
 """
 
 from __future__ import annotations
