@@ -123,6 +123,11 @@ def special_cases(name: str) -> set[str]:
     return {name, *(() if kind is None else kind.contains)}
 
 
+def of_the_measurement(name: str) -> bool:
+    """Whether an effect is one of how the torque of the log was measured, and not of the machine."""
+    return name in catalogue and bool(catalogue[name].measured)
+
+
 def in_doubt(probability: float) -> bool:
     """Whether an effect with such a probability may be there, and may not."""
     return 1.0 - SURE < probability <= SURE
@@ -134,7 +139,7 @@ def _complete(posterior: Posterior, told: Collection[str]) -> float:
 
 
 def _verdict(posterior: Posterior, causes: Mapping[str, float], *, unnamed: bool, in_doubt: bool) -> Verdict:
-    of_the_machine = [name for name in causes if not (name in catalogue and catalogue[name].measured)]
+    of_the_machine = [name for name in causes if not of_the_measurement(name)]
     if causes and (of_the_machine or not unnamed):
         return "named" if all(p > SURE for p in causes.values()) and not in_doubt else "ambiguous"
     if unnamed:

@@ -7,6 +7,7 @@ import pytest
 from machine import Follower, Machine, record, wandering_reference
 
 from diagnosis import diagnose
+from diagnosis.explanation.summary import headline
 from identification import Log, fit
 from mpc import Controller
 from plant import BadParameter, GearTrain, ServoModel, catalogue, simulate
@@ -51,6 +52,8 @@ def test_the_diagnosis_reads_the_torque_as_measured(measured: Log) -> None:
     assert {cause.effect for cause in found.causes} == {"torque_measurement_lag", "coulomb_friction"}
     assert found.verdict == "named"
     assert found.to_dict()["data"]["read_as"] == "measured"
+    late = "The torque of this log was measured, and its measurement is late."
+    assert headline(found) == f"{late} The model lacks Coulomb friction."
 
 
 def test_the_command_of_a_loop_is_read_as_one() -> None:

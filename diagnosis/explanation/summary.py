@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from diagnosis.explanation.paragraphs import Explanation
 from diagnosis.explanation.posterior_sentences import open_sentences
 from diagnosis.explanation.wording import (
@@ -18,11 +20,18 @@ from diagnosis.explanation.wording import (
 from diagnosis.holdout import gain_errors
 from diagnosis.repeated_runs import repeated_pairs
 from diagnosis.result import Cause, Findings
-from diagnosis.verdict import SURE, in_doubt, special_cases
+from diagnosis.verdict import SURE, in_doubt, of_the_measurement, special_cases
+
+_LATE = "The torque of this log was measured, and its measurement is late."
 
 
 def headline(diagnosis: Findings) -> str:
-    """The verdict in one sentence."""
+    """The verdict in one sentence; one more before it where the log's torque was measured and is late."""
+    late = {cause.effect for cause in diagnosis.causes if cause.probability > SURE and of_the_measurement(cause.effect)}
+    if late:
+        others = replace(diagnosis, causes=tuple(cause for cause in diagnosis.causes if cause.effect not in late))
+        nothing = diagnosis.verdict == "named" and not others.causes
+        return f"{_LATE} {'No other effect is missing.' if nothing else headline(others)}"
     causes = diagnosis.causes
     if diagnosis.verdict == "nothing_missing":
         if diagnosis.extended.bandwidth > 0.0 and not repeated_pairs(diagnosis.extended.log):
