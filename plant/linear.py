@@ -47,7 +47,7 @@ def linearise(
     import control  # takes a second
 
     torque, state = operating_point(model, sample_time=sample_time, angle=angle, velocity=velocity, width=width)
-    model = model.without_effect("torque_measurement_lag")
+    model = model.commanded()
     late, switch = whole_samples(float(model.delay()), sample_time)
     values, inputs = at_switch(model, switch), _inputs(torque, sample_time, width)
     _, A, B = (np.array(part) for part in _derivatives(Structure(model), sample_time)(state, inputs, values))

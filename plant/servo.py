@@ -57,7 +57,18 @@ class ServoModel(Tabled):
     torque_unit: str | None = None
 
     _internal: ClassVar[frozenset[str]] = Tabled._internal | {
-        *("bound", "chaotic", "delay", "drivetrain", "dry_friction", "has_random_walk", "holds", "kinds", "lead"),
+        *(
+            "bound",
+            "chaotic",
+            "commanded",
+            "delay",
+            "drivetrain",
+            "dry_friction",
+            "has_random_walk",
+            "holds",
+            "kinds",
+            "lead",
+        ),
         *("load_inertia", "longest_step", "own_states", "parameters_with", "quantities", "reading", "slides"),
         *("smooth_acceleration", "states", "structure", "without_clock"),
     }
@@ -203,6 +214,10 @@ class ServoModel(Tabled):
             if effect.clocked:
                 model = effect.without_clock(model.without_effect(effect.name), end)
         return model
+
+    def commanded(self) -> ServoModel:
+        """The model under a command, which acts as it is: without the lag of a torque that was measured."""
+        return replace(self, effects=tuple(effect for effect in self.effects if effect.lead() is None))
 
     # The mechanics, in numbers or in symbols.
 

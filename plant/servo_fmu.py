@@ -41,6 +41,7 @@ def servo_fmu(
     """
     if not (np.isfinite(sample_time) and sample_time > 0.0):
         raise BadParameter(f"sample_time must be finite and above zero, not {sample_time:g}.")
+    model = model.commanded()
     if isinstance(gears, GearTrain) and model.axis == "linear":
         raise BadParameter("A linear axis has no gear train; give its Ratios in N/(N m), or leave gears out.")
     angle, torque = ("angle", "torque") if model.axis == "rotary" else ("position", "force")

@@ -47,7 +47,7 @@ def urdf(model: ServoModel, *, name: str = "antidrive") -> Urdf:
     mass = turning**2 / (_GRAVITY**2 * arm) if turning else 1e-6
     reach = turning / (mass * _GRAVITY) if turning else 0.0
     limit = "" if native.limit is None else f'\n    <limit effort="{native.limit:.9g}" velocity="1e9"/>'
-    lost = [e.title for e in model.effects if not isinstance(e, _NATIVE) and e.title not in nearest]
+    lost = [e.title for e in model.commanded().effects if not isinstance(e, _NATIVE) and e.title not in nearest]
     left_out = []
     if nearest:
         left_out.append(f"As its nearest Coulomb friction: {', '.join(nearest)}.")

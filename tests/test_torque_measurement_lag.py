@@ -13,6 +13,8 @@ from mpc import Controller
 from plant import BadParameter, GearTrain, ServoModel, catalogue, simulate
 from plant.linear import linearise
 from plant.measured_torque import supporting_points
+from plant.servo_fmu import servo_fmu
+from plant.urdf import urdf
 
 LAG = 0.012
 HOST = Machine(inertia=1.5, effects={})
@@ -72,7 +74,9 @@ def test_a_lag_behind_what_was_measured_is_part_of_it(measured: Log) -> None:
 def test_the_machine_itself_has_no_such_lag() -> None:
     machine = ServoModel.paper()
     late = machine.with_effect(catalogue["torque_measurement_lag"](time_constant=LAG))
-    assert late.without_clock() == machine
+    assert late.without_clock() == late.commanded() == machine
+    assert urdf(late).left_out == urdf(machine).left_out
+    assert servo_fmu(late, sample_time=0.005).source == servo_fmu(machine, sample_time=0.005).source
     gears, rate = GearTrain.paper(), 0.005
     assert Controller(late, gears, sample_time=rate).model == Controller(machine, gears, sample_time=rate).model
     plain = machine.without_effect("dead_zone")
