@@ -69,7 +69,7 @@ class ServoModel(Tabled):
             "kinds",
             "lead",
         ),
-        *("load_inertia", "longest_step", "own_states", "parameters_with", "quantities", "reading", "slides"),
+        *("lead", "load_inertia", "longest_step", "own_states", "parameters_with", "quantities", "reading", "slides"),
         *("smooth_acceleration", "states", "structure", "without_clock"),
     }
 
