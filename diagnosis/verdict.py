@@ -64,6 +64,8 @@ def judged(
     told = {name: posterior.told(name) for name in posterior.names() if name in fitted}
     among = None if ruled_out is None else frozenset[str]().union(*map(special_cases, ruled_out))
     causes = {name: p for name, p in told.items() if p > LIKELY and (among is None or name in among)}
+    if causes and among is None:
+        causes |= {name: told[name] for name in posterior.leading if name in told}
     unnamed = beside.material > SURE or missing.excess > _NOISE or shows
     small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others take a ruled-out one's place
     minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}

@@ -41,7 +41,21 @@ def test_without_a_likely_name_the_model_is_the_likeliest_set() -> None:
 def test_a_fit_that_holds_the_leading_names_is_the_model() -> None:
     posterior = believing(a=0.3, a__b__c=0.25, a__b=0.2, b=0.15, c=0.1)
     rest = tuple(each for each in posterior.sets if each.names != {"a", "b"})
-    assert replace(posterior, sets=rest).best.names == {"a", "b", "c"}
+    fitted = replace(posterior, sets=rest, probabilities=tuple(posterior.believed[each.names] for each in rest))
+    assert fitted.best.names == {"a", "b", "c"}
+
+
+def test_one_of_look_alikes_is_in_the_model_beside_a_sure_name() -> None:
+    """None of three lags is likely by itself, but without any of them the model lacks what is surely there."""
+    posterior = believing(a__lag=0.35, a__delay=0.33, a__filter=0.32)
+    assert posterior.leading == {"a", "lag"}
+    assert believing(a=0.6, a__lag=0.2, a__delay=0.2).leading == {"a"}
+
+
+def test_what_is_likely_by_the_evidence_alone_is_in_no_model() -> None:
+    """It is as large as what is unexplained, and may be a part of that."""
+    posterior = replace(believing(a=0.5, a__b=0.3, a__c=0.2), probabilities=(0.0, 0.8, 0.2))
+    assert posterior.leading == {"a"}
 
 
 def test_a_rival_is_likelier_without_a_name_than_beside_it() -> None:

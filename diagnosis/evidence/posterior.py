@@ -69,12 +69,18 @@ class Posterior:
 
     @cached_property
     def leading(self) -> frozenset[str]:
-        """The names that are likelier there than not, which predict best together; else the likeliest set.
+        """The names that are likelier there than not, which predict best together.
 
-        (The median probability model; Barbieri and Berger 2004.)
+        (The median probability model; Barbieri and Berger 2004.) Where more than these is missing likelier than not,
+        the likeliest set that holds them: of look-alikes none may be likely by itself, but one of them is there. What
+        is likely by the evidence alone is minor, and no more.
         """
         names = frozenset(name for each in self.believed for name in each)
-        return frozenset(name for name in names if self.told(name) > LIKELY) or next(iter(self.believed))
+        likely = frozenset(name for name in names if self.told(name) > LIKELY)
+        minor = frozenset(name for name in names - likely if self.of(name) > LIKELY)
+        nothing_more = sum(p for each, p in self.believed.items() if each <= likely | minor)
+        holding = [each for each in self.believed if likely <= each and not each & minor]
+        return likely if nothing_more > LIKELY or not holding else holding[0]
 
     @cached_property
     def best(self) -> Explanation:
