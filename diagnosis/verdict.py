@@ -6,12 +6,12 @@ evidence alone (`Posterior.of`), but smaller, is a minor effect, on which no ver
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.evidence.posterior import LIKELY, Posterior
+from diagnosis.evidence.posterior import LIKELY, Posterior, special_cases
 from diagnosis.residual_torque import ResidualTorque, effects_over
 from diagnosis.result import LISTED, Verdict
 from plant.effects import catalogue
@@ -70,7 +70,7 @@ def judged(
     small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others take a ruled-out one's place
     minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}
     left = unnamed or bool(minor) or ruled_out is not None
-    doubtful = any(map(in_doubt, minor.values())) or _complete(posterior, {*causes, *minor}) <= LIKELY
+    doubtful = any(map(in_doubt, minor.values())) or posterior.complete({*causes, *minor}) <= LIKELY
     verdict = _verdict(posterior, causes, unnamed=left, in_doubt=doubtful)
     if verdict == "ambiguous" and not causes:
         causes = _leading(posterior)
@@ -119,12 +119,6 @@ def log_bayes(posterior: Posterior, name: str) -> float:
     return float(best[True] - best[False])
 
 
-def special_cases(name: str) -> set[str]:
-    """An effect and those that it contains."""
-    kind = catalogue.get(name)
-    return {name, *(() if kind is None else kind.contains)}
-
-
 def of_the_measurement(name: str) -> bool:
     """Whether an effect is one of how the torque of the log was measured, and not of the machine."""
     return name in catalogue and bool(catalogue[name].measured)
@@ -133,11 +127,6 @@ def of_the_measurement(name: str) -> bool:
 def in_doubt(probability: float) -> bool:
     """Whether an effect with such a probability may be there, and may not."""
     return 1.0 - SURE < probability <= SURE
-
-
-def _complete(posterior: Posterior, told: Collection[str]) -> float:
-    """Probability that nothing is missing beside what is told, wider forms of it aside."""
-    return sum(p for names, p in posterior.believed.items() if all(special_cases(n) & {*told} for n in names))
 
 
 def _verdict(posterior: Posterior, causes: Mapping[str, float], *, unnamed: bool, in_doubt: bool) -> Verdict:

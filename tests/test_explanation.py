@@ -14,12 +14,12 @@ from test_unknown_causes import Windage
 
 from antidrive.html_page import printed
 from diagnosis import Diagnosis, EffectSet, Experiment, diagnose
+from diagnosis.evidence.posterior import special_cases
 from diagnosis.experiment.signal_families import Signal
 from diagnosis.explanation.cumulative_evidence import cumulative_evidence, residual_over_variable
 from diagnosis.explanation.detectable import detectable
 from diagnosis.explanation.wording import measured, percent, strength
 from diagnosis.holdout import gain_errors
-from diagnosis.verdict import special_cases
 from identification.log import Log
 from plant import ServoModel
 

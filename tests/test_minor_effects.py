@@ -16,7 +16,7 @@ from test_evidence import log_of, with_smooth_torque
 from diagnosis import Diagnosis, diagnose
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.marginal import Explanation
-from diagnosis.evidence.posterior import beside_discrepancy
+from diagnosis.evidence.posterior import Posterior, beside_discrepancy
 from diagnosis.evidence.sizes import Sizes
 from diagnosis.motion import motion_of
 from diagnosis.result import Minor
@@ -77,20 +77,18 @@ def test_nothing_is_sure_where_the_fit_has_failed() -> None:
     assert share_told(explanation_of({"drag": 5.0}, discrepancy=0.1, at_its_limit=True), "drag") <= 0.5
 
 
-def posterior_of(sets: dict[tuple[str, ...], float], evidence: dict[str, float] | None = None) -> SimpleNamespace:
-    """A posterior that believes in some sets; by the evidence alone its names may be likelier."""
-    names = {name for each in sets for name in each}
-    told = {name: sum(p for each, p in sets.items() if name in each) for name in names}
-    return SimpleNamespace(
-        best=SimpleNamespace(discrepancy=SimpleNamespace(posterior=SimpleNamespace(material=0.0))),
-        sets=[SimpleNamespace(names=frozenset(each)) for each in sets],
-        believed={frozenset(each): p for each, p in sets.items()},
-        names=lambda: told | (evidence or {}),
-        told=told.__getitem__,
+def posterior_of(sets: dict[tuple[str, ...], float], evident: tuple[str, ...] | None = None) -> Posterior:
+    """A posterior that believes in some sets; by the evidence alone one of them may be the only one."""
+    quiet = SimpleNamespace(posterior=SimpleNamespace(material=0.0))
+    fits: Any = tuple(SimpleNamespace(names=frozenset(each), discrepancy=quiet) for each in sets)
+    return Posterior(
+        sets=fits,
+        probabilities=tuple(p if evident is None else float(each == evident) for each, p in sets.items()),
+        believed=dict(sorted(((frozenset(each), p) for each, p in sets.items()), key=lambda item: -item[1])),
     )
 
 
-def judgement_of(posterior: SimpleNamespace) -> tuple[str, ...]:
+def judgement_of(posterior: Posterior) -> tuple[str, ...]:
     found = judged(posterior, SimpleNamespace(excess=0.0), shows=False, ruled_out=None)  # type: ignore[arg-type]
     return (found.verdict, *found.causes)
 
@@ -98,7 +96,8 @@ def judgement_of(posterior: SimpleNamespace) -> tuple[str, ...]:
 @pytest.mark.parametrize(("cogging", "verdict"), [(0.05, "named"), (0.15, "ambiguous"), (0.45, "ambiguous")])
 def test_a_minor_effect_in_doubt_leaves_the_verdict_open(cogging: float, verdict: str) -> None:
     sets = {("coulomb_friction",): 1.0 - cogging, ("coulomb_friction", "cogging"): cogging}
-    assert judgement_of(posterior_of(sets, evidence={"cogging": 1.0})) == (verdict, "coulomb_friction")
+    told = posterior_of(sets, evident=("coulomb_friction", "cogging"))
+    assert judgement_of(told) == (verdict, "coulomb_friction")
 
 
 @pytest.mark.parametrize(("other", "verdict"), [(0.2, "named"), (0.45, "named"), (0.55, "ambiguous")])

@@ -151,3 +151,10 @@ def test_what_validation_data_say_is_taken_from_a_name(monkeypatch: pytest.Monke
     left = tenable(found.null, [base, sure], found.null.log)
     assert (left.posterior.best.names == {"torque_offset"}) == stays
     assert (left.posterior.of("torque_offset") > 0.9) == stays
+
+
+def test_a_wider_form_beside_a_sure_name_is_not_taken_for_it() -> None:
+    posterior = believing(
+        coulomb_friction=0.3, coulomb_friction__asymmetric_friction=0.4, coulomb_friction__stribeck_friction=0.3
+    )
+    assert posterior.leading == {"coulomb_friction"}

@@ -23,7 +23,7 @@ discrepancy, and so may all of it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,6 +32,7 @@ import numpy as np
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.sizes import EXACT
 from diagnosis.jackknife import BLOCKS
+from plant.effects import catalogue
 from plant.effects.effect import Array
 
 LIKELY = 0.5
@@ -78,9 +79,8 @@ class Posterior:
         names = frozenset(name for each in self.believed for name in each)
         likely = frozenset(name for name in names if self.told(name) > LIKELY)
         minor = frozenset(name for name in names - likely if self.of(name) > LIKELY)
-        nothing_more = sum(p for each, p in self.believed.items() if each <= likely | minor)
         holding = [each for each in self.believed if likely <= each and not each & minor]
-        return likely if nothing_more > LIKELY or not holding else holding[0]
+        return likely if self.complete(likely | minor) > LIKELY or not holding else holding[0]
 
     @cached_property
     def best(self) -> Explanation:
@@ -97,6 +97,10 @@ class Posterior:
         """Probability that an effect is there, and no part of what no name explains."""
         return sum(p for names, p in self.believed.items() if name in names)
 
+    def complete(self, told: Collection[str]) -> float:
+        """Probability that nothing is missing beside some names, wider forms of them aside."""
+        return sum(p for names, p in self.believed.items() if all(special_cases(n) & {*told} for n in names))
+
     def names(self) -> dict[str, float]:
         """Each name with its probability by the evidence alone, the likeliest first."""
         every = {name for names in self.believed for name in names}
@@ -106,6 +110,12 @@ class Posterior:
         """Size of an effect over that of the discrepancy, in the likeliest set that holds it."""
         holder = next(each for each in self.sets if name in each.names)
         return holder.sizes.effects[name] / max(holder.sizes.discrepancy, 1e-300)
+
+
+def special_cases(name: str) -> set[str]:
+    """An effect and those that it contains."""
+    kind = catalogue.get(name)
+    return {name, *(() if kind is None else kind.contains)}
 
 
 def over_blocks(sets: Sequence[Explanation], against: Mapping[str, Array]) -> Array:

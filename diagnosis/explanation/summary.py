@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from diagnosis.evidence.posterior import special_cases
 from diagnosis.explanation.paragraphs import Explanation
 from diagnosis.explanation.posterior_sentences import open_sentences
 from diagnosis.explanation.wording import (
@@ -20,7 +21,7 @@ from diagnosis.explanation.wording import (
 from diagnosis.holdout import gain_errors
 from diagnosis.repeated_runs import repeated_pairs
 from diagnosis.result import Cause, Findings
-from diagnosis.verdict import SURE, in_doubt, of_the_measurement, special_cases
+from diagnosis.verdict import SURE, in_doubt, of_the_measurement
 
 _LATE = "The torque of this log was measured, and its measurement is late."
 
