@@ -38,6 +38,7 @@ from plant.simulation import beginning, whole_samples
 from plant.symbolic import one_at_a_time
 
 PIECE = 4096  # samples after which the same memory is used again
+_TO_THE_NEXT = -1  # samples by which a measured torque is delayed: it goes on from one to the next
 
 
 FADING = 0.15
@@ -192,9 +193,6 @@ def _joined(pieces: Sequence[Prediction]) -> Prediction:
     )
 
 
-MEASURED = -1  # samples by which a measured torque is delayed: it goes on to the next one
-
-
 def run_inputs(
     run: Run, model: ServoModel, values: Array, bandwidth: float, width: float, part: slice
 ) -> tuple[Array, Array]:
@@ -207,7 +205,7 @@ def run_inputs(
         delay, values = model.names.index("input_delay.time"), values.copy()
         whole, values[delay] = whole_samples(float(values[delay]), run.sample_time)
     if model.lead() is not None:
-        whole = MEASURED
+        whole = _TO_THE_NEXT
     return _rows(run, part.start, part.stop, whole, bandwidth, width, model.has_random_walk), values
 
 
@@ -220,7 +218,7 @@ def _rows(run: Run, start: int, stop: int, whole: int, bandwidth: float, width: 
         dt = np.append(dt, run.time[-1] - run.time[-2])
     gains = correcting_gain(run, bandwidth, dt, random_walk=random_walk)
     rows = np.empty((dt.size, len(INPUTS) + 1 + len(gains)))
-    command = supporting_points(run.command) if whole == MEASURED else run.command
+    command = supporting_points(run.command) if whole == _TO_THE_NEXT else run.command
     columns = (
         _delayed(command, whole, part),
         _delayed(command, whole + 1, part),

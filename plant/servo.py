@@ -57,20 +57,9 @@ class ServoModel(Tabled):
     torque_unit: str | None = None
 
     _internal: ClassVar[frozenset[str]] = Tabled._internal | {
-        *(
-            "bound",
-            "chaotic",
-            "commanded",
-            "delay",
-            "drivetrain",
-            "dry_friction",
-            "has_random_walk",
-            "holds",
-            "kinds",
-            "lead",
-        ),
-        *("lead", "load_inertia", "longest_step", "own_states", "parameters_with", "quantities", "reading", "slides"),
-        *("smooth_acceleration", "states", "structure", "without_clock"),
+        *("bound", "chaotic", "commanded", "delay", "drivetrain", "dry_friction", "has_random_walk", "holds"),
+        *("kinds", "lead", "load_inertia", "longest_step", "own_states", "parameters_with", "quantities", "reading"),
+        *("slides", "smooth_acceleration", "states", "structure", "without_clock"),
     }
 
     def __post_init__(self) -> None:

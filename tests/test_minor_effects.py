@@ -111,6 +111,11 @@ def test_named_while_likelier_than_not_nothing_else_is_missing(other: float, ver
     assert judgement_of(posterior_of(sets)) == (verdict, "coulomb_friction")
 
 
+def test_one_of_look_alikes_is_told_beside_a_sure_name() -> None:
+    alike = {("coulomb_friction", name): 1.0 / 3.0 for name in ("input_delay", "actuator_lag", "sensor_lag")}
+    assert judgement_of(posterior_of(alike)) == ("ambiguous", "coulomb_friction", "input_delay")
+
+
 def test_a_wider_form_of_a_cause_is_nothing_else() -> None:
     sets = {
         ("coulomb_friction",): 0.4,

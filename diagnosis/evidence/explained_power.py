@@ -24,14 +24,8 @@ class Signature:
     positive: tuple[bool, ...]
     searched: int
     forms: int
-    flexible: bool
-    measured: tuple[str, ...]
+    kind: type[Effect]
     start: Callable[[Array], Effect]
-
-    def excludes(self, other: Signature) -> bool:
-        """Whether a model cannot have both: the same effect twice, or two motors before one load."""
-        both_drive = self.flexible and other.flexible
-        return self.name == other.name or both_drive or other.name in self.measured or self.name in other.measured
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -163,10 +163,8 @@ def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -
 
 
 def _would_add(fit: Fit, kind: type[Effect]) -> bool:
-    drivetrain = fit.model.drivetrain
-    if fit.model.holds(kind.name) or not fit.log.shows(kind) or (kind.flexible and drivetrain is not None):
-        return False
-    return not any(kind.name in effect.measured or effect.name in kind.measured for effect in fit.model.effects)
+    excluded = any(kind.excludes(type(effect)) for effect in fit.model.effects)
+    return fit.log.shows(kind) and not excluded and not fit.model.holds(kind.name)
 
 
 def with_other_observers(found: Explored, best: Explanation) -> Iterator[Explanation]:

@@ -98,7 +98,7 @@ class _Ranking:
         most = unbounded(products, self.signatures.plain, self.signatures.shapes)
         for place in np.argsort(-most, kind="stable"):
             shape, bound = self.signatures.shapes[place], float(most[place])
-            if bound <= 0.0 or (beside is not None and shape.excludes(beside)):
+            if bound <= 0.0 or (beside is not None and shape.kind.excludes(beside.kind)):
                 continue
             at_hand = best[shape.name][0] if shape.name in best else -np.inf
             if self._value(self._evidence(products, bound), shape) <= at_hand:

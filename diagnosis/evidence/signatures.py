@@ -73,8 +73,7 @@ class Signatures:
                             positive=positive,
                             searched=trace.searched,
                             forms=forms(effects[name]),
-                            flexible=effects[name].flexible,
-                            measured=effects[name].measured,
+                            kind=effects[name],
                             start=trace.start,
                         )
                     )

@@ -135,6 +135,12 @@ class Effect:
         """The parameters' values, in order."""
         return tuple(getattr(self, spec.name) for spec in self.parameters())
 
+    @classmethod
+    def excludes(cls, other: type[Effect]) -> bool:
+        """Whether a model cannot have both: the same twice, two motors before one load, or what was measured behind."""
+        measured = other.name in cls.measured or cls.name in other.measured
+        return cls.name == other.name or (cls.flexible and other.flexible) or measured
+
     @property
     def freed(self) -> bool:
         """Whether what is stated at first is fitted too, as its values are no longer those that one would state."""
