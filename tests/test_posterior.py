@@ -115,11 +115,13 @@ def test_a_wider_form_may_come_out_as_its_special_case() -> None:
     assert weighed.names == {"coulomb_friction"}
 
 
-def test_a_spring_at_the_fastest_swing_is_ruled_out() -> None:
+@pytest.mark.parametrize("swing", [{"at_bound": True}, {"value": None, "std": None}])
+def test_a_spring_whose_swing_the_log_cannot_show_is_ruled_out(swing: dict[str, Any]) -> None:
     found = explored_of()
     spring = Compliance(frequency=50.0, damping=0.2, motor_share=0.3)
     soft = fitted(found.null, [found.null.model.with_effect(spring)], found.null.bandwidth)
-    lines = [replace(p, at_bound=p.name == "compliance.frequency") for p in soft.parameters]
+    kept = [replace(p, value=1.0, std=0.1, at_bound=False) for p in soft.parameters]
+    lines = [replace(p, **swing) if p.name == "compliance.frequency" else p for p in kept]
     weighed = found.weighed(replace(soft, parameters=tuple(lines), converged=True))
     base = found.weighed(found.null)
     assert weighed is not None
@@ -129,6 +131,11 @@ def test_a_spring_at_the_fastest_swing_is_ruled_out() -> None:
     assert left.falsified["compliance"] == "its resonance is faster than this log can show"
     assert np.isfinite(left.lost)
     assert left.posterior.best.names == frozenset()
+    swinging = replace(soft, model=found.null.model.with_effect(spring), parameters=tuple(kept), converged=True)
+    other = found.weighed(swinging)
+    assert other is not None
+    left = tenable(found.null, [base, wanted, replace(other, log_marginal=base.log_marginal - 5.0)], found.null.log)
+    assert "compliance" not in left.falsified  # for its values only where no set can have it
 
 
 SAID = {"object": np.full(20, -2.0), "silent": np.zeros(20), "favour": np.full(20, 2.0), "mixed": np.full(20, -10.0)}
