@@ -122,9 +122,11 @@ def test_what_is_followed_long_is_compiled(monkeypatch: pytest.MonkeyPatch) -> N
     recursion = example()
     for _ in range(3):
         assert is_right(recursion)
-        assert recursion._code.library is None
+        assert recursion._code._build is None
+    assert is_right(recursion)  # the compiler works beside it
+    assert recursion._code._build is not None
+    assert recursion.wait()
     assert is_right(recursion)
-    assert recursion._code.library is not None
 
 
 def test_what_is_called_several_times_is_written_once() -> None:
@@ -274,6 +276,31 @@ def test_a_spoilt_library_is_built_anew(left: float | bytes | str, tmp_path: Pat
     assert recursion.wait()
     assert is_right(recursion)
     assert [kept.read_bytes() for kept in (tmp_path / "cache").glob("*/*.so")] == [whole]
+
+
+@with_compiler
+def test_code_of_another_processor_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A home may be shared by machines of which one lacks instructions of the other: it would end at the first."""
+    assert example().wait()
+    here = machine_code._for_this_processor
+    monkeypatch.setattr(machine_code, "_for_this_processor", lambda command: (here(command)[0], "#define ANOTHER"))
+    assert example()._code.library is None
+
+
+@with_compiler
+@pytest.mark.parametrize("answer", ["exit 1", "exec sleep 60"], ids=["refuses", "hangs"])
+def test_a_compiler_that_knows_no_processor_serves(
+    answer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = machine_code.compiler() or ()
+    script = tmp_path / "cc"
+    script.write_text(f'#!/bin/sh\ncase "$*" in *native*) {answer};; esac\nexec {plain[0]} "$@"\n')
+    script.chmod(0o755)
+    monkeypatch.setattr(machine_code, "compiler", lambda: (str(script),))
+    assert machine_code._for_this_processor((str(script),)) == ((str(script),), "")
+    recursion = example()
+    assert recursion.wait()
+    assert is_right(recursion)
 
 
 BUILD = """
