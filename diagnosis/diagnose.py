@@ -146,7 +146,12 @@ def _diagnosed(
         causes=tuple(sorted((_cause(found, judgement, name) for name in judgement.causes), key=lambda c: -c.rms)),
         minor=tuple(_minor(found, name, p) for name, p in judgement.minor.items()),
         sets=_sets(found.posterior, judgement),
-        unknown=Unknown(probability=beside.material, depends_on=judgement.depends_on, share=best.weighed.share),
+        unknown=Unknown(
+            probability=beside.material,
+            measurement_error=beside.measurement_error,
+            depends_on=judgement.depends_on,
+            share=best.weighed.share,
+        ),
         without=found.without,
         rejected=rejected(null, found.posterior, effects, {*judgement.causes, *judgement.minor}, found.falsified),
         gain=gain,

@@ -87,9 +87,17 @@ class EffectSet:
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """The unmodelled torque: probability that it is not nothing, its variables, and its size over all torque [-]."""
+    """What no effect explains.
+
+    Attributes:
+        probability: that there is an unmodelled torque.
+        measurement_error: probability that there is an unmodelled error of the measurement.
+        depends_on: variables of the torque; of the error, where there is no torque.
+        share: size of the torque over that of all torque [-].
+    """
 
     probability: float
+    measurement_error: float
     depends_on: tuple[str, ...]
     share: float
 
@@ -247,6 +255,7 @@ class Findings:
             ],
             "unknown": {
                 "probability": self.unknown.probability,
+                "measurement_error": self.unknown.measurement_error,
                 "depends_on": list(self.unknown.depends_on),
                 "share": self.unknown.share,
             },

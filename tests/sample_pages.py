@@ -60,7 +60,7 @@ def sample_diagnosis(fitted: Fit) -> Diagnosis:
         minor=(Minor(effect="cogging", probability=0.3, share=0.01, rms=0.002),),
         sets=sets,
         without={"coulomb_friction": fitted},
-        unknown=Unknown(probability=0.7, depends_on=("velocity",), share=0.02),
+        unknown=Unknown(probability=0.7, measurement_error=0.1, depends_on=("velocity",), share=0.02),
         rejected=(Rejected(effect="input_delay", reason="it costs more than it explains (log Bayes factor -3.2)"),),
         gain=Gain(
             held_out_rms_before=0.05,

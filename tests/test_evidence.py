@@ -231,7 +231,7 @@ def test_families_are_as_large_as_the_torque_whatever_its_unit() -> None:
     assert drawn is not None
     weighed = weigh(base, {"dead_zone"}, drawn, catalogue=5, observer=base.bandwidth)
     motion = weighed.screen.motion  # type: ignore[union-attr]
-    assert drawn.torque.shape == (len(log.runs[0]), len(drawn.variables))
+    assert drawn.torque.shape == (len(log.runs[0]), len(drawn.variables) - drawn.reading.shape[1])
     largest = np.sqrt(np.mean(drawn.torque**2, axis=0)).max()
     assert largest == pytest.approx(np.sqrt(np.mean(motion.torque**2)))
     milli = replace(motion, command=1e3 * motion.command, torque=1e3 * motion.torque)

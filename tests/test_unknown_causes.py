@@ -13,6 +13,8 @@ from machine import Machine, excitation, load_fluctuation, record
 
 from diagnosis import Diagnosis, diagnose, nonparametric_residual
 from diagnosis.candidates import chosen
+from diagnosis.explanation.posterior_sentences import posterior_sentences
+from diagnosis.explanation.reasons import reason_for_none
 from diagnosis.residual_torque import effects_over
 from identification.log import Log
 from plant import BadParameter, Effect, ModelFile, ServoModel, catalogue, read_model, simulate
@@ -96,6 +98,18 @@ def test_of_what_the_catalogue_lacks_only_a_true_part_is_sure() -> None:
     assert found.verdict in ("unknown", "ambiguous")
     sure = {cause.effect for cause in found.causes if cause.probability > 0.9}
     assert sure <= {"coulomb_friction", "torque_offset"}
+
+
+def test_an_error_of_the_measurement_without_a_name_is_told() -> None:
+    """No torque is missing then; a random load that an observer follows would do as well for a simulation."""
+    log = log_of(encoder_eccentricity={"amplitude": 0.003, "order": 1.0, "phase": 0.4})
+    found = diagnose(log, candidates=["coulomb_friction", "torque_offset"])
+    assert found.verdict == "unknown"
+    assert found.causes == ()
+    assert found.unknown.probability < 0.5
+    assert found.unknown.measurement_error > 0.999
+    assert posterior_sentences(found) == ("Unexplained: an error of the measurement; it depends on angle.",)
+    assert "an error of the measurement (probability > 99.9 %)" in reason_for_none(found).sentences[0]
 
 
 def test_effects_that_explain_less_than_a_curve_are_dropped() -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from diagnosis.evidence.families import Families
 from diagnosis.linear import Linear, response
@@ -36,6 +37,7 @@ class Posterior:
         variance: s^2 of the noise at the likeliest amplitude [rad^2].
         amplitude: posterior mean, as a share of the torque in the log [-].
         material: probability that the torque is not nothing [-].
+        measurement_error: probability that the errors of the measurement are not nothing [-].
         likeliest: places in `AMPLITUDES` and among those of the measurement's errors.
         functions: (M + R,) mean of f there.
         weights: (M + R, M + R) W, so that the covariance's inverse is (I - D W D') / s^2.
@@ -46,6 +48,7 @@ class Posterior:
     variance: float
     amplitude: float
     material: float
+    measurement_error: float
     likeliest: tuple[int, int]
     functions: Array
     weights: Array
@@ -63,10 +66,12 @@ class Responses:
 
     Attributes:
         columns: (T, M + R) response to unit coefficients; torques first.
-        variables: (M,) what the torques depend on.
+        torques: M.
+        variables: (M + R,) what they depend on.
     """
 
     columns: Array
+    torques: int
     variables: tuple[str, ...]
 
     @classmethod
@@ -75,7 +80,11 @@ class Responses:
         on_torque = response(filters, families.torque, on_reading=False)
         on_reading = response(filters, noise * families.reading, on_reading=True)
         bounded = np.nan_to_num(-np.hstack((on_torque, on_reading)), nan=0.0, posinf=0.0, neginf=0.0)
-        return cls(columns=np.where(np.abs(bounded) < _HUGE, bounded, 0.0), variables=families.variables)
+        return cls(
+            columns=np.where(np.abs(bounded) < _HUGE, bounded, 0.0),
+            torques=on_torque.shape[1],
+            variables=families.variables,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,13 +93,15 @@ class Discrepancy(Nuisance):
 
     Attributes:
         columns: (T, M + R) response of the families to unit coefficients, beyond the parameters.
-        variables: (M,) what the torques among them depend on.
+        torques: M, how many of them are torques; the others are errors of the measurement.
+        variables: (M + R,) what they depend on.
         left: (T,) innovations beyond the parameters.
         degrees: of freedom that they have.
         posterior: of the families' coefficients.
     """
 
     columns: Array
+    torques: int
     variables: tuple[str, ...]
     left: Array
     degrees: int
@@ -105,12 +116,11 @@ class Discrepancy(Nuisance):
             own=nuisance.own,
             shared=nuisance.shared,
             columns=columns,
+            torques=responses.torques,
             variables=responses.variables,
             left=left,
             degrees=degrees,
-            posterior=_learned(
-                columns.T @ columns, columns.T @ left, float(left @ left), degrees, len(responses.variables)
-            ),
+            posterior=_learned(columns.T @ columns, columns.T @ left, float(left @ left), degrees, responses.torques),
         )
 
     def _information(self, columns: Array, values: Array) -> tuple[Array, Array]:
@@ -129,28 +139,31 @@ class Discrepancy(Nuisance):
         lower = max(torque - 1, 0), max(reading - 1, 0)
         gram, pull, power = self.columns.T @ self.columns, self.columns.T @ self.left, float(self.left @ self.left)
         for place in dict.fromkeys(((torque, reading), (torque, 0), lower, (0, 0))):
-            scale = _scale(*place, len(pull), len(self.variables))
+            scale = _scale(*place, len(pull), self.torques)
             likelihood, _, _, weights = _at(gram, pull, power, self.degrees, scale)
             yield likelihood, weights
 
     def explained_by(self) -> dict[str, float]:
-        """Evidence of the functions of each variable alone, as a share of that of all [-]; empty without any."""
-        gram, pull, power = self.columns.T @ self.columns, self.columns.T @ self.left, float(self.left @ self.left)
+        """Evidence of the functions of each variable alone, as a share of that of all [-]; empty without any.
 
-        def evidence(own: Array) -> float:
-            scales = (times * own * self.posterior.scale for times in _ALONE)
+        Of the torques; where there is none, of the errors of the measurement.
+        """
+        gram, pull, power = self.columns.T @ self.columns, self.columns.T @ self.left, float(self.left @ self.left)
+        of_torque = np.arange(len(pull)) < self.torques
+        asked = of_torque if self.posterior.likeliest[0] else ~of_torque
+        depends_on = np.array(self.variables)
+
+        def evidence(of: NDArray[np.bool_]) -> float:
+            scales = (times * of * self.posterior.scale for times in _ALONE)
             return max(_at(gram, pull, power, self.degrees, scale)[0] for scale in scales)
 
-        of_torque = (np.arange(len(pull)) < len(self.variables)).astype(float)
-        nothing, everything = evidence(np.zeros(len(pull))), evidence(of_torque)
+        nothing, everything = evidence(np.zeros_like(asked)), evidence(asked)
         if everything <= nothing:
             return {}
-        found = {}
-        for variable in dict.fromkeys(self.variables):
-            own = np.zeros(len(pull))
-            own[[place for place, name in enumerate(self.variables) if name == variable]] = 1.0
-            found[variable] = (evidence(own) - nothing) / (everything - nothing)
-        return found
+        return {
+            variable: (evidence(asked & (depends_on == variable)) - nothing) / (everything - nothing)
+            for variable in dict.fromkeys(depends_on[asked].tolist())
+        }
 
 
 def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int) -> Posterior:
@@ -158,7 +171,7 @@ def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int)
     places = list(product(range(len(AMPLITUDES)), range(len(_READINGS))))
     scales = [_scale(*place, len(pull), torques) for place in places]
     tried = [_at(gram, pull, power, degrees, scale) for scale in scales]
-    amplitudes = np.array([AMPLITUDES[torque] for torque, _ in places])
+    amplitudes, errors = (np.array(sizes) for sizes in zip(*product(AMPLITUDES, _READINGS), strict=True))
     scores = np.array([likelihood for likelihood, *_ in tried]) - np.log1p((amplitudes / _SCALE) ** 2)
     best = int(np.argmax(scores))
     weights = np.exp(scores - scores[best])
@@ -168,6 +181,7 @@ def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int)
         variance=variance,
         amplitude=float(weights @ amplitudes / weights.sum()),
         material=_material(weights, amplitudes),
+        measurement_error=_material(weights, errors),
         likeliest=places[best],
         functions=functions,
         weights=inverse,
@@ -175,9 +189,9 @@ def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int)
     )
 
 
-def _material(weights: Array, amplitudes: Array) -> float:
-    """Probability of an unmodelled torque of any size, where that and none are as likely before."""
-    some, none = float(np.mean(weights[amplitudes > 0.0])), float(np.mean(weights[amplitudes == 0.0]))
+def _material(weights: Array, sizes: Array) -> float:
+    """Probability of any size but none, where both are as likely before."""
+    some, none = float(np.mean(weights[sizes > 0.0])), float(np.mean(weights[sizes == 0.0]))
     return some / (some + none)
 
 

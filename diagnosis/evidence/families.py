@@ -28,31 +28,31 @@ class Families:
 
     Attributes:
         torque: (T, M) [N m].
-        variables: (M,) what each of them depends on.
         reading: (T, R) [rad], for noise of one.
+        variables: (M + R,) what each of them depends on, torques first.
     """
 
     torque: Array
-    variables: tuple[str, ...]
     reading: Array
+    variables: tuple[str, ...]
 
     @classmethod
     def along(cls, motion: Motion) -> Families:
         """Those of a motion."""
         level = float(np.sqrt(np.mean(motion.torque**2)))
-        columns, variables = [], []
-        for variable, weight, column in _torques(motion):
-            scaled = _unit(column)
-            if scaled is not None:
-                columns.append(level * weight * scaled)
-                variables.append(variable)
-        readings = [weight * each for weight, column in _readings(motion) if (each := _unit(column)) is not None]
+        torques, readings = _of_unit_size(_torques(motion)), _of_unit_size(_readings(motion))
         nothing = np.empty((motion.time.size, 0))
         return cls(
-            torque=np.column_stack(columns) if columns else nothing,
-            variables=tuple(variables),
-            reading=np.column_stack(readings) if readings else nothing,
+            torque=np.column_stack([nothing, *(level * column for _, column in torques)]),
+            reading=np.column_stack([nothing, *(column for _, column in readings)]),
+            variables=tuple(variable for variable, _ in (*torques, *readings)),
         )
+
+
+def _of_unit_size(members: Iterator[tuple[str, float, Array]]) -> list[tuple[str, Array]]:
+    """Variable and column (T,) of the members that are not nothing, as large as their weights."""
+    scaled = ((variable, weight, _unit(column)) for variable, weight, column in members)
+    return [(variable, weight * column) for variable, weight, column in scaled if column is not None]
 
 
 def _torques(motion: Motion) -> Iterator[tuple[str, float, Array]]:
@@ -82,15 +82,16 @@ def _torques(motion: Motion) -> Iterator[tuple[str, float, Array]]:
         yield "way since turning", 1.0, motion.by_run(partial(_bristle, motion.angle, way))
 
 
-def _readings(motion: Motion) -> Iterator[tuple[float, Array]]:
-    """Size and column (T,) of each error of the measurement: over the turn, and of one that comes too late.
+def _readings(motion: Motion) -> Iterator[tuple[str, float, Array]]:
+    """Variable, size and column (T,) of each error of the measurement: over the turn, and of one that comes too late.
 
     On a linear axis, which has no turn, over the travel.
     """
-    yield from _around(motion)
-    yield 1.0, motion.velocity
-    yield 1.0, np.abs(motion.velocity)
-    yield 1.0, motion.by_run(partial(_before, motion.acceleration))
+    for weight, wave in _around(motion):
+        yield "angle", weight, wave
+    yield "velocity", 1.0, motion.velocity
+    yield "velocity", 1.0, np.abs(motion.velocity)
+    yield "velocity", 1.0, motion.by_run(partial(_before, motion.acceleration))
 
 
 def _around(motion: Motion) -> Iterator[tuple[float, Array]]:

@@ -81,7 +81,7 @@ class Weighed:
         """Size of the unmodelled torque over that of all torque [-]: what each changes in the innovations."""
         torque = np.concatenate([run.drive for run in self.fit.log.runs])
         whole = self.discrepancy.beyond_initial_states(response(self.here.filters, torque[:, None], on_reading=False))
-        torques = len(self.responses.variables)
+        torques = self.responses.torques
         own = self.responses.columns[:, :torques] @ self.posterior.functions[:torques]
         beyond = self.here.nuisance().beyond(own)
         return float(np.linalg.norm(beyond)) / max(float(np.linalg.norm(whole)), 1e-300)

@@ -22,14 +22,19 @@ def open_sentences(diagnosis: Findings) -> tuple[str, ...]:
     """Of what is not sure."""
     lines = _either_or(diagnosis, _settled(diagnosis) | {each.effect for each in diagnosis.minor})
     lines += _minor(diagnosis)
-    unknown = diagnosis.unknown
-    if unknown.depends_on:
-        acts = torque_or_force(diagnosis.residual_before.unit)
+    if diagnosis.unknown.depends_on:
         lines.append(
-            f"Unexplained: about {percent(unknown.share)} of the {acts} in the log; it depends on "
-            f"{joined_words(unknown.depends_on)}."
+            f"Unexplained: {unexplained(diagnosis)}; it depends on {joined_words(diagnosis.unknown.depends_on)}."
         )
     return tuple(lines)
+
+
+def unexplained(diagnosis: Findings) -> str:
+    """What no effect explains: an error of the measurement where a torque is not likely, else how much torque."""
+    unknown = diagnosis.unknown
+    if unknown.probability <= SURE < unknown.measurement_error:
+        return "an error of the measurement"
+    return f"about {percent(unknown.share)} of the {torque_or_force(diagnosis.residual_before.unit)} in the log"
 
 
 def set_title(each: EffectSet, diagnosis: Findings, besides: set[str] | frozenset[str] = frozenset()) -> str:

@@ -12,6 +12,7 @@ from diagnosis.explanation.cumulative_evidence import (
     residual_over_variable,
 )
 from diagnosis.explanation.detectable import detectable
+from diagnosis.explanation.posterior_sentences import unexplained
 from diagnosis.explanation.wording import (
     change,
     effect_of,
@@ -160,11 +161,10 @@ def reason_for_none(diagnosis: Findings) -> Reason:
             *_could_hide(diagnosis),
         ]
         return Reason(title=title, effect=None, sentences=tuple(lines))
-    unknown, acts = diagnosis.unknown, torque_or_force(diagnosis.residual_before.unit)
+    likely = max(diagnosis.unknown.probability, diagnosis.unknown.measurement_error)
     lines = [
-        f"{asked} effects were tried. None is both probable and larger than the unexplained {acts}, about "
-        f"{percent(unknown.share)} of the {acts} in the log (probability {percent(unknown.probability)})."
-        f"{nearest}",
+        f"{asked} effects were tried. None is both probable and larger than what no effect explains: "
+        f"{unexplained(diagnosis)} (probability {percent(likely)}).{nearest}",
         *filter(None, (diagnosis.only_in_validation,)),
     ]
     grown = seen = None
