@@ -135,10 +135,10 @@ def _diagnosed(
     gain, _, replays = measure_gain(held_out, [null, final])
     judgement = judged(found.posterior, missing, shows=shows, ruled_out=ruled_out)
     left = remaining(gain, judgement.depends_on)
-    alone = None
-    if judgement.verdict != "unknown" and (not judgement.causes or left.share > 0.5):  # more than what is named
+    alone, most = None, left.share > 0.5  # more than what is named
+    if judgement.verdict != "unknown" and (not judgement.causes or most):
         alone = only_in_validation(final, held_out)
-    if alone is not None:
+    if alone is not None or (judgement.verdict == "named" and most):
         judgement = replace(judgement, verdict="unknown")
     beside = best.discrepancy.posterior
     return Diagnosis(

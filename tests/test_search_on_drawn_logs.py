@@ -16,6 +16,7 @@ from drawn_machines import drawn
 from diagnosis import diagnose
 from diagnosis.evidence.fitted_sets import Explored
 from diagnosis.evidence.marginal import families_along
+from diagnosis.explanation.summary import headline
 from identification.fit import fit
 from plant import catalogue
 from plant.effects.spectral_lines import lines_over_angle
@@ -50,6 +51,15 @@ def test_a_loop_that_is_followed_without_its_torque_is_diagnosed() -> None:
     """With white errors the likeliest inertia of a light arm is without bound; with coloured ones it is its own."""
     found = diagnose(drawn(100341).log, candidates=["gravity_offset", "coulomb_friction"])
     assert {cause.effect for cause in found.causes} == {"gravity_offset", "coulomb_friction"}
+
+
+def test_what_leaves_most_of_the_validation_error_is_not_the_answer() -> None:
+    """A ripple is there and sure, but a stop acts too, which is not asked for: an observer follows its torque."""
+    found = diagnose(drawn(100493).log, candidates=["cogging", "torque_offset"])
+    assert {cause.effect: cause.probability > 0.9 for cause in found.causes} == {"cogging": True}
+    assert found.unexplained.share > 0.5
+    assert found.verdict == "unknown"
+    assert headline(found).startswith("The model lacks cogging. More of its error is explained by no effect")
 
 
 @pytest.mark.long
