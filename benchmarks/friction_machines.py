@@ -132,12 +132,15 @@ class Task:
         duration: [s].
         counts: (M,) times to which of them count.
         push: torque on the load over time, in units of what makes it move.
+        announced: whether the reference is known ahead. A set-point that is would be gone to before its time, and
+            that counts the more, the less the load sticks.
     """
 
     reference: Callable[[Array], Array]
     duration: float
     counts: Callable[[Array], NDArray[np.bool_]]
     push: Callable[[Array], Array] = np.zeros_like
+    announced: bool = True
 
 
 TASKS = {
@@ -147,6 +150,7 @@ TASKS = {
         reference=lambda t: STEP * (np.floor(t / DWELL) % 2),
         duration=4 * DWELL,
         counts=lambda t: (t > DWELL) & (t % DWELL > 0.3),
+        announced=False,
     ),
     "hold": Task(
         reference=lambda t: np.full_like(t, 0.3),
@@ -174,13 +178,27 @@ class Score:
     degraded: float
 
 
+class Surprised:
+    """A controller that is told of the reference what holds now."""
+
+    def __init__(self, controller: Any) -> None:
+        self._controller = controller
+
+    def __getattr__(self, name: str) -> Any:
+        """All else is the controller's."""
+        return getattr(self._controller, name)
+
+    def step(self, angle: float, reference: Array, motors: object = None) -> Any:
+        """As the controller does it, with a number for a reference."""
+        return self._controller.step(angle, float(reference[0]), motors)
+
+
 def score(axis: Axis, controller: Any, task: Task, seed: int) -> Score:
     """Close the loop around anything that steps as a `Controller` does."""
     time = np.arange(round(task.duration / axis.sample_time)) * axis.sample_time
     moving = (axis.share + 0.1) * GREATEST
-    loop = closed_loop(
-        controller, axis.rig(), task.reference, task.duration, seed, disturbance=moving * task.push(time)
-    )
+    told = controller if task.announced else Surprised(controller)
+    loop = closed_loop(told, axis.rig(), task.reference, task.duration, seed, disturbance=moving * task.push(time))
     counts = task.counts(loop.time)
     torque = GEARS.follower_torque(loop.torques)
     return Score(
