@@ -1,7 +1,7 @@
 """Files that are kept from one program to the next, in the user's cache folder.
 
 Each has the hash of its content as its name: one that was cut short is noticed and thrown away. So is what nobody has
-used for a long time, such as that of an older version.
+used for a long time, such as that of an older version, and what has been used longest ago where there is very much.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 _LONG = 90 * 86400.0  # [s]
+_MOST = 10_000  # folders, of 50 kB in the mean
 
 
 def mark(content: bytes) -> str:
@@ -58,10 +59,11 @@ def keep(folder: str, content: bytes, ending: str) -> None:
 
 @lru_cache(maxsize=1)
 def _swept(root: Path) -> None:
-    """Throw away what nobody has used for long, once in a program."""
+    """Throw away what nobody has used for long, and more than can be of use, once in a program."""
     with suppress(OSError):
-        for folder in root.iterdir():
-            if folder.stat().st_mtime < time.time() - _LONG:
+        used = sorted(((folder.stat().st_mtime, folder) for folder in root.iterdir()), reverse=True)
+        for place, (when, folder) in enumerate(used):
+            if place >= _MOST or when < time.time() - _LONG:
                 shutil.rmtree(folder, ignore_errors=True)
 
 

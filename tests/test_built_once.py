@@ -125,6 +125,16 @@ def test_what_nobody_has_used_for_long_is_thrown_away(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"used", "new"}
 
 
+def test_what_was_used_last_is_kept_where_there_is_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept_files, "_MOST", 3)
+    for age, name in enumerate("abcd"):
+        kept_files.keep(name, b"content", "txt")
+        os.utime(tmp_path / name, (0.0, time.time() - 1000.0 - age))
+    kept_files._swept.cache_clear()
+    kept_files.keep("new", b"content", "txt")
+    assert {path.name for path in tmp_path.iterdir()} == {"new", "a", "b"}
+
+
 def test_the_mark_of_our_code_reads_it() -> None:
     built_once._code.cache_clear()
     assert len(built_once._code()) == 24
