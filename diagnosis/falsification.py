@@ -1,8 +1,8 @@
 """What rules an effect out, however likely it is: values that no machine has, or validation data.
 
-An effect does not stand where the log tells none of its parameters, where all its sizes are zero within their standard
-errors, where its torque is larger than any in the log, nor where it surely makes predictions of the validation data
-worse. Where they get worse within chance, it loses as much evidence as they speak against it.
+An effect does not stand where the log tells none of its sizes (of its parameters, if it has none), where they are all
+zero within their standard errors, where its torque is larger than any in the log, nor where it surely makes predictions
+of the validation data worse. Where they get worse within chance, it loses as much evidence as they speak against it.
 """
 
 from __future__ import annotations
@@ -198,12 +198,12 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
     """Why a fitted effect cannot be there by its values; None if it can."""
     fit = explanation.fit
     values = estimates(fit, name)
-    lines = [line for line in fit.parameters if line.name.split(".")[0] == name and not line.fixed]
+    torques = {key: value for key, value in values.items() if value.unit == fit.log.command_unit}
+    sizes = {key: values[key] for key in {*torques, *_sizes(name)} & values.keys()}
+    lines = [line for key in sizes or values if not (line := fit[f"{name}.{key}"]).fixed]
     untold = bool(lines) and all(line.value is None or line.at_bound for line in lines)
     if untold or not np.isfinite(explanation.log_marginal):
         return "this log does not tell its parameters from those of the others"
-    torques = {key: value for key, value in values.items() if value.unit == fit.log.command_unit}
-    sizes = {key: values[key] for key in {*torques, *_sizes(name)} & values.keys()}
     if sizes and all(_is_zero(value) for value in sizes.values()):
         return f"its {_said(sizes)} {'is' if len(sizes) == 1 else 'are'} zero within the standard error"
     swings = [fit[f"{name}.{spec}"] for spec in _swings(name)]

@@ -17,7 +17,7 @@ from diagnosis.evidence.posterior import Posterior, beside_discrepancy
 from diagnosis.falsification import tenable
 from diagnosis.verdict import judged, rivals
 from identification.fit import fit
-from plant.effects import Compliance, StribeckFriction, TorqueOffset, catalogue
+from plant.effects import Compliance, PayloadChange, StribeckFriction, TorqueOffset, catalogue
 
 
 def believing(**shares: float) -> Posterior:
@@ -136,6 +136,19 @@ def test_a_spring_whose_swing_the_log_cannot_show_is_ruled_out(swing: dict[str, 
     assert other is not None
     left = tenable(found.null, [base, wanted, replace(other, log_marginal=base.log_marginal - 5.0)], found.null.log)
     assert "compliance" not in left.falsified  # for its values only where no set can have it
+
+
+def test_what_changes_before_anything_is_seen_is_no_effect() -> None:
+    """How much the load was before trades places with what it is after. An instant, which is told, is no size."""
+    found = explored_of()
+    begun = PayloadChange(time=0.4 * found.null.log.sample_time, inertia=0.1, gravity=0.2)
+    soon = fitted(found.null, [found.null.model.with_effect(begun)], found.null.bandwidth)
+    lines = [replace(p, value=0.1, std=0.01) if p.name == "payload_change.time" else p for p in soon.parameters]
+    base, wanted = found.weighed(found.null), found.weighed(replace(soon, parameters=tuple(lines)))
+    assert base is not None
+    assert wanted is not None
+    left = tenable(found.null, [base, replace(wanted, log_marginal=base.log_marginal + 20.0)], found.null.log)
+    assert left.falsified["payload_change"] == "this log does not tell its parameters from those of the others"
 
 
 SAID = {"object": np.full(20, -2.0), "silent": np.zeros(20), "favour": np.full(20, 2.0), "mixed": np.full(20, -10.0)}
