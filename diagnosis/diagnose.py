@@ -37,10 +37,13 @@ from identification.fit_result import Fit
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.prior_knowledge import Fixed, Pairs, PriorKnowledge
+from identification.slower_observer import behind_a_slower_observer, worth_of_torque
 from identification.threads import without_blas_threads
 from identification.time_stamp_jitter import evenly_timed
 from plant.effects.effect import Array, Effect
 from plant.servo import ServoModel
+
+_FAILED = "The fit of the base model failed: "
 
 
 @without_blas_threads
@@ -120,10 +123,15 @@ def _diagnosed(
         null = fit_with_prior(log, start, known, tell)
     if (still := standstill(null)) is not None:
         raise Unidentifiable(still)
+    failed = null.failed
+    if failed is not None:  # too much is missing
+        null = behind_a_slower_observer(log, start, known) or null
     if null.failed is not None:
-        raise Unidentifiable(f"The fit of the base model failed: {null.failed}")
+        raise Unidentifiable(_FAILED + null.failed)
     held_out = evenly_timed(held_out) if null.log.evenly_timed else held_out
     found = tenable(null, explore(null, effects, tell).known.values(), held_out)
+    if failed is not None and worth_of_torque(found.fit) < HARDLY_EVER:
+        raise Unidentifiable(_FAILED + failed)
     tell("fitting non-parametric curves")
     found = replace(found, fit=on_its_best_peak(found.fit, found.without))
     best, named = found.posterior.best, found.fit

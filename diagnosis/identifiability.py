@@ -104,10 +104,15 @@ def blind_spots(fit: Fit, extended: Fit | None = None) -> tuple[str, ...]:
 
 
 def standstill(fit: Fit) -> str | None:
-    """That the load does not move and what to do, where noise alone accounts for what the sensor has shown."""
-    spread = np.concatenate([(run.measured - run.measured[run.valid].mean())[run.valid] for run in fit.log.runs])
-    resolution = 1e-9 * max(float(np.max(np.abs(run.measured[run.valid]))) for run in fit.log.runs)
-    if _rms(spread) > max(2.0 * fit.noise_std, resolution):
+    """That the load does not move and what to do, where noise alone accounts for what the sensor has shown.
+
+    White noise wiggles from sample to sample as much as that. What a model does not follow is no noise.
+    """
+    seen = [run.measured[run.valid] for run in fit.log.runs]
+    spread = _rms(np.concatenate([each - each.mean() for each in seen]))
+    wiggle = _rms(np.concatenate([np.diff(each, 2) for each in seen])) / np.sqrt(6.0)
+    resolution = 1e-9 * max(float(np.max(np.abs(each))) for each in seen)
+    if spread > max(2.0 * min(fit.noise_std, wiggle), resolution):
         return None
     what = {"N m": "torque", "N": "force"}.get(fit.log.command_unit, "command")
     highest = max(float(np.nanmax(np.abs(run.drive))) for run in fit.log.runs)

@@ -1,0 +1,57 @@
+"""A base model where nearly everything is missing, as beside a stop or a strong spring: behind a slower observer.
+
+There the likeliest observer is one that follows the load whatever the torque is. It tells nothing of any model, and a
+search that begins from it finds none. Behind a slower one the same model errs more, but the torque counts. If it drives
+another load, it may count for nothing still: a spring alone swings as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.fit_result import Fit
+from identification.log import Log
+from identification.noise import log_likelihood
+from identification.prior_knowledge import PriorKnowledge
+from identification.problem import Problem, first_states
+from identification.regression import starting_values
+from identification.standard_errors import fit_with_errors
+from plant.servo import ServoModel
+
+
+def behind_a_slower_observer(log: Log, model: ServoModel, known: PriorKnowledge) -> Fit | None:
+    """The fit behind the fastest observer, from one sample on, with which the log tells a parameter; None without one.
+
+    It is a place to begin from, so it need not have converged.
+
+    Args:
+        log: measured runs.
+        model: to begin from.
+        known: what is known of parameters.
+    """
+    problem = Problem.of(log, model, known=known)
+    begun = [model.values, *starting_values(log, model)]
+    points = [np.clip(problem.pack(values, first_states(log)), problem.lower, problem.upper) for values in begun]
+    bandwidth, slowest = 1.0 / log.runs[0].sample_time, 1.0 / max(run.duration for run in log.runs)
+    while bandwidth > slowest:
+        start = min(points, key=lambda point: problem.cost(point, bandwidth, 0.0))
+        best = problem.minimise(start, bandwidth, 0.0)
+        found = replace(fit_with_errors(problem, bandwidth, best, best.evaluations), converged=True)
+        if found.failed is None:
+            return found
+        bandwidth /= 2.0
+    return None
+
+
+def worth_of_torque(fit: Fit) -> float:
+    """Log-likelihood that a fitted model has more than with a torque that stays what it is in the mean."""
+    still = tuple(replace(run, command=np.full_like(run.command, np.mean(run.command))) for run in fit.log.runs)
+
+    def likelihood(log: Log) -> float:
+        problem = Problem.of(log, fit.model, known=fit.known)
+        cost = problem.cost(problem.pack(fit.model.values, fit.initial), fit.bandwidth, 0.0)
+        return log_likelihood(cost, fit.samples)
+
+    return likelihood(fit.log) - likelihood(replace(fit.log, runs=still))
