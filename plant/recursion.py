@@ -12,7 +12,6 @@ import ctypes
 import re
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import cached_property
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -75,16 +74,24 @@ class Recursion:
             kept: folder of the cache for its instructions; by default they are not kept.
         """
         self._build, self._handed = build, carried
+        self._built: Any = None
         tape = self._tape = _instructions(lambda: self._function, carried, kept)
         mark = None if tape is None else "\n".join((ca.CasadiMeta.version(), _LOOP, repr(_DUST), tape.mark))
         self._code = MachineCode("recursion", self._source, mark=mark, start=tape is None)
         self._patience = 0 if tape is None else PATIENCE * tape.written // max(len(tape.first), 1)
         self._followed = 0  # rows, without machine code
         self._chunk: Any = None
+        # (S,) number of elements of each output that is not carried on
+        self._shown = tuple(a * b for a, b in self._leaving[carried:]) if tape is None else tape.shown
 
-    @cached_property
+    @property
+    @one_at_a_time
     def _function(self) -> Any:
-        return _without_dust(self._build(), self._handed)
+        # No cached_property: Python 3.11 locks it for all objects of a class, and whoever has that lock would wait for
+        # the thread that builds, which may wait for it.
+        if self._built is None:
+            self._built = _without_dust(self._build(), self._handed)
+        return self._built
 
     @property
     def _entering(self) -> list[tuple[int, int]]:
@@ -93,11 +100,6 @@ class Recursion:
     @property
     def _leaving(self) -> list[tuple[int, int]]:
         return [self._function.size_out(place) for place in range(self._function.n_out())]
-
-    @cached_property
-    def _shown(self) -> tuple[int, ...]:
-        """Number of elements of each output that is not carried on."""
-        return tuple(a * b for a, b in self._leaving[self._handed :]) if self._tape is None else self._tape.shown
 
     def __call__(self, begin: Sequence[Array], rows: Array, *constants: Array) -> tuple[list[Array], list[Array]]:
         """Follow the function along `rows`; other threads run meanwhile.
@@ -134,9 +136,9 @@ class Recursion:
         return self._code.wait()
 
     def _library(self) -> ctypes.CDLL | None:
-        """The machine code, if there is some; the compiler is called once that pays, and works beside the loop."""
+        """The machine code, if there is some; the compiler is called, and waited for, once that pays."""
         if self._code.library is None and self._followed >= self._patience:
-            self._code.start()
+            self.wait()
         return self._code.library
 
     def _in_virtual_machine(

@@ -7,6 +7,8 @@ import multiprocessing
 import os
 import subprocess
 import sys
+import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from importlib.util import find_spec
@@ -23,6 +25,7 @@ from plant.effects import Compliance, StribeckFriction
 from plant.effects.effect import Array
 from plant.instruction_tape import InstructionTape
 from plant.recursion import CHUNK, Recursion
+from plant.symbolic import one_at_a_time
 
 with_compiler = pytest.mark.skipif(machine_code.compiler() is None, reason="no C compiler here")
 ROWS = 2 * CHUNK + 7
@@ -122,11 +125,28 @@ def test_what_is_followed_long_is_compiled(monkeypatch: pytest.MonkeyPatch) -> N
     recursion = example()
     for _ in range(3):
         assert is_right(recursion)
-        assert recursion._code._build is None
-    assert is_right(recursion)  # the compiler works beside it
-    assert recursion._code._build is not None
-    assert recursion.wait()
+        assert recursion._code.library is None
     assert is_right(recursion)
+    assert recursion._code.library is not None
+
+
+@with_compiler
+def test_a_thread_that_compiles_waits_for_none_that_waits_for_it() -> None:
+    """One needs the function that it compiles, of which only the instructions were kept, while another builds one."""
+    example(kept="one")
+    compiled = example(kept="one")
+
+    @one_at_a_time
+    def build() -> None:
+        threading.Thread(target=compiled.wait, daemon=True).start()
+        time.sleep(0.3)
+        example(2.0)
+
+    builder = threading.Thread(target=build, daemon=True)
+    builder.start()
+    builder.join(20.0)
+    assert not builder.is_alive()
+    assert is_right(compiled)
 
 
 def test_what_is_called_several_times_is_written_once() -> None:
