@@ -44,14 +44,14 @@ _OVER: tuple[tuple[set[str], tuple[str, ...]], ...] = (
     ({"velocity"}, ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "quadratic_drag")),
     ({"angle"}, ("gravity_offset", "cable_stiffness", "cogging", "encoder_eccentricity", "end_stop")),
     ({"time"}, ("periodic_disturbance", "payload_change")),
-    ({"torque", "dynamics"}, ("input_delay", "actuator_lag", "sensor_lag", "compliance", "backlash")),
-    ({"torque", "dynamics"}, ("rate_limit", "goal_rate_limit", "torque_saturation")),
-    ({"velocity", "angle", "memory"}, ("presliding_hysteresis",)),
+    ({"torque", "past torque"}, ("input_delay", "actuator_lag", "sensor_lag", "compliance", "backlash")),
+    ({"torque", "past torque"}, ("rate_limit", "goal_rate_limit", "torque_saturation")),
+    ({"velocity", "angle", "way since turning"}, ("presliding_hysteresis",)),
     ({"velocity", "torque"}, ("load_dependent_friction", "back_emf")),
     ({"time", "velocity"}, ("friction_drift",)),
 )
 VARIABLES = {name: variables for variables, names in _OVER for name in names}
-"""What a hidden effect depends on: any of these is right. A constant depends on nothing."""
+"""What a hidden effect depends on, in the words of a diagnosis: any of these is right. A constant depends on nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
