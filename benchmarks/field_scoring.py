@@ -51,7 +51,7 @@ _OVER: tuple[tuple[set[str], tuple[str, ...]], ...] = (
     ({"time", "velocity"}, ("friction_drift",)),
 )
 VARIABLES = {name: variables for variables, names in _OVER for name in names}
-"""What a hidden effect depends on, in the words of a diagnosis: any of these is right. A constant depends on nothing."""
+"""What a hidden effect depends on, as a diagnosis calls it: any of these is right. A constant depends on nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,7 +28,7 @@ class Weighed:
         fit: at which it was.
         here: its predictions.
         noise: as which errors of the measurement are counted [rad].
-        responses: of the families.
+        unmodelled: (T,) what the torque of the families is likeliest to change in the innovations.
         discrepancy: beside the model.
         log_likelihood: over functions, amplitudes and parameters.
     """
@@ -36,7 +36,7 @@ class Weighed:
     fit: Fit
     here: Linearised
     noise: float
-    responses: Responses
+    unmodelled: Array
     discrepancy: Discrepancy
     log_likelihood: float
 
@@ -53,12 +53,13 @@ class Weighed:
         held = _held(fit, here, own, here.innovations - responses.columns @ discrepancy.posterior.functions)
         if held:
             discrepancy = Discrepancy.learned(here.nuisance(held), responses, here.innovations, fit.samples)
+        torques = responses.torques
         volume = _volume(fit, here, [row for row in own if row not in held], held)
         return cls(
             fit=fit,
             here=here,
             noise=noise,
-            responses=responses,
+            unmodelled=responses.columns[:, :torques] @ discrepancy.posterior.functions[:torques],
             discrepancy=discrepancy,
             log_likelihood=discrepancy.posterior.log_likelihood + volume,
         )
@@ -81,9 +82,7 @@ class Weighed:
         """Size of the unmodelled torque over that of all torque [-]: what each changes in the innovations."""
         torque = np.concatenate([run.drive for run in self.fit.log.runs])
         whole = self.discrepancy.beyond_initial_states(response(self.here.filters, torque[:, None], on_reading=False))
-        torques = self.responses.torques
-        own = self.responses.columns[:, :torques] @ self.posterior.functions[:torques]
-        beyond = self.here.nuisance().beyond(own)
+        beyond = self.here.nuisance().beyond(self.unmodelled)
         return float(np.linalg.norm(beyond)) / max(float(np.linalg.norm(whole)), 1e-300)
 
 
