@@ -89,6 +89,13 @@ def is_plausible(fit: Fit, name: str) -> bool:
     if effect is None:
         return True
     angles = np.concatenate([run.output[run.valid] for run in fit.log.runs])
+    time = np.concatenate([run.time[run.valid] for run in fit.log.runs])
+    gone = np.cumsum(np.abs(np.diff(angles, prepend=angles[0])))
+
+    def ways(instant: float) -> tuple[float, float]:
+        before = float(np.interp(instant, time, gone))
+        return before, float(gone[-1]) - before
+
     covered = Covered(
         low=float(angles.min()),
         high=float(angles.max()),
@@ -96,6 +103,7 @@ def is_plausible(fit: Fit, name: str) -> bool:
         duration=max(float(run.time[-1] - run.time[0]) for run in fit.log.runs),
         inertia=fit.model.inertia,
         turn=turn_of(fit.model.axis),
+        ways=ways,
     )
     return any(each.plausible(covered) for each in (effect, *_as_likely(fit, effect)))
 

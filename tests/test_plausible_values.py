@@ -7,13 +7,26 @@ import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import diagnose
-from plant.effects import CableStiffness, Cogging, Compliance, Effect, EncoderEccentricity, EndStop, PeriodicDisturbance
+from plant.effects import (
+    CableStiffness,
+    Cogging,
+    Compliance,
+    Effect,
+    EncoderEccentricity,
+    EndStop,
+    PayloadChange,
+    PeriodicDisturbance,
+)
 from plant.effects.effect import TURN, Covered
 
 
 def covered(low: float, high: float, turn: float = TURN) -> Covered:
-    """Of a log of 20 s."""
-    return Covered(low=low, high=high, speed=2.0, duration=20.0, inertia=2.0, turn=turn)
+    """Of a log of 20 s, in which the load goes forth and back at 2 rad/s."""
+
+    def ways(instant: float) -> tuple[float, float]:
+        return 2.0 * instant, 2.0 * (20.0 - instant)
+
+    return Covered(low=low, high=high, speed=2.0, duration=20.0, inertia=2.0, turn=turn, ways=ways)
 
 
 @pytest.mark.parametrize(
@@ -37,6 +50,9 @@ def covered(low: float, high: float, turn: float = TURN) -> Covered:
         (EncoderEccentricity(amplitude=0.001, order=1.5, phase=0.3), True),
         (PeriodicDisturbance(amplitude=0.1, frequency=0.1, phase=0.3), True),
         (PeriodicDisturbance(amplitude=0.1, frequency=0.09, phase=0.3), False),  # no two periods: a drift
+        (PayloadChange(time=5.0, inertia=0.1, gravity=0.2), True),
+        (PayloadChange(time=0.1, inertia=0.1, gravity=0.2), False),  # the first load hardly moves
+        (PayloadChange(time=19.9, inertia=0.1, gravity=0.2), False),
         (EncoderEccentricity(amplitude=0.7, order=1.5, phase=0.3), False),  # the reading would go back on the way
     ],
     ids=lambda value: " ".join(map(str, (value.name, *value.values))) if isinstance(value, Effect) else "",

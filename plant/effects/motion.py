@@ -25,6 +25,7 @@ class Covered:
         duration: of the longest run [s].
         inertia: of the load, by the model at hand [N m s^2/rad].
         turn: of the load [rad]; 0 on a linear axis, which has none.
+        ways: how far the load goes, forth and back, before an instant [s] and after it [rad].
     """
 
     low: float
@@ -33,6 +34,7 @@ class Covered:
     duration: float
     inertia: float
     turn: float
+    ways: Callable[[float], tuple[float, float]]
 
     @property
     def travel(self) -> float:

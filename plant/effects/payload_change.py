@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from plant.effects.effect import Effect, Expression, Moment, Motion, Stage, Trace, parameter
+from plant.effects.effect import Covered, Effect, Expression, Moment, Motion, Stage, Trace, parameter
 
 if TYPE_CHECKING:
     from plant.servo import ServoModel
 
 _TIMES = 40
+_SEEN = 0.1  # of the travel, over which each of the two loads has to move
 _APART = (0.3, 0.1, 0.03)  # seconds between instants that look alike: a servo turns back in a few of the first
 _ALIKE = (8, 3, 3)  # of them on each side
 
@@ -51,6 +52,10 @@ class PayloadChange(Effect):
     def load_torque(self, at: Moment, state: Expression) -> Expression:
         """The gravity of what has come."""
         return -self.gravity * self._after(at) * ca.cos(at.angle)
+
+    def plausible(self, log: Covered) -> bool:
+        """Both loads are seen to move; what ends before that was a beginning, as of a gap that was not yet closed."""
+        return bool(min(log.ways(self.time)) > _SEEN * log.travel)
 
     def similar_shapes(self, stage: int) -> tuple[PayloadChange, ...]:
         """Instants before and after: whatever the load did in between has a peak of its own."""
