@@ -212,7 +212,7 @@ def _sets(posterior: Posterior, judgement: Judgement) -> tuple[EffectSet, ...]:
     def unknown(each: Explanation | None) -> tuple[str, ...]:
         if each is posterior.best:
             return judgement.depends_on
-        if each is None or each.discrepancy.posterior.material <= LIKELY:
+        if each is None or each.discrepancy.posterior.something <= LIKELY:
             return ()
         explained = each.discrepancy.explained_by()
         return tuple(effects_over(v, each.fit.log.axis) for v in explained if explained[v] == max(explained.values()))

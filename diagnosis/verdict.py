@@ -66,7 +66,7 @@ def judged(
     causes = {name: p for name, p in told.items() if p > LIKELY and (among is None or name in among)}
     if causes and among is None:
         causes |= {name: told[name] for name in posterior.leading if name in told}
-    unnamed = max(beside.material, beside.measurement_error) > SURE or missing.excess > _NOISE or shows
+    unnamed = beside.something > SURE or missing.excess > _NOISE or shows
     small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others take a ruled-out one's place
     minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}
     left = unnamed or bool(minor) or ruled_out is not None

@@ -79,7 +79,7 @@ def test_nothing_is_sure_where_the_fit_has_failed() -> None:
 
 def posterior_of(sets: dict[tuple[str, ...], float], evident: tuple[str, ...] | None = None) -> Posterior:
     """A posterior that believes in some sets; by the evidence alone one of them may be the only one."""
-    quiet = SimpleNamespace(posterior=SimpleNamespace(material=0.0, measurement_error=0.0))
+    quiet = SimpleNamespace(posterior=SimpleNamespace(something=0.0))
     fits: Any = tuple(SimpleNamespace(names=frozenset(each), discrepancy=quiet) for each in sets)
     return Posterior(
         sets=fits,

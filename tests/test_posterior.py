@@ -74,7 +74,7 @@ def test_look_alikes_together_say_that_one_is_missing(nothing: float, verdict: s
     shares = {frozenset[str](): nothing} | {
         frozenset({name}): each for name in ("input_delay", "sensor_lag", "back_emf")
     }
-    quiet = SimpleNamespace(material=0.0, measurement_error=0.0, at_its_limit=False)
+    quiet = SimpleNamespace(something=0.0, at_its_limit=False)
     fits: Any = tuple(SimpleNamespace(names=n, discrepancy=SimpleNamespace(posterior=quiet)) for n in shares)
     posterior = Posterior(sets=fits, probabilities=tuple(shares.values()), believed=shares)
     missing: Any = SimpleNamespace(excess=0.0)

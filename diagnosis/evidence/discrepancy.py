@@ -55,6 +55,11 @@ class Posterior:
     scale: Array
 
     @property
+    def something(self) -> float:
+        """Probability that either is not nothing [-]."""
+        return max(self.material, self.measurement_error)
+
+    @property
     def at_its_limit(self) -> bool:
         """Whether it is likeliest as large as it may be: then the fit has failed, and its slopes say little."""
         return self.likeliest[0] == len(AMPLITUDES) - 1
