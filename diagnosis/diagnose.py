@@ -29,7 +29,7 @@ from diagnosis.result import Cause, EffectSet, Minor, Unknown
 from diagnosis.stretches import stretches
 from diagnosis.validation_only import is_of_parameters, only_in_validation
 from diagnosis.validation_split import parts, split_otherwise
-from diagnosis.verdict import CLEARLY, HARDLY_EVER, Judgement, judged, log_bayes, rivals
+from diagnosis.verdict import CLEARLY, HARDLY_EVER, SURE, Judgement, judged, log_bayes, rivals
 from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable
 from identification.fit import base_model, fit_with_prior, known_of
@@ -146,9 +146,9 @@ def _diagnosed(
     alone, most = None, left.share > 0.5  # more than what is named
     if judgement.verdict != "unknown" and (not judgement.causes or most):
         alone = only_in_validation(final, held_out)
-    if alone is not None or (judgement.verdict == "named" and most):
-        judgement = replace(judgement, verdict="unknown")
     beside = best.discrepancy.posterior
+    if alone is not None or (judgement.verdict == "named" and most and beside.something > SURE):
+        judgement = replace(judgement, verdict="unknown")
     return Diagnosis(
         verdict=judgement.verdict,
         causes=tuple(sorted((_cause(found, judgement, name) for name in judgement.causes), key=lambda c: -c.rms)),

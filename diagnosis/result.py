@@ -254,8 +254,7 @@ class Findings:
                 if s.probability >= LISTED
             ],
             "unknown": {
-                "probability": self.unknown.probability,
-                "measurement_error": self.unknown.measurement_error,
+                "probability": max(self.unknown.probability, self.unknown.measurement_error),
                 "depends_on": list(self.unknown.depends_on),
                 "share": self.unknown.share,
             },

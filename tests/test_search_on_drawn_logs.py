@@ -53,7 +53,7 @@ def test_a_loop_that_is_followed_without_its_torque_is_diagnosed() -> None:
     assert {cause.effect for cause in found.causes} == {"gravity_offset", "coulomb_friction"}
 
 
-def test_what_leaves_most_of_the_validation_error_is_not_the_answer() -> None:
+def test_what_leaves_most_of_the_error_is_not_the_answer() -> None:
     """A ripple is there and sure, but a stop acts too, which is not asked for: an observer follows its torque."""
     found = diagnose(drawn(100493).log, candidates=["cogging", "torque_offset"])
     assert {cause.effect: cause.probability > 0.9 for cause in found.causes} == {"cogging": True}
