@@ -69,8 +69,8 @@ class Peer:
 
     def step(self, angle: float, reference: Array, motors: object = None) -> Control:
         """The measured angle in, the pinion torques out."""
-        wanted = np.broadcast_to(np.asarray(reference, dtype=np.float64), (self.horizon + 1,))
-        path, dt = self._governor.govern(wanted, self._limits), self.sample_time
+        references = np.broadcast_to(np.asarray(reference, dtype=np.float64), (self.horizon + 1,))
+        path, dt = self._governor.govern(references, self._limits), self.sample_time
         speed, later = (path[1] - path[0]) / dt, (path[2] - path[1]) / dt
         forward, backward = self._friction(path[0], speed)
         wanted = forward if speed > 1e-4 else -backward if speed < -1e-4 else 0.0
