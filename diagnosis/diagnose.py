@@ -41,6 +41,7 @@ from identification.slower_observer import behind_a_slower_observer, worth_of_to
 from identification.threads import without_blas_threads
 from identification.time_stamp_jitter import evenly_timed
 from plant.effects.effect import Array, Effect
+from plant.effects.nonparametric import of_reading, unnamed
 from plant.servo import ServoModel
 
 _FAILED = "The fit of the base model failed: "
@@ -154,12 +155,7 @@ def _diagnosed(
         causes=tuple(sorted((_cause(found, judgement, name) for name in judgement.causes), key=lambda c: -c.rms)),
         minor=tuple(_minor(found, name, p) for name, p in judgement.minor.items()),
         sets=_sets(found.posterior, judgement),
-        unknown=Unknown(
-            probability=beside.material,
-            measurement_error=beside.measurement_error,
-            depends_on=judgement.depends_on,
-            share=best.weighed.share,
-        ),
+        unknown=_unknown(found, judgement, float(np.sqrt(np.mean(missing.command**2)))),
         without=found.without,
         rejected=rejected(null, found.posterior, effects, {*judgement.causes, *judgement.minor}, found.falsified),
         gain=gain,
@@ -194,6 +190,19 @@ def _cause(found: Tenable, judgement: Judgement, name: str) -> Cause:
     )
 
 
+def _unknown(found: Tenable, judgement: Judgement, level: float) -> Unknown:
+    """What stands beside the names, and in the place of some, in a log whose torque is so large."""
+    posterior, best = found.posterior, found.posterior.best
+    beside, torques = best.discrepancy.posterior, frozenset(unnamed) - of_reading
+    instead = [torque_of(found.fit, name)[0] / level for name in sorted(best.names & torques)]
+    return Unknown(
+        probability=max(beside.material, posterior.nameless(torques)),
+        measurement_error=max(beside.measurement_error, posterior.nameless(of_reading)),
+        depends_on=judgement.depends_on,
+        share=max((best.weighed.share, *instead)),
+    )
+
+
 def _minor(found: Tenable, name: str, probability: float) -> Minor:
     rms, share = torque_of(_holder(found, name), name)
     return Minor(effect=name, probability=probability, share=share, rms=rms)
@@ -219,7 +228,7 @@ def _sets(posterior: Posterior, judgement: Judgement) -> tuple[EffectSet, ...]:
 
     return tuple(
         EffectSet(
-            effects=tuple(sorted(names)),
+            effects=tuple(sorted(names.difference(unnamed))),
             unknown=unknown(each),
             probability=p,
             log_marginal=None if each is None else each.log_marginal,

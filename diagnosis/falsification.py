@@ -24,6 +24,7 @@ from identification.log import Log
 from identification.problem import Problem, first_states
 from plant.effects import catalogue
 from plant.effects.effect import Array
+from plant.effects.nonparametric import unnamed
 from plant.servo import ServoModel
 
 SURELY = 3.0
@@ -197,6 +198,8 @@ def _possible(explanations: Collection[Explanation]) -> tuple[list[Explanation],
 def _impossible(explanation: Explanation, name: str) -> str | None:
     """Why a fitted effect cannot be there by its values; None if it can."""
     fit = explanation.fit
+    if name in unnamed:
+        return None if np.isfinite(explanation.log_marginal) else "this log does not tell its course"
     values = estimates(fit, name)
     torques = {key: value for key, value in values.items() if value.unit == fit.log.command_unit}
     sizes = {key: values[key] for key in {*torques, *_sizes(name)} & values.keys()}

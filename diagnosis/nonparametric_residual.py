@@ -7,14 +7,14 @@ its parameters on the whole log.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.evidence.without_name import promising
 from diagnosis.falsification import SURELY, errors_of_many_steps
 from diagnosis.holdout import cut
-from diagnosis.linear import response
 from diagnosis.refit import fitted_from, fitted_to, problem_near
 from diagnosis.score_test import Screen
 from diagnosis.validation_split import split
@@ -24,13 +24,11 @@ from identification.log import Log
 from identification.problem import Problem
 from identification.threads import in_threads
 from plant.effects.effect import Array
-from plant.effects.nonparametric import unnamed
 from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
 
 _MOST = 2  # things without a name that a model may carry: each further one is found by chance more easily
 _AT_ONCE = 3  # kinds that are tried before the best of them is taken
-_ALIKE = 1e-9  # of the largest direction of columns, below which one is rounding
 
 
 def with_curves(fit: Fit, base: Fit) -> Fit:
@@ -51,13 +49,14 @@ def with_curves(fit: Fit, base: Fit) -> Fit:
 
 def _better(fit: Fit, named: Collection[str]) -> Fit | None:
     """The fit with one thing more that predicts better and pays, of those that promise most; None where none does."""
-    if not (promising := _promising(fit)):
+    starts = [start for _, start in promising(Screen.of(fit), clocked=False)]  # over time nothing would go on
+    if not starts:
         return None
     first, rest, _ = split(fit.log)
     less = fitted_to(first, fit)
     before = errors_of_many_steps(less.model, rest)
-    for begin in range(0, len(promising), _AT_ONCE):
-        tried = promising[begin : begin + _AT_ONCE]
+    for begin in range(0, len(starts), _AT_ONCE):
+        tried = starts[begin : begin + _AT_ONCE]
         surely = in_threads(lambda start: _surely_better(less, start, rest, before), tried)
         carried = [_carried(fit, named, start) for start, sure in zip(tried, surely, strict=True) if sure > SURELY]
         paying = [other for other in carried if other.converged and _worth(other, fit) > HARDLY_EVER]
@@ -66,37 +65,13 @@ def _better(fit: Fit, named: Collection[str]) -> Fit | None:
     return None
 
 
-def _promising(fit: Fit) -> list[Nonparametric]:
-    """Where the fits of all kinds begin that promise anything, the best first; over time nothing would go on."""
-    screen, found = Screen.of(fit), list[tuple[float, Nonparametric]]()
-    for kind in unnamed.values():
-        if not kind.clocked and kind.beside(fit.model) and fit.log.shows(kind):
-            found.extend(sorted(_asked(screen, kind), key=lambda pair: -pair[0])[:1])
-    ranked = sorted((pair for pair in found if pair[0] > 0.0), key=lambda pair: -pair[0])
-    return [start for _, start in ranked]
-
-
-def _asked(screen: Screen, kind: type[Nonparametric]) -> Iterator[tuple[float, Nonparametric]]:
-    """Log-likelihood that each shape of a kind promises, less what its sizes and the search cost, and the shape."""
-    left = screen.nuisance.beyond(screen.innovations)
-    for trace in kind.traces(screen.motion):
-        columns = -response(screen.filters, trace.columns, on_reading=trace.acts_on == "reading")
-        beyond = screen.nuisance.beyond(np.asarray(np.where(np.isfinite(columns), columns, 0.0)))
-        sizes = np.asarray(np.linalg.lstsq(beyond, left, rcond=_ALIKE)[0], dtype=np.float64)
-        share = float(np.sum((left - beyond @ sizes) ** 2) / max(float(left @ left), 1e-300))
-        cost = 0.5 * len(sizes) * np.log(screen.fit.samples) + np.log(trace.searched)
-        start = trace.start(sizes)
-        if isinstance(start, Nonparametric):
-            yield -0.5 * screen.fit.samples * np.log(max(share, 1e-12)) - cost, start
-
-
 def _carried(fit: Fit, named: Collection[str], start: Nonparametric) -> Fit:
     after = _beside(fit, start, named).descend(fit)
     return replace(after, parameters=tuple(fit[p.name] if p.name in named else p for p in after.parameters))
 
 
 def _beside(fit: Fit, start: Nonparametric, held: Collection[str] = ()) -> Problem:
-    return problem_near(fit, fit.model.with_effect(start.begun()), fixed=(*start.shape(), *held))
+    return problem_near(fit, fit.model.with_effect(start.begun()), fixed=tuple(held))
 
 
 def _worth(fit: Fit, than: Fit) -> float:

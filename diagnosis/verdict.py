@@ -15,6 +15,7 @@ from diagnosis.evidence.posterior import LIKELY, Posterior, special_cases
 from diagnosis.residual_torque import ResidualTorque, effects_over
 from diagnosis.result import LISTED, Verdict
 from plant.effects import catalogue
+from plant.effects.nonparametric import unnamed
 
 SURE = 0.9
 """Probability from which a name stands alone."""
@@ -66,36 +67,41 @@ def judged(
     causes = {name: p for name, p in told.items() if p > LIKELY and (among is None or name in among)}
     if causes and among is None:
         causes |= {name: told[name] for name in posterior.leading if name in told}
-    unnamed = beside.something > SURE or missing.excess > _NOISE or shows
+    instead = posterior.nameless() > LIKELY
+    left = beside.something > SURE or missing.excess > _NOISE or shows or instead
     small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others take a ruled-out one's place
     minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}
-    left = unnamed or bool(minor) or ruled_out is not None
+    more = left or bool(minor) or ruled_out is not None
     doubtful = any(map(in_doubt, minor.values())) or posterior.complete({*causes, *minor}) <= LIKELY
-    verdict = _verdict(posterior, causes, unnamed=left, in_doubt=doubtful)
+    verdict = _verdict(posterior, causes, more=more, in_doubt=doubtful)
     if verdict == "ambiguous" and not causes:
         causes = _leading(posterior)
     return Judgement(
         verdict=verdict,
         causes=dict(sorted(causes.items(), key=lambda item: -item[1])),
         minor={name: p for name, p in minor.items() if name not in causes},
-        depends_on=variables(posterior, missing) if unnamed else (),
+        depends_on=variables(posterior, missing) if left else (),
     )
 
 
 def variables(posterior: Posterior, missing: ResidualTorque) -> tuple[str, ...]:
-    """Variables of what no name explains: by the discrepancy, else by the residual torque."""
+    """Variables of what no name explains: of what stands in the place of names, else of the discrepancy's torque.
+
+    Where there is none, by the residual torque.
+    """
     best = posterior.best
-    explained = best.discrepancy.explained_by()
+    found = tuple(variable for name in sorted(best.names.intersection(unnamed)) for variable in unnamed[name].variables)
+    explained = {} if found else best.discrepancy.explained_by()
     most = max(explained.values(), default=0.0)
     ranked = sorted(explained, key=lambda variable: -explained[variable])
-    found = tuple(variable for variable in ranked if explained[variable] >= _CARRIES * most)
+    found += tuple(variable for variable in ranked if explained[variable] >= _CARRIES * most)
     found = found or tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
     each = dict.fromkeys(variable for several in found for variable in several.split(" and "))
     return tuple(effects_over(variable, best.fit.log.axis) for variable in each if variable != _CONSTANT)
 
 
 def rivals(posterior: Posterior, name: str) -> tuple[tuple[str, float], ...]:
-    """Names that the sets without it have in its place, with the probability of those sets.
+    """Names that the sets without it have in its place, with the probability of those sets; not what has none.
 
     In its place is what is likelier without it than beside it.
     """
@@ -103,7 +109,7 @@ def rivals(posterior: Posterior, name: str) -> tuple[tuple[str, float], ...]:
     instead: dict[str, float] = {}
     for names, p in posterior.believed.items():
         found = beside if name in names else instead
-        for other in names - posterior.best.names:
+        for other in names.difference(posterior.best.names, unnamed):
             found[other] = found.get(other, 0.0) + p
     told = posterior.told(name)
     alike = {n: p for n, p in instead.items() if p * told > beside.get(n, 0.0) * (1.0 - told)}
@@ -129,11 +135,13 @@ def in_doubt(probability: float) -> bool:
     return 1.0 - SURE < probability <= SURE
 
 
-def _verdict(posterior: Posterior, causes: Mapping[str, float], *, unnamed: bool, in_doubt: bool) -> Verdict:
+def _verdict(posterior: Posterior, causes: Mapping[str, float], *, more: bool, in_doubt: bool) -> Verdict:
+    if posterior.nameless() > SURE:
+        return "unknown"
     of_the_machine = [name for name in causes if not of_the_measurement(name)]
-    if causes and (of_the_machine or not unnamed):
+    if causes and (of_the_machine or not more):
         return "named" if all(p > SURE for p in causes.values()) and not in_doubt else "ambiguous"
-    if unnamed:
+    if more:
         return "unknown"
     nothing = posterior.believed.get(frozenset(), 0.0)
     return "nothing_missing" if nothing > LIKELY or not posterior.names() else "ambiguous"
@@ -141,6 +149,6 @@ def _verdict(posterior: Posterior, causes: Mapping[str, float], *, unnamed: bool
 
 def _leading(posterior: Posterior) -> dict[str, float]:
     """The name that is told with the highest probability."""
-    told = {name: posterior.told(name) for each in posterior.sets for name in each.names}
+    told = {name: posterior.told(name) for each in posterior.sets for name in each.names.difference(unnamed)}
     best = max(told, key=lambda name: told[name])
     return {best: told[best]}

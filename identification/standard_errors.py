@@ -29,12 +29,11 @@ def fit_with_errors(objective: Objective, bandwidth: float, minimum: Minimum, ev
     innovations = np.concatenate([p.innovations for p in predictions])
     around = _around(objective, values, initial, bandwidth, predictions)
     with np.errstate(over="ignore", invalid="ignore"):
-        power = float(sum(p.innovations @ p.innovations for p in around))
-    variance = power / degrees
-    white, coloured = informations(around)
-    if objective.prior is not None:
-        white[:count, :count] += variance * objective.prior.precision
-        coloured[:count, :count] += variance**2 * objective.prior.precision
+        variance = float(sum(p.innovations @ p.innovations for p in around)) / degrees
+        white, coloured = informations(around)
+        if objective.prior is not None:
+            white[:count, :count] += variance * objective.prior.precision
+            coloured[:count, :count] += variance**2 * objective.prior.precision
     found = uncertainty(white, coloured, variance)
     spread, lost = found.covariance[:count, :count], found.undetermined[:count]
     if _nothing_moves(objective, minimum):

@@ -90,7 +90,7 @@ def test_look_alikes_do_not_take_each_other_away() -> None:
     def beyond(name: str, without: frozenset[str] = frozenset()) -> float:
         return 5.0 if without else small[name]
 
-    sizes = SimpleNamespace(beyond=beyond, beyond_special={}, discrepancy=1.0, to_exceed=lambda name: 1.0)
+    sizes = SimpleNamespace(beyond=beyond, beyond_special={}, without_name=1.0, to_exceed=lambda name: 1.0)
     sound = SimpleNamespace(posterior=SimpleNamespace(at_its_limit=False))
     explanation: Any = SimpleNamespace(names=frozenset(small), sizes=sizes, discrepancy=sound)
     found = beside_discrepancy(explanation, 1.0)

@@ -175,7 +175,7 @@ def test_a_clean_log_carries_no_curve() -> None:
 
 def example(kind: type[Nonparametric]) -> Nonparametric:
     """Every coefficient another, none negative."""
-    first = {"low": -3.0, "high": 4.0, "rate": 2.0}
+    first = {"low": -3.0, "high": 4.0, "rate": 2.0, "time_constant": 0.01}
     values = {spec.name: first.get(spec.name, 0.1 * place) for place, spec in enumerate(kind.parameters())}
     return kind(**values)
 

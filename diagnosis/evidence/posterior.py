@@ -34,6 +34,7 @@ from diagnosis.evidence.sizes import EXACT
 from diagnosis.jackknife import BLOCKS
 from plant.effects import catalogue
 from plant.effects.effect import Array
+from plant.effects.nonparametric import unnamed
 
 LIKELY = 0.5
 """Probability from which a name is told, and is in the model."""
@@ -103,13 +104,17 @@ class Posterior:
 
     def names(self) -> dict[str, float]:
         """Each name with its probability by the evidence alone, the likeliest first."""
-        every = {name for names in self.believed for name in names}
+        every = {name for names in self.believed for name in names.difference(unnamed)}
         return dict(sorted(((name, self.of(name)) for name in every), key=lambda item: -item[1]))
 
+    def nameless(self, kinds: Collection[str] = tuple(unnamed)) -> float:
+        """Probability that something without a name, of some kinds, is there in the place of effects."""
+        return sum(p for names, p in self.believed.items() if not names.isdisjoint(kinds))
+
     def over_discrepancy(self, name: str) -> float:
-        """Size of an effect over that of the discrepancy, in the likeliest set that holds it."""
+        """Size of an effect over that of what has no name, in the likeliest set that holds it."""
         holder = next(each for each in self.sets if name in each.names)
-        return holder.sizes.effects[name] / max(holder.sizes.discrepancy, 1e-300)
+        return holder.sizes.effects[name] / max(holder.sizes.without_name, 1e-300)
 
 
 def special_cases(name: str) -> set[str]:
@@ -152,12 +157,13 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
         whole = wide = sound * kept_share(sizes[name], explanation.sizes.to_exceed(name))
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
-            wide = whole * kept_share(more, max(explanation.sizes.discrepancy, EXACT * sizes[name]))
+            wide = whole * kept_share(more, max(explanation.sizes.without_name, EXACT * sizes[name]))
             ask(left - {name}, kept | {special}, out, p * (whole - wide))
         ask(left - {name}, kept | {name}, out, p * wide)
         ask(left - {name}, kept, out | {name}, p * (1.0 - whole))
 
-    ask(explanation.names, frozenset(), frozenset(), probability)
+    instead = explanation.names.intersection(unnamed)
+    ask(explanation.names - instead, instead, frozenset(), probability)
     return found
 
 

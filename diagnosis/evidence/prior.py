@@ -11,6 +11,7 @@ import numpy as np
 
 from identification.fit_result import Fit
 from plant.effects import Effect
+from plant.effects.nonparametric_curve import Nonparametric
 
 _DECADES = float(np.log(1000.0))
 LOG_UNIFORM = float(np.log(_DECADES / np.sqrt(2.0 * np.pi)))
@@ -20,9 +21,10 @@ LOG_UNIFORM = float(np.log(_DECADES / np.sqrt(2.0 * np.pi)))
 def forms(kind: type[Effect]) -> int:
     """What an effect counts as: one that has a simpler one as its special case counts as that and one more.
 
-    So Stribeck friction is no likelier before than Coulomb friction with something beside it.
+    So Stribeck friction is no likelier before than Coulomb friction with something beside it. What has no name has
+    names as special cases.
     """
-    return 1 if kind.reduced is Effect.reduced else 2
+    return 1 if kind.reduced is Effect.reduced and not issubclass(kind, Nonparametric) else 2
 
 
 def log_density(fit: Fit, name: str, std: float) -> float:

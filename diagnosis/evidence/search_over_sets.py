@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from itertools import chain, combinations
+from typing import TypeAlias
 
 import numpy as np
 
@@ -25,11 +26,16 @@ from diagnosis.evidence.larger_sets import (
 from diagnosis.evidence.marginal import Explanation, families_along
 from diagnosis.evidence.posterior import LIKELY, Posterior
 from diagnosis.evidence.proposals import Proposal
+from diagnosis.evidence.without_name import without_name
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
 from identification.threads import in_threads, without_blas_threads
 from plant.effects import Effect
+from plant.effects.nonparametric import unnamed
 
+_InPlace: TypeAlias = Callable[
+    [Explored, Explanation, frozenset[str], float | None], list[tuple[Explanation, Proposal]]
+]
 _NEAR = 0.3  # of a promise, that it may be too large: linearised, it is rough
 _RETUNED = 3  # sets whose observer is chosen anew
 _MOST = 5  # times that names are added, and names in a set from which on none is
@@ -52,7 +58,8 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     rise(found, found.fits.get((frozenset(), null.bandwidth), found.best), bare)
     extend(found, bare)
     _improve(found)
-    _replace(found)
+    _replace(found, _in_place)
+    _replace(found, _without_name)  # else a name that only looks like the cause would be sure
     _fit_leading(found)
     return found
 
@@ -128,24 +135,31 @@ def _retune(found: Explored) -> None:
         found.add(chain.from_iterable(in_threads(lowered, leading)))
 
 
-def _replace(found: Explored) -> None:
+def _replace(found: Explored, in_place: _InPlace) -> None:
     """Ask for every name that is not minor, and two that one effect is confounded with, what may stand there."""
     before = -np.inf
     while (best := found.best).names and best.log_marginal > before + BELOW:
         before = best.log_marginal
-        large = [name for name in sorted(best.names) if best.sizes.effects[name] >= best.sizes.to_exceed(name)]
-        places = [{name} for name in large]
-        for one, other in combinations(large, 2):
-            if _confounded(found.effects, one) & _confounded(found.effects, other):
-                places.append({one, other})
-        for out in map(frozenset, places):
+        for out in _places(found, best):
             if (less := _less(found, best, out)) is not None:
                 least = _roughly_promised(found, less, out)
-                try_sets(found, _in_place(found, less, out, least), best.fit.bandwidth, max(least or 0.0, 0.0))
+                try_sets(found, in_place(found, less, out, least), best.fit.bandwidth, max(least or 0.0, 0.0))
         for narrow in _narrowed(found, best):
             extend(found, [narrow], best.fit.bandwidth)
         if found.best is not best:
             _improve(found)
+
+
+def _places(found: Explored, best: Explanation) -> list[frozenset[str]]:
+    """Names that are not minor, and two of them that one effect is confounded with."""
+    named = sorted(best.names.difference(unnamed))
+    large = [name for name in named if best.sizes.effects[name] >= best.sizes.to_exceed(name)]
+    two = (
+        {one, other}
+        for one, other in combinations(large, 2)
+        if _confounded(found.effects, one) & _confounded(found.effects, other)
+    )
+    return [frozenset(out) for out in (*({name} for name in large), *two)]
 
 
 def _narrowed(found: Explored, best: Explanation) -> list[Explanation]:
@@ -179,9 +193,16 @@ def _in_place(
     return [(less, each) for each in near]
 
 
+def _without_name(
+    found: Explored, less: Explanation, out: frozenset[str], least: float | None
+) -> list[tuple[Explanation, Proposal]]:
+    """What has no name and promises at least as much as the names that were taken out of a set."""
+    return [(less, each) for each in without_name(less) if least is not None and each.value >= least][:ASKED]
+
+
 def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str]:
     """Effects that say of themselves that they look like one, or that it says so of."""
-    own = effects[name].confused_with
+    own = effects[name].confused_with if name in effects else ()
     return frozenset(other for other, kind in effects.items() if other in own or name in kind.confused_with)
 
 

@@ -18,6 +18,7 @@ from diagnosis.evidence.linearised import Linearised, is_bounded, predicted
 from diagnosis.nuisance import Nuisance, basis
 from identification.fit_result import Fit
 from plant.effects.effect import Array
+from plant.effects.nonparametric import unnamed
 
 EXACT = 0.01
 """Of an effect: no law is exact to less, so a wider form, or another effect, has to add more to be told."""
@@ -53,10 +54,16 @@ class Sizes:
             discrepancy = float(np.linalg.norm(here.nuisance().beyond(columns @ functions)))
         return cls(fit=fit, names=frozenset(names), bandwidth=bandwidth, here=here, discrepancy=discrepancy)
 
+    @cached_property
+    def without_name(self) -> float:
+        """Of the discrepancy, and of what stands without a name in the place of an effect."""
+        instead = [self.effects[each] for each in sorted(self.names.intersection(unnamed)) if self.here is not None]
+        return float(np.hypot.reduce([self.discrepancy, *instead]))
+
     def to_exceed(self, name: str) -> float:
-        """What an effect has to be larger than: the discrepancy, and what the law of another may be wrong by."""
+        """What an effect has to be larger than: what has no name, and what the law of another may be wrong by."""
         others = (size for other, size in self.effects.items() if other != name)
-        return max(self.discrepancy, EXACT * max(others, default=0.0))
+        return max(self.without_name, EXACT * max(others, default=0.0))
 
     @cached_property
     def effects(self) -> dict[str, float]:

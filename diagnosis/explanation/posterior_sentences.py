@@ -5,6 +5,7 @@ from __future__ import annotations
 from diagnosis.explanation.wording import joined_words, measured, percent, title_of, torque_or_force
 from diagnosis.result import EffectSet, Findings
 from diagnosis.verdict import SURE
+from plant.effects.nonparametric import unnamed
 
 NOTHING = "nothing more"
 """What a set without effects is called."""
@@ -38,8 +39,10 @@ def unexplained(diagnosis: Findings) -> str:
 
 
 def set_title(each: EffectSet, diagnosis: Findings, besides: set[str] | frozenset[str] = frozenset()) -> str:
-    """The effects of a set, but for some, as people write them."""
-    return joined_words([title_of(name, diagnosis) for name in each.effects if name not in besides]) or NOTHING
+    """The effects of a set, but for some, and what stands in the place of one, as people write them."""
+    instead = () if each.fit is None else [e.title for e in each.fit.model.effects if e.name in unnamed]
+    titles = [title_of(name, diagnosis) for name in each.effects if name not in besides]
+    return joined_words([*titles, *instead]) or NOTHING
 
 
 def _settled(diagnosis: Findings) -> set[str]:

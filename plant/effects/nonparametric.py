@@ -1,12 +1,14 @@
-"""All that a model may carry without a name: curves, laws whose size varies, hysteresis and ripples."""
+"""All that a model may carry without a name: curves, laws whose size varies, hysteresis, lag and ripples."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from plant.effects.effect import Stage
 from plant.effects.friction_over_velocity import FrictionOverVelocity
 from plant.effects.hysteresis import Hysteresis
+from plant.effects.lagged_torque import LaggedTorque
 from plant.effects.nonparametric_curve import (
     Curve,
     CurveOverAngle,
@@ -23,6 +25,9 @@ plain: Mapping[str, type[Curve]] = MappingProxyType({curve.name: curve for curve
 """A torque over one variable, by name."""
 
 unnamed: Mapping[str, type[Nonparametric]] = MappingProxyType(
-    {**plain, **varying, Hysteresis.name: Hysteresis, **ripples}
+    {**plain, **varying, Hysteresis.name: Hysteresis, LaggedTorque.name: LaggedTorque, **ripples}
 )
 """All of them, by name."""
+
+of_reading = frozenset(name for name, kind in unnamed.items() if kind.stage is Stage.SENSOR)
+"""Those of them that are errors of the measurement."""

@@ -1,0 +1,43 @@
+"""A torque that lags, without a name: a part of it comes late, whatever the reason, as in `nonparametric_curve`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from plant.effects.actuator_lag import ActuatorLag, lagged
+from plant.effects.effect import POSITIVE, Expression, Motion, Stage, State, Trace, parameter
+from plant.effects.nonparametric_curve import Nonparametric
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaggedTorque(Nonparametric):
+    """A part of the torque passes a low pass. With all of it this is a lag, with little of a long one it creeps."""
+
+    name = "lagged_torque"
+    title = "torque that lags"
+    stage = Stage.ACTUATOR
+    equation = r"\tau_u = c\,(z - \tau),\; T \dot z = \tau - z"
+    trace = "phase falls at high frequency"
+    variables = ("past torque",)
+    states = (State.TORQUE,)
+
+    time_constant: float = parameter("s", "time constant T", lower=POSITIVE, lag=True)
+    part: float = parameter("-", "part c of the torque that lags")
+
+    advance, mean, settling_time = ActuatorLag.advance, ActuatorLag.mean, ActuatorLag.settling_time
+
+    def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
+        """What lags, and the rest."""
+        return torque + self.part * (state - torque)
+
+    @classmethod
+    def traces(cls, motion: Motion) -> Iterator[Trace]:
+        """The lagged torque less the torque, for lags from a part of a sample to some tens of them."""
+        samples = (0.3, 1.0, 3.0, 10.0, 30.0)
+        for lag in (n * motion.sample_time for n in samples):
+            yield Trace(
+                columns=(motion.arriving(lagged(motion, lag)) - motion.arriving(motion.torque))[:, None],
+                start=lambda c, lag=lag: cls(time_constant=lag, part=float(c[0])),  # type: ignore[misc]
+                searched=len(samples),
+            )

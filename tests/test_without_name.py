@@ -1,0 +1,118 @@
+"""What has no name competes with the names: a look-alike of a cause that the catalogue lacks is not sure."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from machine import Array, Machine, record
+
+from diagnosis import diagnose
+from diagnosis.evidence.posterior import Posterior, beside_discrepancy
+from diagnosis.evidence.prior import forms
+from diagnosis.verdict import judged, rivals
+from identification.log import Log
+from plant import ServoModel, simulate
+from plant.effects import ActuatorLag, CoulombFriction
+from plant.effects.lagged_torque import LaggedTorque
+
+LAGS = ("actuator_lag", "input_delay", "sensor_lag", "compliance", "backlash")
+"""What a lag may be called."""
+
+
+def switching(seed: int, *, duration: float, sample_time: float, size: float) -> Array:
+    """(T,) a torque that only switches between two values, each held for 5 to 40 samples."""
+    draw, signs = np.random.default_rng(seed), list[float]()
+    while len(signs) < duration / sample_time:
+        signs += [1.0 if len(signs) == 0 or signs[-1] < 0 else -1.0] * int(draw.integers(5, 40))
+    return size * np.array(signs[: round(duration / sample_time)])
+
+
+def log_of_a_lag() -> Log:
+    """Of less than a sample: a limit of the rate with the right value does nearly the same to all jumps of a size."""
+    torque = switching(1, duration=40.0, sample_time=0.02, size=8.0)
+    machine = Machine().hiding(actuator_lag={"time_constant": 0.009})
+    return record(machine, torque, sample_time=0.02, noise=2e-4, bits=None).log()
+
+
+def test_a_lag_that_has_no_name_is_no_rate_limit() -> None:
+    found = diagnose(log_of_a_lag(), exclude=LAGS)
+    assert found.verdict == "unknown"
+    assert found.unknown.depends_on == ("past torque",)
+    assert found.unknown.probability > 0.9
+    assert found.unknown.share > 0.01
+    assert not [cause for cause in found.causes if cause.probability > 0.9]
+    assert found.model.effect("lagged_torque") is not None
+    likeliest = found.sets[0]
+    assert likeliest.effects == ()
+    assert likeliest.unknown == ("past torque",)
+
+
+def test_a_lag_that_has_a_name_gets_it() -> None:
+    """What has no name can do the same, and has one number more."""
+    found = diagnose(log_of_a_lag(), candidates=("actuator_lag", "rate_limit", "coulomb_friction"))
+    assert found.verdict == "named"
+    assert [cause.effect for cause in found.causes] == ["actuator_lag"]
+
+
+def test_all_of_a_torque_that_lags_is_a_lag() -> None:
+    time = np.arange(200) * 0.005
+    torque = np.where(time % 0.3 < 0.15, 4.0, -3.0)
+    servo = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
+
+    def angle(model: ServoModel) -> Array:
+        return simulate(model, command=torque, dt=0.005)[:, :2]
+
+    whole = angle(servo.with_effect(LaggedTorque(time_constant=0.03, part=1.0)))
+    np.testing.assert_allclose(whole, angle(servo.with_effect(ActuatorLag(time_constant=0.03))), atol=1e-12)
+    none = angle(servo.with_effect(LaggedTorque(time_constant=0.03, part=0.0)))
+    np.testing.assert_allclose(none, angle(servo), atol=1e-12)
+    assert np.max(np.abs(whole - none)) > 1e-3
+
+
+def posterior_of(**shares: float) -> Posterior:
+    """Over sets, whose names are joined by `and`."""
+    sets = {frozenset(filter(None, names.split("_and_"))): p for names, p in shares.items()}
+    quiet = SimpleNamespace(something=0.0, at_its_limit=False)
+    discrepancy = SimpleNamespace(posterior=quiet, explained_by=dict)
+    log = SimpleNamespace(log=SimpleNamespace(axis="linear"))
+    fits: Any = tuple(SimpleNamespace(names=names, discrepancy=discrepancy, fit=log) for names in sets)
+    return Posterior(sets=fits, probabilities=tuple(sets.values()), believed=sets)
+
+
+@pytest.mark.parametrize(
+    ("without", "verdict"), [(0.95, "unknown"), (0.7, "ambiguous"), (0.05, "named")], ids=["sure", "likely", "unlikely"]
+)
+def test_what_stands_in_the_place_of_a_name_is_no_cause(without: float, verdict: str) -> None:
+    shares = {"cogging_and_curve_over_angle": without, "cogging": 0.98 - without, "": 0.02}
+    posterior, missing = posterior_of(**shares), SimpleNamespace(excess=0.0, curves=())
+    found = judged(posterior, missing, shows=False, ruled_out=None)  # type: ignore[arg-type]
+    assert found.verdict == verdict
+    assert set(found.causes) == {"cogging"}
+    assert set(posterior.names()) == {"cogging"}
+    assert found.depends_on == (("position",) if without > 0.5 else ())
+    assert rivals(posterior, "cogging") == ()
+
+
+def test_a_name_has_to_exceed_what_has_none() -> None:
+    """The curve is only as good as its knots; what is smaller beside it may be a part of what it leaves."""
+    sizes = SimpleNamespace(
+        beyond=lambda name, out: {"cogging": 3.0, "torque_offset": 0.1}[name],
+        beyond_special={},
+        without_name=1.0,
+        to_exceed=lambda name: 1.0,
+    )
+    sound = SimpleNamespace(posterior=SimpleNamespace(at_its_limit=False))
+    names = frozenset({"cogging", "torque_offset", "curve_over_angle"})
+    explanation: Any = SimpleNamespace(names=names, sizes=sizes, discrepancy=sound)
+    found = beside_discrepancy(explanation, 1.0)
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert all("curve_over_angle" in each for each in found)
+    assert found[frozenset({"cogging", "curve_over_angle"})] == pytest.approx(0.9, abs=0.02)
+
+
+def test_what_has_no_name_is_charged_as_a_wider_form() -> None:
+    assert forms(LaggedTorque) == 2
+    assert forms(CoulombFriction) == 1
