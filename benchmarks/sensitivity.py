@@ -1,12 +1,13 @@
-"""What changes in diagnoses of drawn logs where a constant that decides is halved or doubled.
+"""What changes in diagnoses of drawn logs where a constant that decides is halved or doubled, or a rule is left out.
 
     python benchmarks/sensitivity.py run --seeds 3,17 [--processes 2] [--logs FOLDER]
     python benchmarks/sensitivity.py table
 
-A log and its answer are those of `field`. `run` adds an outcome for each constant and log to
-benchmarks/results/sensitivity.jsonl; what is there is not run again. `table` writes sensitivity.txt: how many of the
-same logs are right, honest or wrong, and how many have another verdict or another sure name than with the constants as
-they are. Of a probability the odds are halved and doubled; of several numbers all of them together.
+A log and its answer are those of `field`. `run` adds an outcome for each constant or rule and log to
+benchmarks/results/sensitivity.jsonl; what is there is not run again; `--rules` runs the rules alone. `table` writes
+sensitivity.txt: how many of the same logs are right, honest, missed or wrong, and how many have another verdict or
+another sure name than as it is. Of a probability the odds are halved and doubled; of several numbers all of them
+together.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from typing import Any
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
+import numpy as np  # noqa: E402
 from field_outcome import outcome_of  # noqa: E402
 from field_scoring import score  # noqa: E402
 from field_workers import results  # noqa: E402
@@ -29,7 +31,23 @@ from field_workers import results  # noqa: E402
 import diagnosis  # noqa: E402
 
 STORE = HERE / "results" / "sensitivity.jsonl"
-AS_IT_IS = "as it is"
+AS_IT_IS, LESS = "as it is", "less "
+
+
+def as_a_whole(sets: Any, against: Any) -> Any:
+    """Probabilities of sets by the whole log."""
+    taken = [sum(min(told.sum(), 0.0) for name, told in against.items() if name in each.names) for each in sets]
+    scores = np.array([each.log_marginal for each in sets]) + np.array(taken)
+    weights = np.exp(scores - scores.max())
+    return weights / weights.sum()
+
+
+def no_objection(*_: Any) -> Any:
+    """Of validation data."""
+    falsification = sys.modules["diagnosis.falsification"]
+    return falsification._Objection(worse=0.0, against=np.zeros(falsification.BLOCKS))
+
+
 CONSTANTS: dict[str, tuple[str, str]] = {
     "discrepancy.AMPLITUDES": ("diagnosis.evidence.discrepancy", "sizes of the unmodelled torque that are weighed"),
     "discrepancy._SCALE": ("diagnosis.evidence.discrepancy", "scale of their prior"),
@@ -53,12 +71,34 @@ CONSTANTS: dict[str, tuple[str, str]] = {
     "falsification.TWICE": ("diagnosis.falsification", "rise of a multi-step error that is another one"),
 }
 """Each constant with the module that defines it and what it is."""
+RULES: dict[str, tuple[str, str, Any, str]] = {
+    "discrepancy": ("diagnosis.evidence.discrepancy", "AMPLITUDES", (0.0, 1e-12), "an unmodelled torque in every set"),
+    "alone": ("diagnosis.evidence.search_over_sets", "rise", lambda *_: None, "every effect fitted by itself"),
+    "observers": ("diagnosis.evidence.search_over_sets", "_retune", lambda *_: None, "slower observers for the best"),
+    "look-alikes": ("diagnosis.evidence.search_over_sets", "_in_place", lambda *_: [], "other names in its place"),
+    "without name": (
+        "diagnosis.evidence.search_over_sets",
+        "_without_name",
+        lambda *_: [],
+        "no name in its place",
+    ),
+    "blocks": ("diagnosis.evidence.posterior", "over_blocks", as_a_whole, "the log drawn again by blocks"),
+    "sizes": ("diagnosis.evidence.posterior", "kept_share", lambda *_: 1.0, "a cause is larger than what has no name"),
+    "values": ("diagnosis.falsification", "_impossible", lambda *_: None, "values that rule an effect out"),
+    "validation": ("diagnosis.falsification", "_objection", no_objection, "validation data that rule an effect out"),
+    "curves": ("diagnosis.diagnose", "with_curves", lambda fit, base: fit, "what is left carried without a name"),
+    "validation only": ("diagnosis.diagnose", "only_in_validation", lambda *_: None, "what validation data alone show"),
+}
+"""Each rule with the module and the name of what is replaced, what by, and what it is."""
 
 
 def changed(log: Any, **how: Any) -> Any:
     """A diagnosis with the constant and factor that the environment names."""
     name, _, factor = os.environ["CHANGED"].partition(" x ")
-    if name != AS_IT_IS:
+    if name.startswith(LESS):
+        home, attribute, instead, _ = RULES[name.removeprefix(LESS)]
+        setattr(sys.modules[home], attribute, instead)
+    elif name != AS_IT_IS:
         home, attribute = CONSTANTS[name][0], name.rpartition(".")[2]
         value = getattr(sys.modules[home], attribute)
         for module in [each for place, each in sys.modules.items() if place.startswith("diagnosis")]:
@@ -85,10 +125,10 @@ def kept() -> dict[tuple[str, int], dict[str, Any]]:
     return {(told["changed"], told["seed"]): told for told in map(json.loads, lines)}
 
 
-def run(seeds: list[int], processes: int, logs: Path | None) -> None:
-    """All constants on some logs, one constant after the other."""
-    changes = [AS_IT_IS, *(f"{name} x {factor}" for name in CONSTANTS for factor in (0.5, 2.0))]
-    for change in changes:
+def run(seeds: list[int], processes: int, logs: Path | None, *, rules_alone: bool) -> None:
+    """All rules and constants on some logs, one after the other."""
+    constants = [] if rules_alone else [f"{name} x {factor}" for name in CONSTANTS for factor in (0.5, 2.0)]
+    for change in (AS_IT_IS, *(f"{LESS}{name}" for name in RULES), *constants):
         os.environ["CHANGED"] = change
         there = kept()
         missing = [seed for seed in seeds if (change, seed) not in there]
@@ -103,8 +143,12 @@ def table() -> str:
     """A line for each constant."""
     found = kept()
     base = {seed: told for (change, seed), told in found.items() if change == AS_IT_IS and "verdict" in told}
-    lines = [f"{len(base)} logs; of half and of double the value: right, honest, wrong, other answers", ""]
+    lines = [f"{len(base)} logs: right, honest, missed, wrong, other answers", ""]
     lines += [f"{AS_IT_IS:24} {_counts(base, base)}"]
+    for name, (*_, what) in RULES.items():
+        told = {seed: found[f"{LESS}{name}", seed] for seed in base if (f"{LESS}{name}", seed) in found}
+        lines.append(f"{LESS + name:24} {_counts(told, base)}   {what}")
+    lines += ["", "Of half and of double the value", ""]
     for name, (_, what) in CONSTANTS.items():
         both = [{s: found[f"{name} x {f}", s] for s in base if (f"{name} x {f}", s) in found} for f in (0.5, 2.0)]
         lines.append(f"{name:24} {_counts(both[0], base)}   {_counts(both[1], base)}   {what}")
@@ -114,7 +158,8 @@ def table() -> str:
 def _counts(told: dict[int, dict[str, Any]], base: dict[int, dict[str, Any]]) -> str:
     scored = [score(each).category if "verdict" in each else "crash" for each in told.values()]
     other = sum(_answer(each) != _answer(base[seed]) for seed, each in told.items())
-    return " ".join(f"{n:3d}" for n in (*(scored.count(kind) for kind in ("right", "honest", "wrong")), other))
+    kinds = [scored.count(kind) for kind in ("right", "honest", "missed", "wrong")]
+    return " ".join(f"{n:3d}" for n in (*kinds, other))
 
 
 def _answer(told: dict[str, Any]) -> tuple[str | None, frozenset[str]]:
@@ -126,11 +171,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("run", "table"))
     parser.add_argument("--seeds", default="", help="of the logs, separated by commas")
+    parser.add_argument("--rules", action="store_true", help="leave out the constants")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--logs", type=Path, default=None, help="folder in which drawn logs are kept")
     a = parser.parse_args()
     if a.what == "run":
-        run([int(seed) for seed in a.seeds.split(",") if seed], a.processes, a.logs)
+        run([int(seed) for seed in a.seeds.split(",") if seed], a.processes, a.logs, rules_alone=a.rules)
     else:
         text = table()
         print(text)

@@ -17,20 +17,14 @@ from identification.standard_errors import fit_with_errors
 from identification.threads import in_threads
 from plant.effects import Effect
 from plant.effects.effect import Covered
-from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
 
 _MANY = 12  # starts, of which each can be followed for a few iterations
 
 
 def problem_near(fit: Fit, model: ServoModel, fixed: tuple[str, ...] = ()) -> Problem:
-    """The problem of fitting another model to a fit's log; what was fixed stays so, as far as the model has it.
-
-    Of what has no name the shape is fixed, and what of the model it could be.
-    """
-    shapes = (name for effect in model.effects if isinstance(effect, Nonparametric) for name in effect.shape())
-    held = dict.fromkeys(name for name in (*shapes, *fixed) if name in model.names)
-    return Problem.of(fit.log, model, fixed=[*held], known=fit.known)
+    """The problem of fitting another model to a fit's log; what was fixed stays so, as far as the model has it."""
+    return Problem.of(fit.log, model, fixed=[name for name in fixed if name in model.names], known=fit.known)
 
 
 def settled(fit: Fit, bandwidth: float) -> Fit:

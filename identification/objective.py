@@ -15,6 +15,7 @@ from identification.prior import Prior, prior
 from identification.prior_knowledge import PriorKnowledge
 from identification.sums_over_runs import normal_equations
 from plant.effects.effect import Array
+from plant.effects.nonparametric_curve import Nonparametric
 from plant.errors import BadParameter
 from plant.servo import ServoModel
 
@@ -58,6 +59,8 @@ class Objective:
     ) -> Self:
         """Of a model's parameters all move but the fixed ones; gravity is zero where no angle is known or has a part.
 
+        The shape of what has no name is fixed, and what of the model it could be.
+
         A model in N m is a mere start where the log's torque is counted in another unit; the fit is in that of the log.
 
         Args:
@@ -79,7 +82,10 @@ class Objective:
         if log.response == "velocity":
             model = replace(model, gravity=0.0)
         grounded = model.axis == "linear" or log.response == "velocity"
-        kept = {*fixed, *known.fixed, *(("gravity",) if grounded else ())}
+        shaped = {
+            name for effect in model.effects if isinstance(effect, Nonparametric) for name in effect.shape()
+        } - known.fixed.keys()
+        kept = {*fixed, *known.fixed, *shaped, *(("gravity",) if grounded else ())}
         free = tuple(place for place, spec in enumerate(model.parameters) if spec.fitted and spec.name not in kept)
         specs = [model.parameters[place] for place in free]
         moving = {spec.name for spec in specs}
@@ -98,7 +104,7 @@ class Objective:
             lower=np.concatenate((lower, -unbounded)),
             upper=np.concatenate((upper, unbounded)),
             prior=prior(log, model, free, known),
-            known=known.keeping([name for name in model.names if name not in moving], model.names),
+            known=known.keeping([name for name in model.names if name not in moving | shaped], model.names),
         )
 
     @property

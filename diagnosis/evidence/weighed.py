@@ -16,6 +16,7 @@ from diagnosis.linear import response
 from identification.fit_result import Fit
 from identification.problem import Problem
 from plant.effects.effect import Array
+from plant.effects.nonparametric_curve import Nonparametric
 
 _FOLLOWED = 1e-4  # of a parameter's slopes, to which all others can follow it if it is not determined
 
@@ -49,7 +50,7 @@ class Weighed:
         noise = float(np.sqrt(np.sum(fit.innovations**2) / fit.samples))  # masked samples are zero and do not count
         responses = Responses.of(families, here.filters, noise)
         discrepancy = Discrepancy.learned(here.nuisance(), responses, here.innovations, fit.samples)
-        own = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] in names]
+        own = _charged(fit, here, names)
         held = _held(fit, here, own, here.innovations - responses.columns @ discrepancy.posterior.functions)
         if held:
             discrepancy = Discrepancy.learned(here.nuisance(held), responses, here.innovations, fit.samples)
@@ -84,6 +85,24 @@ class Weighed:
         whole = self.discrepancy.beyond_initial_states(response(self.here.filters, torque[:, None], on_reading=False))
         beyond = self.here.nuisance().beyond(self.unmodelled)
         return float(np.linalg.norm(beyond)) / max(float(np.linalg.norm(whole)), 1e-300)
+
+
+def _charged(fit: Fit, here: Linearised, names: Collection[str]) -> list[int]:
+    """Rows of the effects' parameters.
+
+    What has no name may hold a parameter of the base model, which then is fixed: in its place the coefficient that
+    moves most is free of charge, as it is.
+    """
+    rows = list[int]()
+    for effect in fit.model.effects:
+        owned = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] == effect.name]
+        if isinstance(effect, Nonparametric) and effect.name in names:
+            size = np.linalg.norm(here.slopes(owned), axis=0)
+            less = Problem.of(fit.log, fit.model.without_effect(effect.name), known=fit.known)
+            fixed = len({less.model.names[place] for place in less.free}.intersection(effect.shape()))
+            owned = [owned[place] for place in np.sort(np.argsort(-size, kind="stable")[fixed:])]
+        rows += owned if effect.name in names else []
+    return rows
 
 
 def _held(fit: Fit, here: Linearised, own: list[int], remaining: Array) -> list[int]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from diagnosis.result import Estimate, Findings
 from plant.effects import Effect, catalogue
+from plant.effects.nonparametric import unnamed
 from plant.units import printed
 
 _PREFIXED = ("rad", "m")
@@ -102,5 +103,5 @@ def effect_of(diagnosis: Findings, name: str) -> type[Effect] | None:
 
 def title_of(name: str, diagnosis: Findings | None = None) -> str:
     """The effect's name as people write it."""
-    kind = catalogue.get(name) if diagnosis is None else effect_of(diagnosis, name)
+    kind = unnamed.get(name) or (catalogue.get(name) if diagnosis is None else effect_of(diagnosis, name))
     return name.replace("_", " ") if kind is None else kind.title
