@@ -18,6 +18,7 @@ from mpc.linear_loop import Assessment, LinearPlant, assess, filter_gain, law
 from mpc.prediction import Predictor
 from mpc.weights import rate_weight, terminal_weight
 from plant.effects import ActuatorLag, InputDelay, SensorLag
+from plant.effects.lagged_torque import LaggedTorque
 from plant.servo import ServoModel
 from plant.simulation import whole_samples
 
@@ -113,7 +114,8 @@ def observer_rate(inertia: float, disturbance_rate: float, noise: float, sample_
 
 def _linear(model: ServoModel) -> ServoModel:
     """Inertia, viscous friction and what is late."""
-    late = tuple(effect for effect in model.effects if isinstance(effect, ActuatorLag | SensorLag | InputDelay))
+    kinds = ActuatorLag | LaggedTorque | SensorLag | InputDelay
+    late = tuple(effect for effect in model.effects if isinstance(effect, kinds))
     return ServoModel(
         inertia=model.inertia, gravity=0.0, viscous_friction=model.viscous_friction, effects=late, axis=model.axis
     )

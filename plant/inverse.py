@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike
 from plant.effects import Effect, Expression, Moment, State
 from plant.effects.actuator_lag import ActuatorLag
 from plant.effects.effect import Array
+from plant.effects.input_delay import InputDelay
+from plant.effects.lagged_torque import LaggedTorque
 from plant.errors import BadParameter
 from plant.symbolic import one_at_a_time
 
@@ -88,7 +90,8 @@ def inverse(model: ServoModel, angle: ArrayLike, velocity: ArrayLike, accelerati
 
 def time_lead(model: ServoModel) -> float:
     """How far ahead the set-points of a feed-forward should lie [s]: dead time and lag of the actuator."""
-    lags = (effect.time_constant for effect in model.effects if isinstance(effect, ActuatorLag))
+    lags = [effect.time_constant for effect in model.effects if isinstance(effect, ActuatorLag)]
+    lags += [effect.part * effect.time_constant for effect in model.effects if isinstance(effect, LaggedTorque)]
     return float(model.delay()) + float(sum(lags))
 
 
@@ -101,7 +104,7 @@ def unmodelled_effects(model: ServoModel) -> list[str]:
     others = [
         effect.title
         for effect in timeless.effects
-        if not (is_active(effect) or effect.flexible or isinstance(effect, ActuatorLag) or effect.name == "input_delay")
+        if not (is_active(effect) or effect.flexible or isinstance(effect, ActuatorLag | LaggedTorque | InputDelay))
     ]
     if time_lead(model) > 0.0:
         found.append(f"The torque acts late: give set-points that lie {time_lead(model):.4g} s ahead.")

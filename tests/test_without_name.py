@@ -14,9 +14,11 @@ from diagnosis.evidence.posterior import Posterior, beside_discrepancy
 from diagnosis.evidence.prior import forms
 from diagnosis.verdict import judged, rivals
 from identification.log import Log
-from plant import ServoModel, simulate
+from mpc import Controller, analyse_loop
+from plant import Rig, ServoModel, simulate
 from plant.effects import ActuatorLag, CoulombFriction
 from plant.effects.lagged_torque import LaggedTorque
+from plant.inverse import time_lead, unmodelled_effects
 
 LAGS = ("actuator_lag", "input_delay", "sensor_lag", "compliance", "backlash")
 """What a lag may be called."""
@@ -70,6 +72,16 @@ def test_all_of_a_torque_that_lags_is_a_lag() -> None:
     none = angle(servo.with_effect(LaggedTorque(time_constant=0.03, part=0.0)))
     np.testing.assert_allclose(none, angle(servo), atol=1e-12)
     assert np.max(np.abs(whole - none)) > 1e-3
+
+
+def test_a_controller_and_a_feedforward_know_of_a_torque_that_lags() -> None:
+    """Its defaults are as slow as with a lag, and set-points lie ahead by what lags."""
+    servo, gears = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8), Rig.paper_like().gears
+    late = servo.with_effect(LaggedTorque(time_constant=0.02, part=0.9))
+    assert analyse_loop(Controller(late, gears, min_torque=0.02, max_torque=0.3)).peak_sensitivity < 2.05
+    assert time_lead(late) == pytest.approx(0.018)
+    assert any("act late" in sentence or "acts late" in sentence for sentence in unmodelled_effects(late))
+    assert not any("Not compensated" in sentence for sentence in unmodelled_effects(late))
 
 
 def posterior_of(**shares: float) -> Posterior:
