@@ -5,9 +5,9 @@
     python benchmarks/field.py choosing --table             the table of what is there
 
 Draws logs of servos (`drawn_machines`), diagnoses each, and says how often the diagnosis was right, honest or wrong
-(`field_scoring`). *choosing* are 500 seeds for work on the method; *final* are 1,000 others that are run once, at the
-end. A log takes a process of its own with a time limit; outcomes are appended to a file as they come, and what is there
-is not run again. The table goes to benchmarks/results/field.txt.
+(`field_scoring`). *choosing* are 500 seeds for work on the method; *final* are 1,000 others, each run once; *later* are
+1,000 more, for what has been changed since those. A log takes a process of its own with a time limit; outcomes are
+appended to a file as they come, and what is there is not run again. The table goes to benchmarks/results/field.txt.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from field_scoring import score  # noqa: E402
 from field_table import table  # noqa: E402
 from field_workers import results  # noqa: E402
 
-SETS = {"choosing": range(500), "final": range(100_000, 101_000)}
+SETS = {"choosing": range(500), "final": range(100_000, 101_000), "later": range(101_000, 102_000)}
 RESULTS = HERE / "results"
 
 

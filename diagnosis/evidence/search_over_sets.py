@@ -58,8 +58,8 @@ def explore(null: Fit, effects: Mapping[str, type[Effect]], progress: Callable[[
     rise(found, found.fits.get((frozenset(), null.bandwidth), found.best), bare)
     extend(found, bare)
     _improve(found)
-    _replace(found, _in_place)
-    _replace(found, _without_name)  # else a name that only looks like the cause would be sure
+    _replace(found)
+    _replace_without_name(found)
     _fit_leading(found)
     return found
 
@@ -135,19 +135,38 @@ def _retune(found: Explored) -> None:
         found.add(chain.from_iterable(in_threads(lowered, leading)))
 
 
-def _replace(found: Explored, in_place: _InPlace) -> None:
+def _replace(found: Explored) -> None:
     """Ask for every name that is not minor, and two that one effect is confounded with, what may stand there."""
     before = -np.inf
     while (best := found.best).names and best.log_marginal > before + BELOW:
         before = best.log_marginal
-        for out in _places(found, best):
-            if (less := _less(found, best, out)) is not None:
-                least = _roughly_promised(found, less, out)
-                try_sets(found, in_place(found, less, out, least), best.fit.bandwidth, max(least or 0.0, 0.0))
+        _try_in_places(found, best, _in_place)
         for narrow in _narrowed(found, best):
             extend(found, [narrow], best.fit.bandwidth)
         if found.best is not best:
             _improve(found)
+
+
+def _replace_without_name(found: Explored) -> None:
+    """Ask there what has no name: else a name that only looks like the cause would be sure.
+
+    Beside that names may be left out, but none is added: each would have to exceed it.
+    """
+    before = -np.inf
+    while (best := found.best).names and best.log_marginal > before + BELOW:
+        before = best.log_marginal
+        _try_in_places(found, best, _without_name)
+        if found.best is not best:
+            _retune(found)
+            _without_each(found, found.best)
+
+
+def _try_in_places(found: Explored, best: Explanation, in_place: _InPlace) -> None:
+    """Fit what may stand in the places of names of a set."""
+    for out in _places(found, best):
+        if (less := _less(found, best, out)) is not None:
+            least = _roughly_promised(found, less, out)
+            try_sets(found, in_place(found, less, out, least), best.fit.bandwidth, max(least or 0.0, 0.0))
 
 
 def _places(found: Explored, best: Explanation) -> list[frozenset[str]]:
