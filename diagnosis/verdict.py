@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diagnosis.evidence.discrepancy import Discrepancy
 from diagnosis.evidence.posterior import LIKELY, Posterior, special_cases
 from diagnosis.residual_torque import ResidualTorque, effects_over
 from diagnosis.result import LISTED, Verdict
@@ -24,6 +25,7 @@ CLEARLY = float(np.log(SURE / (1.0 - SURE)))
 HARDLY_EVER = float(np.log(1000.0))
 """Log odds against values that a cause hardly ever has, or a dependence without a name that nobody asked for."""
 _CARRIES = 0.8  # of what the most telling variable explains, from which another is told too
+_ADDS = 0.1  # share of what all explain that a variable adds to others, from which it is told beside them
 _NOISE = 0.1  # share of the torque up to which a random load may pass for noise
 _TELLING = 0.2  # share of the residual torque's variance from which a variable is said to carry it
 _CONSTANT = "nothing"  # what a constant torque depends on
@@ -90,14 +92,27 @@ def variables(posterior: Posterior, missing: ResidualTorque) -> tuple[str, ...]:
     Where there is none, by the residual torque.
     """
     best = posterior.best
-    found = tuple(variable for name in sorted(best.names.intersection(unnamed)) for variable in unnamed[name].variables)
-    explained = {} if found else best.discrepancy.explained_by()
-    most = max(explained.values(), default=0.0)
-    ranked = sorted(explained, key=lambda variable: -explained[variable])
-    found += tuple(variable for variable in ranked if explained[variable] >= _CARRIES * most)
+    instead = sorted(best.names.intersection(unnamed))
+    found = tuple(variable for name in instead for variable in unnamed[name].variables) or _carrying(best.discrepancy)
     found = found or tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
     each = dict.fromkeys(variable for several in found for variable in several.split(" and "))
     return tuple(effects_over(variable, best.fit.log.axis) for variable in each if variable != _CONSTANT)
+
+
+def _carrying(discrepancy: Discrepancy) -> tuple[str, ...]:
+    """The most telling variable of a discrepancy, others that tell nearly as much, and what it needs beside it."""
+    alone = discrepancy.explained_by()
+    if not alone:
+        return ()
+    ranked = sorted(alone, key=lambda variable: -alone[variable])
+    needed = ranked[:1]
+    while more := discrepancy.explained_by(beside=needed):
+        further = max(more, key=lambda variable: more[variable])
+        if more[further] < _ADDS:
+            break
+        needed.append(further)
+    alike = (variable for variable in ranked if alone[variable] >= _CARRIES * alone[ranked[0]])
+    return tuple(dict.fromkeys((*alike, *needed)))
 
 
 def rivals(posterior: Posterior, name: str) -> tuple[tuple[str, float], ...]:

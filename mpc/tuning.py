@@ -17,8 +17,7 @@ import numpy as np
 from mpc.linear_loop import Assessment, LinearPlant, assess, filter_gain, law
 from mpc.prediction import Predictor
 from mpc.weights import rate_weight, terminal_weight
-from plant.effects import ActuatorLag, InputDelay, SensorLag
-from plant.effects.lagged_torque import LaggedTorque
+from plant.effects import SensorLag
 from plant.servo import ServoModel
 from plant.simulation import whole_samples
 
@@ -114,8 +113,7 @@ def observer_rate(inertia: float, disturbance_rate: float, noise: float, sample_
 
 def _linear(model: ServoModel) -> ServoModel:
     """Inertia, viscous friction and what is late."""
-    kinds = ActuatorLag | LaggedTorque | SensorLag | InputDelay
-    late = tuple(effect for effect in model.effects if isinstance(effect, kinds))
+    late = tuple(e for e in model.effects if e.delay() or e.lateness() or isinstance(e, SensorLag))
     return ServoModel(
         inertia=model.inertia, gravity=0.0, viscous_friction=model.viscous_friction, effects=late, axis=model.axis
     )

@@ -14,10 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plant.effects import Effect, Expression, Moment, State
-from plant.effects.actuator_lag import ActuatorLag
 from plant.effects.effect import Array
-from plant.effects.input_delay import InputDelay
-from plant.effects.lagged_torque import LaggedTorque
 from plant.errors import BadParameter
 from plant.symbolic import one_at_a_time
 
@@ -90,9 +87,7 @@ def inverse(model: ServoModel, angle: ArrayLike, velocity: ArrayLike, accelerati
 
 def time_lead(model: ServoModel) -> float:
     """How far ahead the set-points of a feed-forward should lie [s]: dead time and lag of the actuator."""
-    lags = [effect.time_constant for effect in model.effects if isinstance(effect, ActuatorLag)]
-    lags += [effect.part * effect.time_constant for effect in model.effects if isinstance(effect, LaggedTorque)]
-    return float(model.delay()) + float(sum(lags))
+    return float(model.delay()) + float(sum(effect.lateness() for effect in model.effects))
 
 
 def unmodelled_effects(model: ServoModel) -> list[str]:
@@ -104,7 +99,7 @@ def unmodelled_effects(model: ServoModel) -> list[str]:
     others = [
         effect.title
         for effect in timeless.effects
-        if not (is_active(effect) or effect.flexible or isinstance(effect, ActuatorLag | LaggedTorque | InputDelay))
+        if not (is_active(effect) or effect.flexible or effect.delay() or effect.lateness())
     ]
     if time_lead(model) > 0.0:
         found.append(f"The torque acts late: give set-points that lie {time_lead(model):.4g} s ahead.")

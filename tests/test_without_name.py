@@ -74,7 +74,7 @@ def test_all_of_a_torque_that_lags_is_a_lag() -> None:
     assert np.max(np.abs(whole - none)) > 1e-3
 
 
-def test_a_controller_and_a_feedforward_know_of_a_torque_that_lags() -> None:
+def test_what_uses_the_model_knows_of_a_torque_that_lags() -> None:
     """Its defaults are as slow as with a lag, and set-points lie ahead by what lags."""
     servo, gears = ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8), Rig.paper_like().gears
     late = servo.with_effect(LaggedTorque(time_constant=0.02, part=0.9))

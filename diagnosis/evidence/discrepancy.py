@@ -8,7 +8,7 @@ names alike. Marginalised over f, the covariance of the innovations is s^2 I + a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import product
 
@@ -148,10 +148,11 @@ class Discrepancy(Nuisance):
             likelihood, _, _, weights = _at(gram, pull, power, self.degrees, scale)
             yield likelihood, weights
 
-    def explained_by(self) -> dict[str, float]:
-        """Evidence of the functions of each variable alone, as a share of that of all [-]; empty without any.
+    def explained_by(self, beside: Collection[str] = ()) -> dict[str, float]:
+        """Evidence of the functions of each variable, as a share of that of all [-]; empty without any.
 
-        Of the torques; where there is none, of the errors of the measurement.
+        Of the torques; where there is none, of the errors of the measurement. Of a variable alone, or what it adds
+        beside others.
         """
         gram, pull, power = self.columns.T @ self.columns, self.columns.T @ self.left, float(self.left @ self.left)
         of_torque = np.arange(len(pull)) < self.torques
@@ -165,9 +166,12 @@ class Discrepancy(Nuisance):
         nothing, everything = evidence(np.zeros_like(asked)), evidence(asked)
         if everything <= nothing:
             return {}
+        known = asked & np.isin(depends_on, list(beside))
+        before = evidence(known) if beside else nothing
         return {
-            variable: (evidence(asked & (depends_on == variable)) - nothing) / (everything - nothing)
+            variable: (evidence(known | asked & (depends_on == variable)) - before) / (everything - nothing)
             for variable in dict.fromkeys(depends_on[asked].tolist())
+            if variable not in beside
         }
 
 

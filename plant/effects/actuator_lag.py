@@ -25,6 +25,10 @@ class ActuatorLag(Effect):
 
     time_constant: float = parameter("s", "time constant", lower=POSITIVE, lag=True)
 
+    def lateness(self) -> Expression:
+        """The time constant."""
+        return self.time_constant
+
     def advance(self, state: Expression, torque: Expression, h: Expression) -> Expression:
         """Exact solution over `h` for a constant command, so that short lags need no short steps."""
         return torque + (state - torque) * ca.exp(-h / self.time_constant)

@@ -164,6 +164,10 @@ class Effect:
         """Dead time of the command [s]."""
         return 0.0
 
+    def lateness(self) -> Expression:
+        """By how much a slow torque leaves the effect later than it entered, dead time apart [s]."""
+        return 0.0
+
     def lead(self) -> Expression | None:
         """By how much the torque of a log is late because it was measured [s]; None where it is a command."""
         return None

@@ -27,6 +27,10 @@ class LaggedTorque(Nonparametric):
 
     advance, mean, settling_time = ActuatorLag.advance, ActuatorLag.mean, ActuatorLag.settling_time
 
+    def lateness(self) -> Expression:
+        """That of the part that lags."""
+        return self.part * self.time_constant
+
     def command(self, torque: Expression, state: Expression, velocity: Expression) -> Expression:
         """What lags, and the rest."""
         return torque + self.part * (state - torque)
