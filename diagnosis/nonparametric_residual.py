@@ -23,11 +23,14 @@ from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem
 from identification.threads import in_threads
-from plant.effects.effect import Array
+from plant.effects.effect import Array, Stage
+from plant.effects.nonparametric import unnamed
 from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
 
 _MOST = 2  # things without a name that a model may carry: each further one is found by chance more easily
+_LASTING = [kind for kind in unnamed.values() if not kind.clocked and kind.stage is not Stage.ACTUATOR]
+"""Over time nothing would go on, and a lag is no part of what is left, but the place of a name."""
 _AT_ONCE = 3  # kinds that are tried before the best of them is taken
 
 
@@ -49,7 +52,7 @@ def with_curves(fit: Fit, base: Fit) -> Fit:
 
 def _better(fit: Fit, named: Collection[str]) -> Fit | None:
     """The fit with one thing more that predicts better and pays, of those that promise most; None where none does."""
-    starts = [start for _, start in promising(Screen.of(fit), clocked=False)]  # over time nothing would go on
+    starts = [start for _, start in promising(Screen.of(fit), _LASTING)]
     if not starts:
         return None
     first, rest, _ = split(fit.log)

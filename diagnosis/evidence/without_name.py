@@ -7,7 +7,7 @@ exactly too where a name stands, and weighed like that.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -29,20 +29,20 @@ def without_name(less: Explanation) -> list[Proposal]:
     alone = replace(less.screen, nuisance=Nuisance(own=discrepancy.own, shared=discrepancy.shared))
     return [
         Proposal(value=value, worth=lambda gain: gain, starts=((start.begun(),),))
-        for value, start in promising(alone, clocked=True)
+        for value, start in promising(alone, unnamed.values())
     ]
 
 
-def promising(screen: Screen, *, clocked: bool) -> list[tuple[float, Nonparametric]]:
-    """Where the fits of all kinds begin that promise anything, and what they promise, the best first.
+def promising(screen: Screen, kinds: Iterable[type[Nonparametric]]) -> list[tuple[float, Nonparametric]]:
+    """Where the fits of some kinds begin that promise anything, and what they promise, the best first.
 
     Args:
         screen: of a fit, beyond its parameters alone.
-        clocked: whether also of those that depend on the log's clock.
+        kinds: that are asked.
     """
     fit, found = screen.fit, list[tuple[float, Nonparametric]]()
-    for kind in unnamed.values():
-        if (clocked or not kind.clocked) and kind.beside(fit.model) and fit.log.shows(kind):
+    for kind in kinds:
+        if kind.beside(fit.model) and fit.log.shows(kind):
             found.extend(sorted(_asked(screen, kind), key=lambda pair: -pair[0])[:1])
     return sorted((pair for pair in found if pair[0] > 0.0), key=lambda pair: -pair[0])
 
