@@ -29,7 +29,7 @@ from diagnosis.result import Cause, EffectSet, Minor, Unknown
 from diagnosis.stretches import stretches
 from diagnosis.validation_only import is_of_parameters, only_in_validation
 from diagnosis.validation_split import parts, split_otherwise
-from diagnosis.verdict import CLEARLY, HARDLY_EVER, SURE, Judgement, judged, log_bayes, rivals
+from diagnosis.verdict import CLEARLY, HARDLY_EVER, SURE, Judgement, judged, log_bayes, rivals, variables_instead
 from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable
 from identification.fit import base_model, fit_with_prior, known_of
@@ -217,6 +217,10 @@ def _holder(found: Tenable, name: str) -> Fit:
 
 def _sets(posterior: Posterior, judgement: Judgement) -> tuple[EffectSet, ...]:
     fitted = {each.names: each for each in reversed(posterior.sets)}
+    axis = posterior.best.fit.log.axis
+
+    def instead(names: frozenset[str]) -> tuple[str, ...]:
+        return tuple(effects_over(variable, axis) for variable in variables_instead(names))
 
     def unknown(each: Explanation | None) -> tuple[str, ...]:
         if each is posterior.best:
@@ -224,12 +228,12 @@ def _sets(posterior: Posterior, judgement: Judgement) -> tuple[EffectSet, ...]:
         if each is None or each.discrepancy.posterior.something <= LIKELY:
             return ()
         explained = each.discrepancy.explained_by()
-        return tuple(effects_over(v, each.fit.log.axis) for v in explained if explained[v] == max(explained.values()))
+        return tuple(effects_over(v, axis) for v in explained if explained[v] == max(explained.values()))
 
     return tuple(
         EffectSet(
             effects=tuple(sorted(names.difference(unnamed))),
-            unknown=unknown(each),
+            unknown=instead(names) or unknown(each),
             probability=p,
             log_marginal=None if each is None else each.log_marginal,
             fit=None if each is None else each.fit,

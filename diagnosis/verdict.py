@@ -92,11 +92,15 @@ def variables(posterior: Posterior, missing: ResidualTorque) -> tuple[str, ...]:
     Where there is none, by the residual torque.
     """
     best = posterior.best
-    instead = sorted(best.names.intersection(unnamed))
-    found = tuple(variable for name in instead for variable in unnamed[name].variables) or _carrying(best.discrepancy)
+    found = variables_instead(best.names) or _carrying(best.discrepancy)
     found = found or tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
     each = dict.fromkeys(variable for several in found for variable in several.split(" and "))
     return tuple(effects_over(variable, best.fit.log.axis) for variable in each if variable != _CONSTANT)
+
+
+def variables_instead(names: frozenset[str]) -> tuple[str, ...]:
+    """Variables of what stands without a name among those of a set."""
+    return tuple(variable for name in sorted(names.intersection(unnamed)) for variable in unnamed[name].variables)
 
 
 def _carrying(discrepancy: Discrepancy) -> tuple[str, ...]:

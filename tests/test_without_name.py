@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,14 +11,19 @@ import pytest
 from machine import Array, Machine, record
 
 from diagnosis import diagnose
+from diagnosis.diagnose import _sets
 from diagnosis.evidence.posterior import Posterior, beside_discrepancy
 from diagnosis.evidence.prior import forms
-from diagnosis.verdict import judged, rivals
+from diagnosis.evidence.sizes import Sizes
+from diagnosis.explanation.posterior_sentences import set_title
+from diagnosis.verdict import Judgement, judged, rivals, variables
 from identification.log import Log
+from identification.objective import Objective
 from mpc import Controller, analyse_loop
 from plant import Rig, ServoModel, simulate
 from plant.effects import ActuatorLag, CoulombFriction
 from plant.effects.lagged_torque import LaggedTorque
+from plant.effects.nonparametric_curve import CurveOverVelocity
 from plant.inverse import time_lead, unmodelled_effects
 
 LAGS = ("actuator_lag", "input_delay", "sensor_lag", "compliance", "backlash")
@@ -50,6 +56,8 @@ def test_a_lag_that_has_no_name_is_no_rate_limit() -> None:
     likeliest = found.sets[0]
     assert likeliest.effects == ()
     assert likeliest.unknown == ("past torque",)
+    assert set_title(likeliest, found) == "torque that lags"
+    assert set_title(replace(likeliest, fit=None), found) == "something over past torque"
 
 
 def test_a_lag_that_has_a_name_gets_it() -> None:
@@ -90,7 +98,9 @@ def posterior_of(**shares: float) -> Posterior:
     quiet = SimpleNamespace(something=0.0, at_its_limit=False)
     discrepancy = SimpleNamespace(posterior=quiet, explained_by=dict)
     log = SimpleNamespace(log=SimpleNamespace(axis="linear"))
-    fits: Any = tuple(SimpleNamespace(names=names, discrepancy=discrepancy, fit=log) for names in sets)
+    fits: Any = tuple(
+        SimpleNamespace(names=names, discrepancy=discrepancy, fit=log, log_marginal=0.0) for names in sets
+    )
     return Posterior(sets=fits, probabilities=tuple(sets.values()), believed=sets)
 
 
@@ -108,6 +118,16 @@ def test_what_stands_in_the_place_of_a_name_is_no_cause(without: float, verdict:
     assert rivals(posterior, "cogging") == ()
 
 
+def test_a_set_that_was_not_fitted_says_what_stands_in_a_place() -> None:
+    """Else it would read as if nothing more were missing."""
+    posterior = posterior_of(cogging_and_curve_over_angle=0.9, cogging=0.1)
+    left = {frozenset({"curve_over_angle"}): 0.8, frozenset({"cogging"}): 0.2}
+    judgement = Judgement(verdict="unknown", causes={}, minor={}, depends_on=("position",))
+    first, second = _sets(replace(posterior, believed=left), judgement)
+    assert (first.effects, first.unknown, first.fit) == ((), ("position",), None)
+    assert (second.effects, second.unknown) == (("cogging",), ())
+
+
 def test_a_name_has_to_exceed_what_has_none() -> None:
     """The curve is only as good as its knots; what is smaller beside it may be a part of what it leaves."""
     sizes = SimpleNamespace(
@@ -123,6 +143,45 @@ def test_a_name_has_to_exceed_what_has_none() -> None:
     assert sum(found.values()) == pytest.approx(1.0)
     assert all("curve_over_angle" in each for each in found)
     assert found[frozenset({"cogging", "curve_over_angle"})] == pytest.approx(0.9, abs=0.02)
+
+
+def test_what_took_a_names_place_counts_with_the_discrepancy() -> None:
+    names, anything = frozenset({"cogging", "torque_offset", "curve_over_angle"}), SimpleNamespace()
+    sizes: Any = Sizes(fit=anything, names=names, bandwidth=0.0, here=anything, discrepancy=3.0)  # type: ignore[arg-type]
+    sizes.__dict__["effects"] = {"cogging": 900.0, "torque_offset": 2.0, "curve_over_angle": 4.0}
+    assert sizes.without_name == pytest.approx(5.0)
+    assert sizes.to_exceed("cogging") == pytest.approx(5.0)
+    assert sizes.to_exceed("torque_offset") == pytest.approx(9.0)  # a hundredth of the largest
+
+
+def test_what_a_curve_could_be_is_fixed_beside_it_alone() -> None:
+    """Where the curve is taken out again, the base model's own parameter moves as before."""
+    log, servo = log_of_a_lag(), ServoModel(inertia=2.0, gravity=0.5, viscous_friction=0.8)
+    with_it = Objective.of(log, servo.with_effect(CurveOverVelocity(low=-3.0, high=3.0)))
+    without = Objective.of(log, servo, known=with_it.known)
+    stated = Objective.of(log, servo, known=Objective.of(log, with_it.model, fixed=["inertia"]).known)
+
+    def free(objective: Objective) -> set[str]:
+        return {objective.model.names[place] for place in objective.free}
+
+    assert "viscous_friction" not in free(with_it)
+    assert "curve_over_velocity.low" not in free(with_it)
+    assert free(without) == {"inertia", "gravity", "viscous_friction"}
+    assert free(stated) == {"gravity", "viscous_friction"}
+
+
+def test_what_the_most_telling_variable_needs_is_told_too() -> None:
+    """Angle tells nearly as much as velocity and is told; time adds to it; torque tells half, but adds nothing."""
+    alone = {"velocity": 0.6, "angle": 0.5, "torque": 0.3, "time": 0.2}
+    added = {"angle": 0.05, "torque": 0.02, "time": 0.15}
+
+    def explained_by(beside: tuple[str, ...] = ()) -> dict[str, float]:
+        return {v: 0.0 if "time" in beside else added[v] for v in added if v not in beside} if beside else alone
+
+    log = SimpleNamespace(log=SimpleNamespace(axis="rotary"))
+    best: Any = SimpleNamespace(names=frozenset(), discrepancy=SimpleNamespace(explained_by=explained_by), fit=log)
+    found = variables(SimpleNamespace(best=best), SimpleNamespace(curves=()))  # type: ignore[arg-type]
+    assert found == ("velocity", "angle", "time")
 
 
 def test_what_has_no_name_is_charged_as_a_wider_form() -> None:

@@ -15,7 +15,7 @@ What is significant, but smaller than what no name explains, may well be a part 
 
     r^2 / (1 + r^2)
 
-of its probability, with r what it changes in the innovations over what the discrepancy explains there, or over a
+of its probability, with r what it changes in the innovations over what has no name does there, or over a
 hundredth of the largest other effect, which that one's law may be wrong by; the rest goes to the same set without it.
 An effect that has a simpler one as its special case is asked twice: what it adds to that may be a part of the
 discrepancy, and so may all of it.

@@ -40,7 +40,9 @@ def unexplained(diagnosis: Findings) -> str:
 
 def set_title(each: EffectSet, diagnosis: Findings, besides: set[str] | frozenset[str] = frozenset()) -> str:
     """The effects of a set, but for some, and what stands in the place of one, as people write them."""
-    instead = () if each.fit is None else [e.title for e in each.fit.model.effects if e.name in unnamed]
+    instead = [f"something over {joined_words(each.unknown)}"] if each.unknown and each.fit is None else []
+    if each.fit is not None:
+        instead = [effect.title for effect in each.fit.model.effects if effect.name in unnamed]
     titles = [title_of(name, diagnosis) for name in each.effects if name not in besides]
     return joined_words([*titles, *instead]) or NOTHING
 
