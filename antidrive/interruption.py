@@ -33,12 +33,15 @@ def stoppable() -> Iterator[None]:
     """Within the block a signal raises `Stopped`, once: what cleans up is not stopped again.
 
     Python ignores what is raised while an object is taken away, or a module's lock; then it comes again a little later.
+    A library that is interrupted may fail in a way of its own; that is `Stopped` too.
     """
     reported = sys.unraisablehook
+    come: list[int] = []
 
     def stop(number: int, frame: Any) -> NoReturn:
         for each in _SIGNALS:
             signal.signal(each, signal.SIG_IGN)
+        come.append(number)
         raise Stopped(number)
 
     def ignored(told: Any) -> None:
@@ -53,6 +56,10 @@ def stoppable() -> Iterator[None]:
         sys.unraisablehook = ignored
         try:
             yield
+        except Exception as error:
+            if come:
+                raise Stopped(come[0]) from error
+            raise
         finally:
             sys.unraisablehook = reported
 

@@ -139,6 +139,22 @@ def test_a_signal_that_python_ignores_comes_again():
     assert sys.unraisablehook is before
 
 
+def failing_in_its_own_way(number: int) -> None:
+    with stoppable():
+        try:
+            os.kill(os.getpid(), number)
+            _ = [each for each in range(100)]
+        except BaseException:  # as a wrapper does that then tries the next kind of arguments
+            raise NotImplementedError("Wrong number or type of arguments") from None
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_what_an_interrupted_library_raises_is_the_stop(number, code):
+    with pytest.raises(Stopped) as stopped:
+        failing_in_its_own_way(number)
+    assert stopped.value.code == code
+
+
 @pytest.mark.parametrize(("what", "code"), [(KeyboardInterrupt(), 130), (Stopped(15), 143), (RuntimeError("x"), 1)])
 def test_what_is_said_of_the_results_is_so(what, code, tmp_path, monkeypatch):
     def fail(*_: object, **__: object) -> None:
