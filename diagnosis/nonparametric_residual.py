@@ -61,7 +61,8 @@ def _better(fit: Fit, named: Collection[str]) -> Fit | None:
     for begin in range(0, len(starts), _AT_ONCE):
         tried = starts[begin : begin + _AT_ONCE]
         surely = in_threads(lambda start: _surely_better(less, start, rest, before), tried)
-        carried = [_carried(fit, named, start) for start, sure in zip(tried, surely, strict=True) if sure > SURELY]
+        sure = [start for start, sigmas in zip(tried, surely, strict=True) if sigmas > SURELY]
+        carried = in_threads(lambda start: _carried(fit, named, start), sure)
         paying = [other for other in carried if other.converged and _worth(other, fit) > HARDLY_EVER]
         if paying:
             return max(paying, key=lambda other: _worth(other, fit))

@@ -82,17 +82,18 @@ def judged(
         verdict=verdict,
         causes=dict(sorted(causes.items(), key=lambda item: -item[1])),
         minor={name: p for name, p in minor.items() if name not in causes},
-        depends_on=variables(posterior, missing) if left else (),
+        depends_on=variables(posterior, missing, ruled_out or frozenset()) if left else (),
     )
 
 
-def variables(posterior: Posterior, missing: ResidualTorque) -> tuple[str, ...]:
+def variables(posterior: Posterior, missing: ResidualTorque, ruled_out: frozenset[str]) -> tuple[str, ...]:
     """Variables of what no name explains: of what stands in the place of names, else of the discrepancy's torque.
 
-    Where there is none, by the residual torque.
+    What was ruled out there as a prediction still is the likeliest to say on what it depends. Where there is no
+    discrepancy, by the residual torque.
     """
     best = posterior.best
-    found = variables_instead(best.names) or _carrying(best.discrepancy)
+    found = variables_instead(best.names) or variables_instead(ruled_out) or _carrying(best.discrepancy)
     found = found or tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
     each = dict.fromkeys(variable for several in found for variable in several.split(" and "))
     return tuple(effects_over(variable, best.fit.log.axis) for variable in each if variable != _CONSTANT)

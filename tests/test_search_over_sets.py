@@ -10,7 +10,7 @@ from machine import Follower, Machine, excitation, record, wandering_reference
 
 from diagnosis import Diagnosis, diagnose
 from diagnosis.evidence.fitted_sets import Explored, fitted
-from diagnosis.evidence.larger_sets import proposals, rise, try_sets
+from diagnosis.evidence.larger_sets import Trial, proposals, rise, try_sets
 from diagnosis.evidence.marginal import families_along
 from diagnosis.evidence.search_over_sets import explore
 from identification.fit import fit
@@ -134,7 +134,7 @@ def test_the_base_model_alone_stays_behind_the_observer_of_a_gap() -> None:
     assert one is not None
     found.add([found.weighed(found.null), replace(one, log_marginal=np.inf)])  # the best so far
     (gap,) = (each for each in proposals(found, one) if each.names == {"backlash"})
-    try_sets(found, [(one, gap)])
+    try_sets(found, [Trial(one, gap)])
     assert found.held
     assert {frozenset(), one.names, one.names | gap.names} <= found.known.keys()
 

@@ -180,8 +180,24 @@ def test_what_the_most_telling_variable_needs_is_told_too() -> None:
 
     log = SimpleNamespace(log=SimpleNamespace(axis="rotary"))
     best: Any = SimpleNamespace(names=frozenset(), discrepancy=SimpleNamespace(explained_by=explained_by), fit=log)
-    found = variables(SimpleNamespace(best=best), SimpleNamespace(curves=()))  # type: ignore[arg-type]
-    assert found == ("velocity", "angle", "time")
+    told: Any = SimpleNamespace(best=best), SimpleNamespace(curves=())
+    assert variables(*told, frozenset()) == ("velocity", "angle", "time")
+    # what validation data ruled out as a prediction still says on what it depends
+    assert variables(*told, frozenset({"ripple_over_time", "cogging"})) == ("time",)
+    best.names = frozenset({"curve_over_angle"})
+    assert variables(*told, frozenset({"ripple_over_time"})) == ("angle",)
+
+
+def test_where_nothing_is_named_what_has_no_name_is_asked_itself() -> None:
+    """A wave in time is no smooth function of anything; nothing of the catalogue stands there that it could replace."""
+    machine = Machine().hiding(periodic_disturbance={"amplitude": 0.4, "frequency": 1.4, "phase": 0.3})
+    torque = switching(3, duration=30.0, sample_time=0.02, size=4.0)
+    log = record(machine, torque, sample_time=0.02, noise=2e-4, bits=None).log()
+    found = diagnose(log, candidates=("coulomb_friction", "torque_offset", "quadratic_drag"))
+    assert found.verdict == "unknown"
+    assert found.unknown.depends_on == ("time",)
+    assert found.model.effect("ripple_over_time") is not None
+    assert found.gain.held_out_rms_after < 0.5 * found.gain.held_out_rms_before
 
 
 def test_what_has_no_name_is_charged_as_a_wider_form() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -25,6 +25,26 @@ STEP = 4.0
 """From bandwidth to bandwidth."""
 _NOTHING = 1e-3  # rise of the log-likelihood that says nothing
 _STEPS = 4  # below the bandwidth of the base model alone
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A set to fit.
+
+    Attributes:
+        parent: a set that is there.
+        proposal: what is added to it.
+        least: log-likelihood that it has to bring to be followed further.
+    """
+
+    parent: Explanation
+    proposal: Proposal
+    least: float = 0.0
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Of the set."""
+        return self.parent.names | self.proposal.names
 
 
 def proposals(found: Explored, parent: Explanation) -> list[Proposal]:
@@ -69,7 +89,7 @@ def extend(
     chosen = [(value, parent, _with_starts_of(found, parents, each)) for value, parent, each in wanted]
     for costly in (0, 1, 2):
         reached = found.best.log_marginal - best
-        now = [(p, e) for v, p, e in chosen if e.costly == costly and (not costly or v > reached - BELOW)]
+        now = [Trial(p, e) for v, p, e in chosen if e.costly == costly and (not costly or v > reached - BELOW)]
         try_sets(found, now, bandwidth)
 
 
@@ -95,37 +115,34 @@ def rise(found: Explored, parent: Explanation, parents: Sequence[Explanation]) -
     worth = {each.names: each.worth(gain) for each, gain in zip(asked, gains, strict=True)}
     rising = [each for each in asked if worth[each.names] > 0.0]
     rising.sort(key=lambda each: -worth[each.names])
-    try_sets(found, [(parent, each) for each in rising[: 2 * ASKED]])  # a wider form may stand before what is there
+    try_sets(
+        found, [Trial(parent, each) for each in rising[: 2 * ASKED]]
+    )  # a wider form may stand before what is there
 
 
-def try_sets(
-    found: Explored,
-    pairs: Sequence[tuple[Explanation, Proposal]],
-    bandwidth: float = np.inf,
-    least: float = 0.0,
-) -> None:
-    """Fit some sets, each of them one that is there and what is proposed beside it; also behind another observer.
-
-    What brings less than the least log-likelihood is not followed further.
-    """
-    chosen = [(p, each) for p, each in pairs if (p.names | each.names, p.fit.bandwidth) not in found.fits]
-    for names in dict.fromkeys(parent.names for parent, _ in chosen):
-        told = "; ".join(" and ".join(sorted(each.names)) for p, each in chosen if p.names == names)
+def try_sets(found: Explored, trials: Sequence[Trial], bandwidth: float = np.inf) -> None:
+    """Fit some sets, also behind another observer."""
+    new = [each for each in trials if (each.names, each.parent.fit.bandwidth) not in found.fits]
+    chosen = list({(each.names, each.parent.fit.bandwidth): each for each in reversed(new)}.values())[::-1]
+    for names in dict.fromkeys(each.parent.names for each in chosen):
+        told = "; ".join(" and ".join(sorted(each.proposal.names)) for each in chosen if each.parent.names == names)
         found.tell(f"beside {', '.join(sorted(names)) or 'nothing'}: {told}")
-    held = [(p, each) for p, each in chosen if each.chaotic]
-    loose = [pair for pair in chosen if pair not in held]
-    found.add(chain.from_iterable(in_threads(lambda pair: list(_tried(found, *pair, bandwidth, least)), loose)))
-    if held:
-        _try_held(found, sorted(held, key=lambda pair: len(pair[1].names))[:1])  # each takes as long as all others
+    loose = [each for each in chosen if not each.proposal.chaotic]
+    found.add(chain.from_iterable(in_threads(lambda each: list(_tried(found, each, bandwidth)), loose)))
+    held: dict[frozenset[str], list[Trial]] = {}
+    for each in chosen:
+        if each.proposal.chaotic:
+            held.setdefault(each.parent.names, []).append(each)
+    for beside in held.values():  # each takes as long as all others
+        _try_held(found, min(beside, key=lambda each: len(each.proposal.names)))
 
 
-def _tried(
-    found: Explored, parent: Explanation, proposal: Proposal, bandwidth: float, least: float
-) -> Iterator[Explanation | None]:
+def _tried(found: Explored, trial: Trial, bandwidth: float) -> Iterator[Explanation | None]:
     """One of them, behind the observer of what is there and a slower one; nothing where it says no more than that.
 
     Without an observer a fit may end astray; so where it is no better there, it begins behind that of the base model.
     """
+    parent, proposal, least = trial.parent, trial.proposal, trial.least
     fit = found.fitted_with(parent.fit, proposal, parent.fit.bandwidth, least)
     if fit.log_likelihood <= parent.fit.log_likelihood + _NOTHING:
         if parent.fit.bandwidth < found.null.bandwidth and not found.held:
@@ -140,26 +157,25 @@ def _tried(
         yield found.weighed(found.fitted(fit, [fit.model], bandwidth))
     if weighed is None and len(proposal.starts) > 1:  # where two do not get on, each is asked alone
         for starts in proposal.starts:
-            yield from _tried(found, parent, replace(proposal, starts=(starts,)), bandwidth, least)
+            yield from _tried(found, replace(trial, proposal=replace(proposal, starts=(starts,))), bandwidth)
 
 
-def _try_held(found: Explored, chosen: Sequence[tuple[Explanation, Proposal]]) -> None:
-    """Sets in which small errors grow without bound: they are weighed behind an observer that holds them.
+def _try_held(found: Explored, trial: Trial) -> None:
+    """A set in which small errors grow without bound: it is weighed behind an observer that holds it.
 
-    Where such a set is likelier there than the best of the others, all go on behind that observer.
+    Where it is likelier there than the best of the others, all go on behind that observer.
     """
-    bandwidth = max(HELD / found.null.log.sample_time, *(parent.fit.bandwidth for parent, _ in chosen))
-    tried = in_threads(lambda pair: found.weighed(found.fitted_with(pair[0].fit, pair[1], bandwidth)), chosen)
-    loose = max((each for each in tried if each is not None), key=lambda each: each.log_marginal, default=None)
-    if found.held or loose is None:
-        found.add(tried)
+    parent, best = trial.parent.fit, found.best
+    bandwidth = max(HELD / found.null.log.sample_time, parent.bandwidth)
+    tried = found.weighed(found.fitted_with(parent, trial.proposal, bandwidth))
+    if found.held or tried is None:
+        found.add([tried])
         return
-    best = found.best
-    rival = found.weighed(found.fitted(best.fit, [best.fit.model], loose.fit.bandwidth))
-    if rival is None or loose.log_marginal > rival.log_marginal:
+    rival = found.weighed(found.fitted(best.fit, [best.fit.model], bandwidth))
+    if rival is None or tried.log_marginal > rival.log_marginal:
         found.held, found.fits = True, {}
-        alone = found.weighed(found.fitted(found.null, [found.null.model], loose.fit.bandwidth))
-        found.add((*tried, rival, alone or found.weighed(found.null)))
+        alone = found.weighed(found.fitted(found.null, [found.null.model], bandwidth))
+        found.add((tried, rival, alone or found.weighed(found.null)))
 
 
 def _would_add(fit: Fit, kind: type[Effect]) -> bool:

@@ -6,7 +6,7 @@ judged by the bandwidth that suits it best. What needs no observer behind it is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import chain, combinations
 from typing import TypeAlias
 
@@ -17,6 +17,7 @@ from diagnosis.evidence.larger_sets import (
     ASKED,
     BELOW,
     STEP,
+    Trial,
     extend,
     proposals,
     rise,
@@ -33,9 +34,7 @@ from identification.threads import in_threads, without_blas_threads
 from plant.effects import Effect
 from plant.effects.nonparametric import unnamed
 
-_InPlace: TypeAlias = Callable[
-    [Explored, Explanation, frozenset[str], float | None], list[tuple[Explanation, Proposal]]
-]
+_InPlace: TypeAlias = Callable[[Explored, Explanation, frozenset[str], float | None], list[Proposal]]
 _NEAR = 0.3  # of a promise, that it may be too large: linearised, it is rough
 _RETUNED = 3  # sets whose observer is chosen anew
 _MOST = 5  # times that names are added, and names in a set from which on none is
@@ -140,7 +139,7 @@ def _replace(found: Explored) -> None:
     before = -np.inf
     while (best := found.best).names and best.log_marginal > before + BELOW:
         before = best.log_marginal
-        _try_in_places(found, best, _in_place)
+        _try_in_places(found, best, _places(found, best), _in_place)
         for narrow in _narrowed(found, best):
             extend(found, [narrow], best.fit.bandwidth)
         if found.best is not best:
@@ -150,23 +149,36 @@ def _replace(found: Explored) -> None:
 def _replace_without_name(found: Explored) -> None:
     """Ask there what has no name: else a name that only looks like the cause would be sure.
 
-    Beside that names may be left out, but none is added: each would have to exceed it.
+    Beside that names may be left out, but none is added: each would have to exceed it. Where nothing would be named,
+    what has no name is asked by itself.
     """
     before = -np.inf
-    while (best := found.best).names and best.log_marginal > before + BELOW:
+    while (best := found.best).log_marginal > before + BELOW:
         before = best.log_marginal
-        _try_in_places(found, best, _without_name)
+        places = [*_places(found, best), *([frozenset[str]()] if _names_nothing(found) else [])]
+        _try_in_places(found, best, places, _without_name)
         if found.best is not best:
             _retune(found)
             _without_each(found, found.best)
 
 
-def _try_in_places(found: Explored, best: Explanation, in_place: _InPlace) -> None:
+def _names_nothing(found: Explored) -> bool:
+    """Whether no effect of the machine is likelier there than not."""
+    posterior = Posterior.over(found.known.values())
+    return not any(posterior.told(name) > LIKELY for name in posterior.names() if not found.effects[name].measured)
+
+
+def _try_in_places(found: Explored, best: Explanation, places: Sequence[frozenset[str]], in_place: _InPlace) -> None:
     """Fit what may stand in the places of names of a set."""
-    for out in _places(found, best):
-        if (less := _less(found, best, out)) is not None:
-            least = _roughly_promised(found, less, out)
-            try_sets(found, in_place(found, less, out, least), best.fit.bandwidth, max(least or 0.0, 0.0))
+
+    def asked(out: frozenset[str]) -> list[Trial]:
+        less = _less(found, best, out) if out else best
+        if less is None:
+            return []
+        least = _roughly_promised(found, less, out) if out else 0.0
+        return [Trial(less, each, max(least or 0.0, 0.0)) for each in in_place(found, less, out, least)]
+
+    try_sets(found, list(chain.from_iterable(in_threads(asked, places))), best.fit.bandwidth)
 
 
 def _places(found: Explored, best: Explanation) -> list[frozenset[str]]:
@@ -194,9 +206,7 @@ def _roughly_promised(found: Explored, less: Explanation, out: frozenset[str]) -
     return max(promised) - max(BELOW, _NEAR * max(promised)) if promised else None
 
 
-def _in_place(
-    found: Explored, less: Explanation, out: frozenset[str], least: float | None
-) -> list[tuple[Explanation, Proposal]]:
+def _in_place(found: Explored, less: Explanation, out: frozenset[str], least: float | None) -> list[Proposal]:
     """What promises at least so much beside a set that names were taken out of, and wider forms of them.
 
     Of a chaotic effect a promise says little, so it is asked for where it is confounded with such a name.
@@ -209,14 +219,12 @@ def _in_place(
         effect = each.starts[0][0]
         if each not in near and (out & set(effect.contains) or effect.name in alike):
             near.append(each)
-    return [(less, each) for each in near]
+    return near
 
 
-def _without_name(
-    found: Explored, less: Explanation, out: frozenset[str], least: float | None
-) -> list[tuple[Explanation, Proposal]]:
+def _without_name(found: Explored, less: Explanation, out: frozenset[str], least: float | None) -> list[Proposal]:
     """What has no name and promises at least as much as the names that were taken out of a set."""
-    return [(less, each) for each in without_name(less) if least is not None and each.value >= least][:ASKED]
+    return [each for each in without_name(less) if least is not None and each.value >= least][:ASKED]
 
 
 def _confounded(effects: Mapping[str, type[Effect]], name: str) -> frozenset[str]:
