@@ -238,7 +238,7 @@ def _sets(posterior: Posterior, judgement: Judgement) -> tuple[EffectSet, ...]:
             log_marginal=None if each is None else each.log_marginal,
             fit=None if each is None else each.fit,
         )
-        for names, p in posterior.believed.items()
+        for names, p in posterior.reported.items()
         for each in (fitted.get(names),)
     )
 

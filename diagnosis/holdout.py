@@ -16,7 +16,7 @@ from identification.simulation import free_simulation
 from plant.effects.effect import Array
 from plant.servo import ServoModel
 
-_UNEVEN, _MORE = 0.05, 3.0  # spread of the sample time; times the noise that the readings themselves show
+_IRREGULAR, _MORE = 0.05, 3.0  # spread of the sample time; times the noise that the readings themselves show
 _HUGE = 1e50  # error in place of one that overflowed; its fourth power is still a number
 _SAMPLES = 200  # between restarts at least, where nothing pulls the load back
 _PIECES = 60  # of the longest run, however fast the sampling
@@ -112,8 +112,8 @@ def measure_gain(held_out: Log, path: list[Fit]) -> tuple[Gain, list[Array], tup
 def _floor_name(fit: Fit) -> str:
     """What the least error of a fit is: noise of the reading, or more than its readings and their times show of it."""
     noise = max(reading_noise(run) for run in fit.log.runs)
-    uneven = any(np.diff(run.time).std() > _UNEVEN * run.sample_time for run in fit.log.runs)
-    return "one-step error" if uneven or fit.noise_floor > _MORE * noise else "noise floor"
+    irregular = any(np.diff(run.time).std() > _IRREGULAR * run.sample_time for run in fit.log.runs)
+    return "one-step error" if irregular or fit.noise_floor > _MORE * noise else "noise floor"
 
 
 def inverse_errors(estimation: Log, held_out: Log, before: ServoModel, after: ServoModel) -> TorqueError:

@@ -117,7 +117,7 @@ class Gain:
     Attributes:
         held_out_rms_before, held_out_rms_after: with the base and the extended model.
         noise_floor: standard deviation of the measurement noise, as far as the data tell.
-        floor_name: what that is, where the times are uneven or the readings are quieter: then it is no noise floor.
+        floor_name: what that is, where the times are irregular or the readings are quieter: then it is no noise floor.
         unit: "rad" or "m".
         window: seconds after which the simulation restarts; None for a simulation through whole runs.
         runs: labels of the held-out runs.

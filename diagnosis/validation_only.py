@@ -53,13 +53,14 @@ def only_in_validation(fit: Fit, validation: Log, model: ServoModel | None = Non
         model: to predict those; by default that of the fit.
     """
     window = restart_window(validation)
-    seen = np.array([square for _, _, square in _windows(fit.log, fit.model, window)])
+    fitted = np.array([square for _, _, square in _windows(fit.log, fit.model, window)])
     parts = _windows(validation, model or fit.model, window)
-    unseen = np.array([square for _, _, square in parts])
-    if seen.size < 2 or not unseen.size or np.mean(unseen) <= (1.0 + TWICE) ** 2 * np.mean(seen):
+    validated = np.array([square for _, _, square in parts])
+    if fitted.size < 2 or not validated.size or np.mean(validated) <= (1.0 + TWICE) ** 2 * np.mean(fitted):
         return None  # other motion has other errors
-    worst = int(np.argmax(unseen))
-    if _by_chance(*(np.log(np.maximum(each, np.finfo(float).tiny)) for each in (seen, unseen))) > np.exp(-HARDLY_EVER):
+    worst = int(np.argmax(validated))
+    logs = (np.log(np.maximum(each, np.finfo(float).tiny)) for each in (fitted, validated))
+    if _by_chance(*logs) > np.exp(-HARDLY_EVER):
         return None
     run, first, _ = parts[worst]
     last = min(first + round(window / run.sample_time), len(run)) - 1
@@ -67,7 +68,7 @@ def only_in_validation(fit: Fit, validation: Log, model: ServoModel | None = Non
         label=run.label,
         begin=float(run.time[first] - run.start),
         end=float(run.time[last] - run.start),
-        ratio=float(np.sqrt(unseen[worst] / max(np.mean(seen), np.finfo(float).tiny))),
+        ratio=float(np.sqrt(validated[worst] / max(np.mean(fitted), np.finfo(float).tiny))),
     )
 
 
@@ -76,19 +77,19 @@ def is_of_parameters(fit: Fit, validation: Log) -> bool:
     return only_in_validation(fit, validation, fitted_to(validation, fit).model) is None
 
 
-def _by_chance(seen: Array, unseen: Array) -> float:
+def _by_chance(fitted: Array, validated: Array) -> float:
     """Probability that logarithms (N,) are so much larger than others (M,), all of them or one, if nothing differs."""
     from scipy.stats import t as student
     from scipy.stats import ttest_ind_from_stats
 
     tiny = np.finfo(float).tiny
-    scatter, other = (max(float(each.std(ddof=1)), tiny) if each.size > 1 else tiny for each in (seen, unseen))
-    one = student.sf((unseen.max() - seen.mean()) / (scatter * np.sqrt(1.0 + 1.0 / seen.size)), seen.size - 1)
+    scatter, other = (max(float(each.std(ddof=1)), tiny) if each.size > 1 else tiny for each in (fitted, validated))
+    one = student.sf((validated.max() - fitted.mean()) / (scatter * np.sqrt(1.0 + 1.0 / fitted.size)), fitted.size - 1)
     every = 1.0
-    if unseen.size > 1:
-        sample, rest = (unseen.mean(), other, unseen.size), (seen.mean(), scatter, seen.size)
+    if validated.size > 1:
+        sample, rest = (validated.mean(), other, validated.size), (fitted.mean(), scatter, fitted.size)
         every = float(ttest_ind_from_stats(*sample, *rest, equal_var=False, alternative="greater").pvalue)
-    return float(2.0 * min(unseen.size * one, every))
+    return float(2.0 * min(validated.size * one, every))
 
 
 def _windows(log: Log, model: ServoModel, window: float) -> list[tuple[Run, int, float]]:

@@ -127,7 +127,7 @@ def rivals(posterior: Posterior, name: str) -> tuple[tuple[str, float], ...]:
     """
     beside: dict[str, float] = {}
     instead: dict[str, float] = {}
-    for names, p in posterior.believed.items():
+    for names, p in posterior.reported.items():
         found = beside if name in names else instead
         for other in names.difference(posterior.best.names, unnamed):
             found[other] = found.get(other, 0.0) + p
@@ -163,7 +163,7 @@ def _verdict(posterior: Posterior, causes: Mapping[str, float], *, more: bool, i
         return "named" if all(p > SURE for p in causes.values()) and not in_doubt else "ambiguous"
     if more:
         return "unknown"
-    nothing = posterior.believed.get(frozenset(), 0.0)
+    nothing = posterior.reported.get(frozenset(), 0.0)
     return "nothing_missing" if nothing > LIKELY or not posterior.names() else "ambiguous"
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mpc.governor import Governor, governed_path
 from mpc.kernel import Kernel, fused
 from mpc.preview import preview, prolonged
-from mpc.slots import Belief, Path, Rubbing, Told, Tuning
+from mpc.slots import Kalman, Path, Rubbing, Told, Tuning
 from mpc.time_optimal_law import followable
 from mpc.trouble import Trouble
 
@@ -32,7 +32,7 @@ class Aim:
         self._preview = Kernel(preview(), known)
         own = dict(arrays) | {"path": governor.path, "limits": np.zeros(2)}
         own |= {"asked": np.zeros(arrays["wanted"].size), "changes": np.zeros(arrays["wanted"].size + 1)}
-        where = "belief load machine tuning path"
+        where = "kalman load machine tuning path"
         self._begun = fused("begun", own, where, self._begin, operations=0)
         more = " asked changes soft rubbing govern_numbers astray model"
         self._aimed = fused("aimed", own, where + more, self._followed, operations=100 * own["asked"].size)
@@ -44,7 +44,7 @@ class Aim:
         wanted, told, steps = self._a["wanted"], self._a["told"], self._a["steps"]
         trouble = Trouble.NONE if np.isfinite(wanted if previewed else wanted[0]).all() else Trouble.AIMLESS
         if trouble:
-            previewed, wanted[0] = False, self._a["belief"][Belief.ANGLE]
+            previewed, wanted[0] = False, self._a["kalman"][Kalman.ANGLE]
         if previewed:
             np.subtract(wanted[1:], wanted[:-1], out=steps)
             told[Told.COUNT] = 0.0
@@ -66,9 +66,9 @@ class Aim:
         return Trouble.ASTRAY if mean[0] > 1 else Trouble.NONE
 
     @staticmethod
-    def _begin(belief: Any, load: Any, machine: Any, tuning: Any, path: Any) -> dict[str, Any]:
+    def _begin(kalman: Any, load: Any, machine: Any, tuning: Any, path: Any) -> dict[str, Any]:
         """Where the governed reference is, at the load if that is too far from it, and what can be followed."""
-        angle, velocity = belief[Belief.ANGLE], belief[Belief.VELOCITY]
+        angle, velocity = kalman[Kalman.ANGLE], kalman[Kalman.VELOCITY]
         limits, near = followable()(ca.vertcat(angle, velocity), load, machine, tuning)
         goes_on = ca.logic_and(path[Path.GOVERNED] != 0, ca.fabs(angle - path[Path.ANGLE]) <= near)
         where = ca.if_else(goes_on, path, ca.vertcat(1, angle, velocity, 0))
@@ -77,7 +77,7 @@ class Aim:
     def _followed(self, asked: Any, changes: Any, astray: Any, model: Any, **known: Any) -> dict[str, Any]:
         """The governed reference and its speeds."""
         soft, jerk, numbers = known.pop("soft"), known.pop("rubbing")[Rubbing.JERK], known.pop("govern_numbers")
-        tuning, belief = known["tuning"], known["belief"]
+        tuning, kalman = known["tuning"], known["kalman"]
         where, limits = self._begin(**known).values()
         own = tuning[Tuning.ATTAINABLE], jerk, numbers
         path, ahead, speeds = governed_path(self._limited, where, asked, changes, limits, soft, *own)
@@ -86,13 +86,13 @@ class Aim:
         farther = [speeds[last - 1] + bend * k for k in range(1, self._late + 3)]
         found = {"path": path, "ahead": prolonged(ahead, self._late + 1)}
         found["speeds"] = ca.vertcat(speeds[:last], *farther)
-        return found | {"astray": _off(found["ahead"], belief, astray, tuning, model[-1])}
+        return found | {"astray": _off(found["ahead"], kalman, astray, tuning, model[-1])}
 
 
-def _off(ahead: Any, belief: Any, mean: Any, tuning: Any, dt: Any) -> Any:
+def _off(ahead: Any, kalman: Any, mean: Any, tuning: Any, dt: Any) -> Any:
     """Mean square of what the load is off its reference, in units of what is admitted."""
     step = dt * tuning[Tuning.WAVE]
     admitted = tuning[Tuning.ASTRAY] + ca.fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step)
-    miss = (ahead[0] - belief[Belief.ANGLE]) / admitted
+    miss = (ahead[0] - kalman[Kalman.ANGLE]) / admitted
     before = ca.if_else(ca.logic_and(mean >= 0, mean <= 2), mean, 0)
     return before + tuning[Tuning.SHARE] * (ca.if_else(miss * miss < 2, miss * miss, 2) - before)

@@ -29,7 +29,7 @@ class Running:
         sample_time: [s].
         late: whole samples by which the command is late.
         greatest: torque on the load [N m].
-        estimator: which shares its belief with the arrays.
+        estimator: whose filter state is one of the arrays.
         arrays: by name, and of them those that are `remembered`.
     """
 
@@ -49,7 +49,7 @@ def hand_over(old: Running, new: Running) -> None:
     model sees the load where the old one saw it, and its unknown torque is such that the load accelerates as it did: a
     torque that held a payload nobody knew of still holds it when the model knows.
     """
-    if not old.estimator.belief[0]:
+    if not old.estimator.kalman[0]:
         return
     mine, theirs = old.arrays, new.arrays
     for name in new.remembered:
@@ -63,13 +63,13 @@ def hand_over(old: Running, new: Running) -> None:
         theirs["told"][Told.COUNT] = 0.0  # the wanted angles were so far apart in time
     if old.model.effects != new.model.effects:
         theirs["learnt"][:] = 0.0  # of another friction
-    if old.model != new.model or mine["belief"].size != theirs["belief"].size:
+    if old.model != new.model or mine["kalman"].size != theirs["kalman"].size:
         _estimate(old, new)
 
 
 def _past(old: Running, new: Running) -> None:
     """The torques that were commanded, each as the new model's drive puts it out, and what of them was for friction."""
-    velocity, count, wanted = float(old.estimator.belief[4]), old.late + 2, new.late + 2
+    velocity, count, wanted = float(old.estimator.kalman[4]), old.late + 2, new.late + 2
     before, after = (DriveInverse.of(each.model)[0] for each in (old, new))
     net, rubs = old.arrays["past"][:count], old.arrays["rubs"][:count]
     if before != after:
@@ -93,20 +93,20 @@ def _estimate(old: Running, new: Running) -> None:
     """The state and its covariance by the names of the states; what only the new model has begins at rest."""
     mine, theirs = old.estimator, new.estimator
     torque = float(new.arrays["past"][new.late + 1])
-    theirs.start(float(mine.belief[3]), torque)
+    theirs.start(float(mine.kalman[3]), torque)
     names = [_names(each) for each in (mine, theirs)]
     known = [name for name in names[1] if name in names[0]]
     here, there = ([own.index(name) for name in known] for own in names)
     values = [_values(each) for each in (mine, theirs)]
-    spreads = [covariance_of(each.belief, len(own)) for each, own in zip((mine, theirs), names, strict=True)]
+    spreads = [covariance_of(each.kalman, len(own)) for each, own in zip((mine, theirs), names, strict=True)]
     values[1][there] = values[0][here]
     spreads[1][there] = 0.0  # what is known and what is not yet have nothing to do with each other
     spreads[1][:, there] = 0.0
     spreads[1][np.ix_(there, there)] = spreads[0][np.ix_(here, here)]
     n = len(theirs.predictor.model.states)
-    theirs.belief[2], theirs.belief[3 : 3 + n] = values[1][n], values[1][:n]
-    theirs.belief[3 + n : 2 + len(names[1])] = values[1][n + 1 :]
-    theirs.belief[place_of_covariance(len(names[1]))] = spreads[1][np.tril_indices(len(names[1]))]
+    theirs.kalman[2], theirs.kalman[3 : 3 + n] = values[1][n], values[1][:n]
+    theirs.kalman[3 + n : 2 + len(names[1])] = values[1][n + 1 :]
+    theirs.kalman[place_of_covariance(len(names[1]))] = spreads[1][np.tril_indices(len(names[1]))]
     _go_on_accelerating(old, new)
 
 
@@ -118,8 +118,8 @@ def _names(estimator: Estimator) -> list[str]:
 def _values(estimator: Estimator) -> Array:
     """State, disturbance and offsets, in the order of the covariance."""
     n, m = len(estimator.predictor.model.states), len(_names(estimator))
-    belief = estimator.belief
-    return np.concatenate((belief[3 : 3 + n], belief[2:3], belief[3 + n : 2 + m]))
+    kalman = estimator.kalman
+    return np.concatenate((kalman[3 : 3 + n], kalman[2:3], kalman[3 + n : 2 + m]))
 
 
 def _go_on_accelerating(old: Running, new: Running) -> None:
@@ -128,23 +128,23 @@ def _go_on_accelerating(old: Running, new: Running) -> None:
     Newton's method on the change of velocity over a sample: of the load, and of a motor of its own motion, which then
     keeps pace with it.
     """
-    belief, n = new.estimator.belief, len(new.estimator.predictor.model.states)
+    kalman, n = new.estimator.kalman, len(new.estimator.predictor.model.states)
     motor, torques = motor_place(new.estimator.predictor.model), _torque_states(new)
     wanted = _gained(old)[0] / old.sample_time * new.sample_time
-    start, acting = belief[3 : 3 + n].copy(), float(new.arrays["past"][new.late + 1])
+    start, acting = kalman[3 : 3 + n].copy(), float(new.arrays["past"][new.late + 1])
     units = np.array([new.greatest, _turned(new)] if motor else [new.greatest])
 
     def off(unknown: Array) -> Array:
         """(1,) or (2,) for a disturbance, and a twist, in their units."""
-        belief[2] = unknown[0] * units[0]
-        belief[3 : 3 + n] = start
-        belief[3 + torques] = acting + belief[2]  # what has settled
+        kalman[2] = unknown[0] * units[0]
+        kalman[3 : 3 + n] = start
+        kalman[3 + torques] = acting + kalman[2]  # what has settled
         if motor:
-            belief[3 + motor] = start[0] + unknown[1] * units[1]
-            belief[4 + motor] = start[1]
+            kalman[3 + motor] = start[0] + unknown[1] * units[1]
+            kalman[4 + motor] = start[1]
         return np.asarray(_gained(new)[: units.size] - wanted)
 
-    unknown, small = np.append(belief[2], np.zeros(units.size - 1)) / units, 1e-3
+    unknown, small = np.append(kalman[2], np.zeros(units.size - 1)) / units, 1e-3
     for _ in range(_ROUNDS):
         miss = off(unknown)
         slopes = [(off(unknown + small * row) - miss) / small for row in np.eye(units.size)]

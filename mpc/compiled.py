@@ -73,7 +73,7 @@ def parts(functions: tuple[Any, ...]) -> dict[str, str]:
     for function in functions:
         generator.add(function)
     by_name = {function.name(): function for function in functions}
-    places = {"STATES": ("stage", 0), "PARAMETERS": ("learn", 3), "BELIEF": ("estimate", 0)}
+    places = {"STATES": ("stage", 0), "PARAMETERS": ("learn", 3), "KALMAN": ("estimate", 0)}
     places |= {"BARRIER": ("backward", 6), "LEARNT": ("learn", 1), "WATCHED": ("watch", 2)}
     counts = ", ".join(f"{name} = {by_name[stage].size1_in(i)}" for name, (stage, i) in places.items())
     return {

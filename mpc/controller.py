@@ -224,7 +224,7 @@ class Controller(Remembering):
 
     def _all_arrays(self, machine: Array) -> dict[str, Array]:
         """Everything that a step reads and writes, by name."""
-        remembered = {"belief": self.estimator.belief, "path": self.governor.path}
+        remembered = {"kalman": self.estimator.kalman, "path": self.governor.path}
         n = len(self.estimator.predictor.model.states)
         watched = watched_of(n, self.estimator.motors is not None)
         remembered |= laid_out(n, self.horizon, self._whole_delay, self._rows, watched)

@@ -128,6 +128,6 @@ def _sweeps(functions: Mapping[str, Any], sizes: Mapping[str, int], worst: bool)
 def stack(functions: Mapping[str, Any], number: int) -> int:
     """Bytes of stack of a step at most, for numbers of so many bytes: temporaries of all stages, and what they find."""
     temporaries: int = sum(function.sz_w() for function in functions.values())
-    belief, watched = functions["estimate"].size1_in(0), functions["watch"].size1_in(2)
-    memories: int = 3 * belief + watched  # each is found beside the one that it replaces
+    kalman, watched = functions["estimate"].size1_in(0), functions["watch"].size1_in(2)
+    memories: int = 3 * kalman + watched  # each is found beside the one that it replaces
     return number * (temporaries + memories) + _FRAMES

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mpc.estimator import Estimator
-from mpc.filter import belief_of, finite, motor_place
+from mpc.filter import finite, kalman_of, motor_place
 from mpc.prediction import Predictor
 
 Array = NDArray[np.float64]
@@ -74,8 +74,8 @@ def numbers(estimator: Estimator, turn: float, greatest: float, brake: float, *,
 def watch(predictor: Predictor, motors: bool) -> Any:
     """One sample of the watch, as a `casadi.Function`, before that of the filter.
 
-    (belief of the filter, readings, what was remembered, torques since the last sample and before without friction and
-    the whole one (3,), parameters, numbers) -> belief, reading on its turn, what is remembered, whether the load's
+    (state of the filter, readings, what was remembered, torques since the last sample and before without friction and
+    the whole one (3,), parameters, numbers) -> that state, reading on its turn, what is remembered, whether the load's
     encoder is contradicted, and whether the motors' are.
 
     Remembered are the last reading, for how many samples it has been the same, and for how many of them under the full
@@ -84,12 +84,12 @@ def watch(predictor: Predictor, motors: bool) -> Any:
     over the last samples.
     """
     model, n = predictor.model, len(predictor.model.states)
-    belief, readings = belief_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors)
+    kalman, readings = kalman_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors)
     watched, acted = ca.SX.sym("watched", watched_of(n, motors)), ca.SX.sym("acted", 3)
     p, own = ca.SX.sym("parameters", predictor.parameters.size), ca.SX.sym("watching", WATCHING)
     turn, tolerance, noticed, near, apart, beside, brake, greatest = ca.vertsplit(own)[:8]
     last, same, pushed, doubted = ca.vertsplit(watched[:4])
-    raw, known, z, d = readings[0], belief[0], belief[3 : 3 + n], belief[2]
+    raw, known, z, d = readings[0], kalman[0], kalman[3 : 3 + n], kalman[2]
 
     def seen(state: Any, torque: Any) -> tuple[Any, Any]:
         """The next state of the model, and what the encoder shows then."""
@@ -97,8 +97,8 @@ def watch(predictor: Predictor, motors: bool) -> Any:
         return ahead, predictor.sensor(ahead, p)[0]
 
     # On the turn that is nearest to the prediction.
-    predicted, foretold = seen(z, d)
-    turns = ca.floor((foretold - raw) / turn + 0.5)
+    predicted, expected = seen(z, d)
+    turns = ca.floor((expected - raw) / turn + 0.5)
     angle = raw + ca.if_else(ca.logic_and(ca.logic_and(known, turn > 0), finite(turns)), turn * turns, 0)
 
     # A model that runs free from the estimate of when the reading was last another one.
@@ -108,7 +108,7 @@ def watch(predictor: Predictor, motors: bool) -> Any:
     ahead, shown = seen(free, free_d)
     stands = ca.logic_and(known, raw == last)
     sane = ca.fabs(acted[0]) + ca.fabs(free_d) <= _SANE * greatest  # else it is the memory that cannot be believed
-    sane = ca.logic_and(ca.logic_and(sane, finite(ahead)), ca.logic_or(goes_on, belief[1] == 0))
+    sane = ca.logic_and(ca.logic_and(sane, finite(ahead)), ca.logic_or(goes_on, kalman[1] == 0))
     same = ca.if_else(ca.logic_and(stands, sane), same + 1, 0)
     pushed = ca.if_else(ca.logic_and(stands, whole >= _FULL * greatest), pushed + 1, 0)
     off = ca.fabs(shown - angle)
@@ -126,19 +126,19 @@ def watch(predictor: Predictor, motors: bool) -> Any:
         bent = ca.fabs(now - 2 * before[:, 1 + WINDOW // 2] + before[:, 1])
         leaves, rest = _compared(now - before[:, 1], apart, bent)
         place = predicted[motor_place(model)]
-        agrees = [ca.fabs(now[1 + i] - place - belief[3 + n + i]) < near for i in range(2)]
+        agrees = [ca.fabs(now[1 + i] - place - kalman[3 + n + i]) < near for i in range(2)]
         leaves = ca.logic_or(leaves, ca.logic_and(stands, _compared(now - begun, beside, ca.fabs(now - begun) / 2)[0]))
-        unlikely = ca.logic_and(ca.fabs(foretold - angle) > noticed, ca.logic_or(*agrees))
+        unlikely = ca.logic_and(ca.fabs(expected - angle) > noticed, ca.logic_or(*agrees))
         leaves = ca.logic_or(leaves, ca.logic_and(stands, unlikely))
         helped = ca.logic_and(near > 0, ca.logic_or(finite(now[1]), finite(now[2])))
         history = ca.vec(ca.horzcat(begun, before[:, 2:], now))
     out = ca.logic_or(ca.logic_or(frozen, ca.logic_and(leaves, ca.logic_not(rest))), ca.logic_and(doubted, stands))
     held_back = ca.logic_and(out, stands)
     begins = ca.logic_and(held_back, ca.logic_not(ca.logic_or(doubted, helped)))
-    parts = ca.if_else(begins, ca.vertcat(free_d, free), belief[2 : 3 + n])
+    parts = ca.if_else(begins, ca.vertcat(free_d, free), kalman[2 : 3 + n])
     memory = ca.vertcat(raw, same, pushed, out, ahead, free_d, history)
-    outputs = [ca.vertcat(belief[:2], parts, belief[3 + n :]), angle, ca.densify(memory), out, rest]
-    return ca.Function("watch", [belief, readings, watched, acted, p, own], outputs, {"cse": True})
+    outputs = [ca.vertcat(kalman[:2], parts, kalman[3 + n :]), angle, ca.densify(memory), out, rest]
+    return ca.Function("watch", [kalman, readings, watched, acted, p, own], outputs, {"cse": True})
 
 
 def _compared(moved: Any, apart: Any, soft: Any) -> tuple[Any, Any]:

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from mpc.filter import beginning, belief_of, estimation
+from mpc.filter import beginning, estimation, kalman_of
 from mpc.kernel import Kernel
 from mpc.prediction import Predictor
 from mpc.trouble import sentence
@@ -84,7 +84,7 @@ class Estimator:
         motors: encoders at the motors, None if there are none.
         acting: parameters of the predictor with the time since the last sample, which need not be that of all samples.
         surprise: by how much an unknown torque may move the load before the filter knows it [rad].
-        belief: all that is remembered: whether there is an estimate, wild readings in a row, d, state (n,), offsets of
+        kalman: state of the filter: whether there is an estimate, wild readings in a row, d, state (n,), offsets of
             the motors, and the upper triangle of the covariance of state, d and offsets, column by column.
         levels: variance of the sensor, torque_noise, disturbance_rate, surprise, and those of the motors.
     """
@@ -97,7 +97,7 @@ class Estimator:
     motors: MotorEncoders | None = None
     surprise: float = 0.0
     acting: Array = field(init=False, repr=False)
-    belief: Array = field(init=False, repr=False)
+    kalman: Array = field(init=False, repr=False)
     levels: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -112,28 +112,28 @@ class Estimator:
         more = self.motors.levels if self.motors else []
         self.levels = np.array([variance, self.torque_noise, self.disturbance_rate, self.surprise, *more])
         self.acting = self.predictor.parameters.copy()
-        self.belief = np.zeros(belief_of(len(self.predictor.model.states), self.motors is not None).shape[0])
+        self.kalman = np.zeros(kalman_of(len(self.predictor.model.states), self.motors is not None).shape[0])
 
     @property
     def state(self) -> Array | None:
         """(n,) state; None before the first reading."""
         n = len(self.predictor.model.states)
-        return self.belief[3 : 3 + n].copy() if self.belief[0] else None
+        return self.kalman[3 : 3 + n].copy() if self.kalman[0] else None
 
     @state.setter
     def state(self, state: Array | None) -> None:
-        self.belief[0] = state is not None
+        self.kalman[0] = state is not None
         if state is not None:
-            self.belief[3 : 3 + state.size] = state
+            self.kalman[3 : 3 + state.size] = state
 
     @property
     def disturbance(self) -> float:
         """Estimate of d [N m]."""
-        return float(self.belief[2])
+        return float(self.kalman[2])
 
     @disturbance.setter
     def disturbance(self, torque: float) -> None:
-        self.belief[2] = torque
+        self.kalman[2] = torque
 
     def start(self, reading: float, torque: float, motor_angles: tuple[float, float] = NO_ANGLES) -> None:
         """Begin anew at rest at a reading [rad], with actuators settled at a torque [N m] and no disturbance."""
@@ -141,7 +141,7 @@ class Estimator:
         begin.inputs[0][:] = (reading, *motor_angles) if self.motors else (reading,)
         begin.inputs[1][0] = torque
         begin()
-        self.belief[:] = begin.outputs[0]
+        self.kalman[:] = begin.outputs[0]
 
     def advance(
         self, reading: float, torque: float, previous_torque: float, motor_angles: tuple[float, float] = NO_ANGLES
@@ -165,8 +165,8 @@ class Estimator:
         estimate = self._estimate
         estimate.inputs[1][:] = (reading, *motor_angles) if self.motors else (reading,)
         estimate.inputs[2][:] = torque, previous_torque, deaf
-        belief, trouble, anew = estimate()
-        self.belief[:] = belief
+        kalman, trouble, anew = estimate()
+        self.kalman[:] = kalman
         if anew[0]:
             self.start(reading, torque, motor_angles)
         return int(trouble[0])
@@ -183,4 +183,4 @@ class Estimator:
 
     @cached_property
     def _estimate(self) -> Kernel:
-        return Kernel(self.functions[0], {0: self.belief, 3: self.acting, 4: self.levels})
+        return Kernel(self.functions[0], {0: self.kalman, 3: self.acting, 4: self.levels})

@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 
 from mpc.filter import finite
-from mpc.slots import Belief, Fed, Rubbing
+from mpc.slots import Fed, Kalman, Rubbing
 from plant.effects import Moment
 from plant.servo import ServoModel
 
@@ -55,7 +55,7 @@ def ease() -> Any:
 
 
 def fed_forward(
-    demand: Any, late: int, ahead: Any, speeds: Any, fed: Any, past: Any, belief: Any, model: Any, rubbing: Any
+    demand: Any, late: int, ahead: Any, speeds: Any, fed: Any, past: Any, kalman: Any, model: Any, rubbing: Any
 ) -> dict[str, Any]:
     """The torque that the governed reference takes and what of it is fed, as expressions; see feed_forward in step.c.
 
@@ -67,7 +67,7 @@ def fed_forward(
     first, _ = demand(path[0], rates[:2], -bend, model)
     anew = ca.vertcat(bend, first, 0, first, 0)
     before = ca.if_else(known, fed[Fed.BEND :], anew)
-    acts = past[late + 1] + belief[Belief.DISTURBANCE]
+    acts = past[late + 1] + kalman[Kalman.DISTURBANCE]
     bends = [before[0], *(rates[k] - rates[k - 1] for k in range(1, N))]
     taken = [demand(path[k], rates[k : k + 2], bends[k], model)[0] for k in range(N)]
     there = _eased(taken, before[1:3], rubbing)

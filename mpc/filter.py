@@ -28,21 +28,21 @@ _UNKNOWN = 1e4
 _LARGEST = float(np.finfo(np.float64).max)
 
 
-def belief_of(n: int, motors: bool) -> Any:
+def kalman_of(n: int, motors: bool) -> Any:
     """Memory of the filter, in symbols."""
     m = n + 1 + 2 * motors
-    return ca.SX.sym("belief", 2 + m + m * (m + 1) // 2)
+    return ca.SX.sym("kalman", 2 + m + m * (m + 1) // 2)
 
 
 def place_of_covariance(m: int) -> slice:
-    """Where in the belief the covariance of state, disturbance and offsets (m,) is."""
+    """Where in the filter's state the covariance of state, disturbance and offsets (m,) is."""
     return slice(2 + m, 2 + m + m * (m + 1) // 2)
 
 
-def covariance_of(belief: NDArray[np.float64], m: int) -> NDArray[np.float64]:
+def covariance_of(kalman: NDArray[np.float64], m: int) -> NDArray[np.float64]:
     """(m, m) that covariance."""
     upper = np.zeros((m, m))
-    upper[np.tril_indices(m)[::-1]] = belief[place_of_covariance(m)]
+    upper[np.tril_indices(m)[::-1]] = kalman[place_of_covariance(m)]
     return upper + np.triu(upper, 1).T
 
 
@@ -57,17 +57,16 @@ def _triangle(n: int) -> Any:
 def estimation(predictor: Predictor, motors: bool) -> Any:
     """One sample of the filter, as a `casadi.Function`.
 
-    (belief, readings: angle and motor angles if there are any, torques since the last sample and before, and by how
-    much the angle may be off unnoticed (3,), parameters, levels) -> belief, trouble (see `Trouble`), and whether to
-    begin anew.
+    (state, readings: angle and motor angles if there are any, torques since the last sample and before, and by how much
+    the angle may be off unnoticed (3,), parameters, levels) -> state, trouble (see `Trouble`), whether to begin anew.
     """
     model = predictor.model
     n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
-    belief, readings, acted = belief_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("acted", 3)
+    kalman, readings, acted = kalman_of(n, motors), ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("acted", 3)
     levels, m, reading = _levels(motors), n + 1 + 2 * motors, readings[0]
-    known, doubts, d, z, offsets = belief[0], belief[1], belief[2], belief[3 : 3 + n], belief[3 + n : 2 + m]
+    known, doubts, d, z, offsets = kalman[0], kalman[1], kalman[2], kalman[3 : 3 + n], kalman[3 + n : 2 + m]
     variance, torque_noise, wander = ca.vertsplit(levels)[:3]
-    covariance = ca.triu2symm(ca.SX(_triangle(m), belief[2 + m :]))
+    covariance = ca.triu2symm(ca.SX(_triangle(m), kalman[2 + m :]))
 
     # Predict.
     ahead, by_state, by_torque = predictor.stage(z, acted[:2] + d, p)
@@ -114,7 +113,7 @@ def estimation(predictor: Predictor, motors: bool) -> Any:
         x, spread = _corrected(x, spread, row, innovation, levels[4 + i], ca.logic_and(heard, near))
         spread[n + 1 + i, n + 1 + i] += ca.if_else(jumped, _UNKNOWN, 0)
     memory = ca.vertcat(ca.logic_and(known, sound), doubts, x[n], x[:n], x[n + 1 :], ca.triu(spread).nz[:])
-    inputs = [belief, readings, acted, p, levels]
+    inputs = [kalman, readings, acted, p, levels]
     return ca.Function("estimate", inputs, [ca.densify(memory), trouble, anew], {"cse": True})
 
 
@@ -140,7 +139,7 @@ def motor_place(model: ServoModel) -> int:
 
 
 def beginning(predictor: Predictor, motors: bool) -> Any:
-    """Rest at a reading, as a `casadi.Function`: (readings, torque, parameters, levels) -> belief."""
+    """Rest at a reading, as a `casadi.Function`: (readings, torque, parameters, levels) -> filter state."""
     model = predictor.model
     n, p = len(model.states), ca.SX.sym("parameters", predictor.parameters.size)
     readings, torque, levels = ca.SX.sym("readings", 1 + 2 * motors), ca.SX.sym("torque"), _levels(motors)
@@ -156,8 +155,8 @@ def beginning(predictor: Predictor, motors: bool) -> Any:
         covariance[0, n + 1 + i] = ca.if_else(h, -levels[0], 0)
     if motors:
         covariance[n + 1, n + 2] = ca.if_else(ca.logic_and(*heard), levels[0], 0)
-    belief = ca.vertcat(1, 0, 0, state, *offsets, covariance[_triangle(len(spread))].nz[:])
-    return ca.Function("begin", [readings, torque, p, levels], [ca.densify(belief)], {"cse": True})
+    kalman = ca.vertcat(1, 0, 0, state, *offsets, covariance[_triangle(len(spread))].nz[:])
+    return ca.Function("begin", [readings, torque, p, levels], [ca.densify(kalman)], {"cse": True})
 
 
 def _at_rest(model: ServoModel, reading: Any, torque: Any) -> Any:

@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from mpc.filter import belief_of, finite
-from mpc.slots import Belief, Learnt, Rubbing, Tuning
+from mpc.filter import finite, kalman_of
+from mpc.slots import Kalman, Learnt, Rubbing, Tuning
 from plant.effects import Moment, State
 from plant.effects.effect import parameters_of
 from plant.servo import ServoModel
@@ -123,7 +123,7 @@ def rub(model: ServoModel) -> Any:
 def learn(model: ServoModel, motors: bool) -> Any:
     """One sample of learning, as a `casadi.Function`.
 
-    (belief of the estimator, what was learnt, [torque against friction that acted, torque on the load, governed angle
+    (state of the estimator, what was learnt, [torque against friction that acted, torque on the load, governed angle
     now, next and at the horizon's end], parameters, numbers, tuning) -> what is learnt, disturbance.
 
     While the load slides the disturbance d is what acts besides the model, b, less the friction s F that was not
@@ -133,12 +133,12 @@ def learn(model: ServoModel, motors: bool) -> Any:
     had of it is taken away, as far as the friction that there can have been lets b be what was learnt.
     """
     n = len(model.states)
-    m, belief = n + 1 + 2 * motors, belief_of(n, motors)
+    m, kalman = n + 1 + 2 * motors, kalman_of(n, motors)
     learnt, now, tuning = ca.SX.sym("learnt", len(Learnt)), ca.SX.sym("now", 5), ca.SX.sym("tuning", len(Tuning))
     p, rubbing = ca.SX.sym("p", len(model.names) + 1), ca.SX.sym("rubbing", len(Rubbing))
     dt, wave, bound, stands = p[-1], tuning[Tuning.WAVE], model.bound(p[:-1]), rubbing[Rubbing.STANDS]
-    d, angle, velocity = belief[Belief.DISTURBANCE], belief[Belief.ANGLE], belief[Belief.VELOCITY]
-    d_variance = belief[2 + m + n * (n + 1) // 2 + n]
+    d, angle, velocity = kalman[Kalman.DISTURBANCE], kalman[Kalman.ANGLE], kalman[Kalman.VELOCITY]
+    d_variance = kalman[2 + m + n * (n + 1) // 2 + n]
     doubt, most = rubbing[Rubbing.STD] ** 2, tuning[Tuning.GREATEST] ** 2
 
     known = ca.logic_and(learnt[Learnt.KNOWN], finite(learnt))
@@ -178,12 +178,12 @@ def learn(model: ServoModel, motors: bool) -> Any:
     fitting = ca.fmax(ca.fmin(b, d - now[0] + greatest), d - now[0] + least)
     b = ca.if_else(turns, fitting, b)
     memory = ca.vertcat(1, b, s, P_bb, P_bs, P_ss, wanted, slid, followed, velocity, short)
-    inputs = [belief, learnt, now, p, rubbing, tuning]
+    inputs = [kalman, learnt, now, p, rubbing, tuning]
     return ca.Function("learn", inputs, [memory, ca.if_else(turns, fitting, d)], {"cse": True})
 
 
 def known_by_now(
-    learn: Any, late: int, belief: Any, learnt: Any, rubs: Any, past: Any, plan: Any, ahead: Any, **numbers: Any
+    learn: Any, late: int, kalman: Any, learnt: Any, rubs: Any, past: Any, plan: Any, ahead: Any, **numbers: Any
 ) -> dict[str, Any]:
     """What is known of friction by now, as expressions; see rubbed in step.c.
 
@@ -192,7 +192,7 @@ def known_by_now(
     """
     total, N = past[late + 1] + rubs[late + 1], plan.numel() - 1
     now = ca.vertcat(rubs[1], total, ahead[late], ahead[late + 1], ahead[N])
-    known, d = learn(belief, learnt, now, numbers["model"], numbers["rubbing"], numbers["tuning"])
-    more = belief[Belief.DISTURBANCE] - d
+    known, d = learn(kalman, learnt, now, numbers["model"], numbers["rubbing"], numbers["tuning"])
+    more = kalman[Kalman.DISTURBANCE] - d
     moved = {"past": past + more, "rubs": rubs - more, "plan": ca.vertcat(plan[0], plan[1:] + more)}
     return {"learnt": known, "d": d, "total": total} | moved

@@ -18,7 +18,7 @@ from mpc.prediction import Predictor
 from mpc.prepared import prepared
 from mpc.quadratic_program import QuadraticProgram
 from mpc.riccati import TORQUE_ALONE
-from mpc.slots import Belief, Tuning
+from mpc.slots import Kalman, Tuning
 from mpc.split import reach
 from mpc.sweeps import CERTIFIED
 
@@ -42,7 +42,7 @@ class RealTimeIteration:
         self.program = QuadraticProgram(arrays, sizes["rounds"])
         self._range = arrays["range"].reshape(N, 2)
         self._least, self._most = self._range.T
-        reads = "belief past guess rubs rub ahead feed bounds tuning stage_numbers reach_numbers soft model"
+        reads = "kalman past guess rubs rub ahead feed bounds tuning stage_numbers reach_numbers soft model"
         work = (self._late + N) * self._stage.n_instructions() + 100 * N
         own = ("bounds",)
         self._linearise = fused("linearise", arrays, reads, self._linearised, operations=work, in_place=own)
@@ -70,8 +70,8 @@ class RealTimeIteration:
     def _linearised(self, past: Any, guess: Any, rubs: Any, rub: Any, **known: Any) -> dict[str, Any]:
         """The program around the course of the model under the guess."""
         late, N, n, dt = self._late, guess.numel(), self._n, known["model"][-1]
-        belief, ahead, step = known["belief"], known["ahead"][late:], known["tuning"][Tuning.TORQUE_STEP]
-        held, state = ca.vertcat(past[1 : late + 2], guess) + belief[Belief.DISTURBANCE], belief[3 : 3 + n]
+        kalman, ahead, step = known["kalman"], known["ahead"][late:], known["tuning"][Tuning.TORQUE_STEP]
+        held, state = ca.vertcat(past[1 : late + 2], guess) + kalman[Kalman.DISTURBANCE], kalman[3 : 3 + n]
         states, A, B = [state], [], []
         for k in range(late + N):
             state, by_state, by_torque = self._stage(state, ca.vertcat(held[k + 1], held[k]), known["stage_numbers"])

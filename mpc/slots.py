@@ -81,8 +81,8 @@ class Told(_Slot):
     THIRD = auto()
 
 
-class Belief(_Slot):
-    """What the estimator believes, first of all."""
+class Kalman(_Slot):
+    """State of the Kalman filter, its first entries."""
 
     KNOWN = auto()
     DOUBTS = auto()
@@ -123,5 +123,5 @@ def c_names() -> str:
     """Enumerations of C."""
     return "\n".join(
         f"enum {{ {', '.join(f'{slots.__name__.upper()}_{slot.name} = {slot.value}' for slot in slots)} }};"
-        for slots in (Tuning, Soft, Rubbing, Learnt, Told, Belief, Path, Fed, Outcome)
+        for slots in (Tuning, Soft, Rubbing, Learnt, Told, Kalman, Path, Fed, Outcome)
     )

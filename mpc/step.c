@@ -12,7 +12,7 @@ enum { LOST = 1, BRIDGED = 2, JUMPED = 4, STAYED = 8, DIVERGED = 16, AIMLESS = 3
 static int look(struct controller *c, int previewed)
 {
   int k, trouble = 0;
-  real speed = 0, told[4], angle = c->belief[BELIEF_ANGLE];
+  real speed = 0, told[4], angle = c->kalman[KALMAN_ANGLE];
   real *wanted = c->wanted;
   for (k = 0; k <= (previewed ? HORIZON : 0); ++k)
     if (!isfinite(wanted[k])) trouble = AIMLESS;
@@ -56,11 +56,11 @@ static void aim(struct controller *c, int previewed)
 {
   int k, i, last = HORIZON, first = 0;
   real limits[3], near, speed, bend, now[2], next[2], pair[2], wanted, change = 0, *ahead = c->ahead, *speeds = c->speeds;
-  followable(c->belief + BELIEF_ANGLE, c->load, TABLE(machine), TABLE(tuning), limits, &near);
-  if (!(c->path[PATH_GOVERNED] && fabs(c->belief[BELIEF_ANGLE] - c->path[PATH_ANGLE]) <= near)) {
+  followable(c->kalman + KALMAN_ANGLE, c->load, TABLE(machine), TABLE(tuning), limits, &near);
+  if (!(c->path[PATH_GOVERNED] && fabs(c->kalman[KALMAN_ANGLE] - c->path[PATH_ANGLE]) <= near)) {
     c->path[PATH_GOVERNED] = 1;
-    c->path[PATH_ANGLE] = c->belief[BELIEF_ANGLE];
-    c->path[PATH_RATE] = c->belief[BELIEF_VELOCITY];
+    c->path[PATH_ANGLE] = c->kalman[KALMAN_ANGLE];
+    c->path[PATH_RATE] = c->kalman[KALMAN_VELOCITY];
     c->path[PATH_MOVE] = 0;
   }
   memcpy(now, c->path + PATH_ANGLE, sizeof now);
@@ -94,7 +94,7 @@ static int astray(struct controller *c)
   const real *ahead = c->ahead, *own = TABLE(tuning);
   real step = TABLE(model)[PARAMETERS - 1] * own[TUNING_WAVE], *mean = c->astray;
   real admitted = own[TUNING_ASTRAY] + fabs(ahead[2] - 2 * ahead[1] + ahead[0]) / (2 * step * step);
-  real miss = (ahead[0] - c->belief[BELIEF_ANGLE]) / admitted;
+  real miss = (ahead[0] - c->kalman[KALMAN_ANGLE]) / admitted;
   if (!(*mean >= 0 && *mean <= 2)) *mean = 0;
   *mean += own[TUNING_SHARE] * (smaller(miss * miss, 2) - *mean);
   return *mean > 1 ? ASTRAY : 0;
@@ -109,10 +109,10 @@ static void rubbed(struct controller *c)
   const real *ahead = c->ahead + LATE;
   total = c->past[LATE + 1] + c->rubs[LATE + 1];
   now[0] = c->rubs[1], now[1] = total, now[2] = ahead[0], now[3] = ahead[1], now[4] = c->ahead[HORIZON];
-  learn(c->belief, c->learnt, now, TABLE(model), TABLE(rubbing), TABLE(tuning), learnt, &disturbance);
+  learn(c->kalman, c->learnt, now, TABLE(model), TABLE(rubbing), TABLE(tuning), learnt, &disturbance);
   memcpy(c->learnt, learnt, sizeof learnt);
-  more = c->belief[BELIEF_DISTURBANCE] - disturbance;
-  c->belief[BELIEF_DISTURBANCE] = disturbance;
+  more = c->kalman[KALMAN_DISTURBANCE] - disturbance;
+  c->kalman[KALMAN_DISTURBANCE] = disturbance;
   for (k = 0; k < LATE + 3; ++k) c->past[k] += more, c->rubs[k] -= more;
   for (k = 1; k <= HORIZON; ++k) c->plan[k] += more;
   before = c->rubs[LATE + 1];
@@ -146,7 +146,7 @@ static void feed_forward(struct controller *c)
     demand(ahead, speeds, &bend, TABLE(model), fed + FED_EASED, &bent);
     fed[FED_TORQUE] = fed[FED_EASED], fed[FED_EASED_CHANGE] = fed[FED_CHANGE] = 0;
   }
-  c->feed[0] = known ? fed[FED_TORQUE] : c->past[LATE + 1] + c->belief[BELIEF_DISTURBANCE];
+  c->feed[0] = known ? fed[FED_TORQUE] : c->past[LATE + 1] + c->kalman[KALMAN_DISTURBANCE];
   bend = fed[FED_BEND];
   for (k = 0; k <= last; ++k) {
     demand(ahead + k, speeds + k, &bend, TABLE(model), taken + k, &bent);
@@ -187,12 +187,12 @@ static void confine(struct controller *c)
 static void linearise(struct controller *c)
 {
   int k, late = LATE, total = late + HORIZON;
-  real both[2], pace, acceleration, disturbance = c->belief[BELIEF_DISTURBANCE], dt = TABLE(model)[PARAMETERS - 1];
+  real both[2], pace, acceleration, disturbance = c->kalman[KALMAN_DISTURBANCE], dt = TABLE(model)[PARAMETERS - 1];
   real low = c->past[late + 1] + c->rubs[late + 1], high = low, step = TABLE(tuning)[TUNING_TORQUE_STEP];
   real least, most, before_low, before_high, most_step;
   real rubbed_before = c->rubs[late + 1], change;
   const real *ahead = c->ahead + late, *state;
-  memcpy(c->states, c->belief + BELIEF_ANGLE, N * sizeof(real));
+  memcpy(c->states, c->kalman + KALMAN_ANGLE, N * sizeof(real));
   for (k = 0; k < total; ++k) {
     both[0] = (k < late ? c->past[k + 2] : c->guess[k - late]) + disturbance;
     both[1] = (k <= late ? c->past[k + 1] : c->guess[k - late - 1]) + disturbance;
@@ -338,10 +338,10 @@ static void move_on(struct controller *c)
 /* A sample that was missed: the last torques were held, and nothing was read. */
 static void miss(struct controller *c)
 {
-  real readings[3] = {NAN, NAN, NAN}, acted[3] = {0}, code, anew, belief[BELIEF];
+  real readings[3] = {NAN, NAN, NAN}, acted[3] = {0}, code, anew, kalman[KALMAN];
   acted[0] = c->past[1], acted[1] = c->past[0];
-  estimate(c->belief, readings, acted, TABLE(model), TABLE(levels), belief, &code, &anew);
-  memcpy(c->belief, belief, sizeof belief);
+  estimate(c->kalman, readings, acted, TABLE(model), TABLE(levels), kalman, &code, &anew);
+  memcpy(c->kalman, kalman, sizeof kalman);
   move_on(c);
   memmove(c->plan + 1, c->plan + 2, (HORIZON - 1) * sizeof(real));
   c->watched[1] = 0; /* the model that runs free begins anew */
@@ -357,7 +357,7 @@ static void lapse(struct controller *c)
   c->elapsed[0] = 0;
   if (!(elapsed > 0 && isfinite(elapsed))) return;
   if (elapsed > (HORIZON + 0.5) * dt) { /* nothing is known any more */
-    c->belief[BELIEF_KNOWN] = c->path[PATH_GOVERNED] = c->plan[0] = c->told[TOLD_COUNT] = 0;
+    c->kalman[KALMAN_KNOWN] = c->path[PATH_GOVERNED] = c->plan[0] = c->told[TOLD_COUNT] = 0;
     return;
   }
   shift = c->told[TOLD_COUNT] > 1 ? (elapsed / dt - 1) * (c->told[TOLD_THIRD] - c->told[TOLD_SECOND]) : 0;
@@ -373,10 +373,10 @@ static void lapse(struct controller *c)
 /* Put the reading on its turn, and leave out what is contradicted; whether anything is. */
 static int watched(struct controller *c)
 {
-  real acted[3], belief[BELIEF], memory[WATCHED], reading, load_out, motors_out;
+  real acted[3], kalman[KALMAN], memory[WATCHED], reading, load_out, motors_out;
   acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->past[1] + c->rubs[1];
-  watch(c->belief, c->readings, c->watched, acted, c->acting, TABLE(watching), belief, &reading, memory, &load_out, &motors_out);
-  memcpy(c->belief, belief, sizeof belief);
+  watch(c->kalman, c->readings, c->watched, acted, c->acting, TABLE(watching), kalman, &reading, memory, &load_out, &motors_out);
+  memcpy(c->kalman, kalman, sizeof kalman);
   memcpy(c->watched, memory, sizeof memory);
   if (motors_out != 0) c->readings[1] = c->readings[2] = NAN;
   c->readings[0] = load_out != 0 ? NAN : reading;
@@ -386,17 +386,17 @@ static int watched(struct controller *c)
 STEP int control_step(struct controller *c, real angle, int previewed)
 {
   int trouble, out;
-  real acted[3], code, anew, belief[BELIEF];
+  real acted[3], code, anew, kalman[KALMAN];
   c->readings[0] = angle; /* and behind it those of the motors */
   lapse(c);
   out = watched(c);
   acted[0] = c->past[1], acted[1] = c->past[0], acted[2] = c->learnt[LEARNT_SENSE] == 0 ? TABLE(rubbing)[RUBBING_DEAF] : 0;
-  estimate(c->belief, c->readings, acted, c->acting, TABLE(levels), belief, &code, &anew);
-  if (anew) begin(c->readings, acted, TABLE(model), TABLE(levels), belief);
-  memcpy(c->belief, belief, sizeof belief);
+  estimate(c->kalman, c->readings, acted, c->acting, TABLE(levels), kalman, &code, &anew);
+  if (anew) begin(c->readings, acted, TABLE(model), TABLE(levels), kalman);
+  memcpy(c->kalman, kalman, sizeof kalman);
   trouble = (int)code;
   if (out) trouble = (trouble & ~BRIDGED) | CONTRADICTED;
-  if (!c->belief[BELIEF_KNOWN]) {
+  if (!c->kalman[KALMAN_KNOWN]) {
     hold(c);
   } else {
     trouble |= look(c, previewed);
@@ -406,7 +406,7 @@ STEP int control_step(struct controller *c, real angle, int previewed)
     feed_forward(c);
     trouble |= plan_ahead(c);
   }
-  c->outcome[OUTCOME_DISTURBANCE] = c->belief[BELIEF_DISTURBANCE];
+  c->outcome[OUTCOME_DISTURBANCE] = c->kalman[KALMAN_DISTURBANCE];
   move_on(c);
   return trouble;
 }

@@ -20,7 +20,7 @@ from mpc.kernel import Kernel, along_the_way, fused
 from mpc.outcome import holding, outcome
 from mpc.real_time_iteration import RealTimeIteration
 from mpc.riccati import TORQUE_ALONE
-from mpc.slots import Belief, Fed, Learnt, Outcome, Path, Rubbing, Told
+from mpc.slots import Fed, Kalman, Learnt, Outcome, Path, Rubbing, Told
 from mpc.stages import Stages
 from mpc.trouble import Trouble
 
@@ -51,15 +51,15 @@ class InterpretedStep:
         rub, learn, demand = stages.friction
         own = dict(arrays) | {name: np.zeros(1) for name in ("d", "total", "margin", "given", "sound", "beyond")}
         self._own, self._places = own, np.arange(N)
-        reads = "belief learnt rubs past plan ahead model rubbing tuning"
+        reads = "kalman learnt rubs past plan ahead model rubbing tuning"
         work = learn.n_instructions() + 4 * N
         self._learn = fused("known", own, reads, partial(known_by_now, learn, self._late), operations=work)
         same = {2: own["total"], 3: arrays["learnt"], 4: arrays["model"], 5: arrays["rubbing"]}
         self._rub = Kernel(along_the_way(rub, N, 1), same, {0: arrays["rub"]})
-        reads = "ahead speeds fed past belief model rubbing"
+        reads = "ahead speeds fed past kalman model rubbing"
         work = N * (demand.n_instructions() + 60)
         self._feed_forward = fused("feed", own, reads, partial(fed_forward, demand, self._late), operations=work)
-        shared = {0: estimator.belief, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
+        shared = {0: estimator.kalman, 2: arrays["watched"], 4: arrays["acting"], 5: arrays["watching"]}
         self._watch = Kernel(stages.watch, shared)
         reads = "plan rub states s preload split_numbers tuning soft model"
         come = partial(outcome, len(estimator.predictor.model.states), self.program.rows > TORQUE_ALONE)
@@ -73,7 +73,7 @@ class InterpretedStep:
             return self._sample(float(angle), previewed)
 
     def _sample(self, angle: float, previewed: bool) -> int:
-        a, belief = self._a, self._estimator.belief
+        a, kalman = self._a, self._estimator.kalman
         self._lapse()
         angle, out = self._watched(angle)
         first, second = a["readings"][1:].tolist()
@@ -82,7 +82,7 @@ class InterpretedStep:
         trouble = self._estimator.update(angle, last, before, (first, second), deaf)
         if out:
             trouble = trouble & ~Trouble.BRIDGED | Trouble.CONTRADICTED
-        if belief[Belief.KNOWN]:
+        if kalman[Kalman.KNOWN]:
             trouble |= self._aim.look(previewed)
             trouble |= self._aim.aim(previewed and not trouble & Trouble.AIMLESS)
             self._rubbed()
@@ -90,7 +90,7 @@ class InterpretedStep:
             trouble |= self._plan_ahead()
         else:
             self._hold()
-        a["outcome"][Outcome.DISTURBANCE] = belief[Belief.DISTURBANCE]
+        a["outcome"][Outcome.DISTURBANCE] = kalman[Kalman.DISTURBANCE]
         self._move_on()
         return trouble
 
@@ -120,7 +120,7 @@ class InterpretedStep:
             return
         path, told = a["path"], a["told"]
         if elapsed > (a["guess"].size + 0.5) * dt:  # nothing is known any more
-            a["belief"][Belief.KNOWN] = path[Path.GOVERNED] = a["plan"][0] = told[Told.COUNT] = 0.0
+            a["kalman"][Kalman.KNOWN] = path[Path.GOVERNED] = a["plan"][0] = told[Told.COUNT] = 0.0
             return
         if told[Told.COUNT] > 1:
             told[Told.FIRST :] += (elapsed / dt - 1) * (told[Told.THIRD] - told[Told.SECOND])
@@ -139,7 +139,7 @@ class InterpretedStep:
         watch.inputs[1][:] = a["readings"][: watch.inputs[1].size]
         before, last = a["past"][:2].tolist()
         watch.inputs[3][:] = last, before, last + a["rubs"][1]
-        a["belief"][:], reading, a["watched"][:], load_out, motors_out = watch()
+        a["kalman"][:], reading, a["watched"][:], load_out, motors_out = watch()
         if motors_out[0]:
             a["readings"][1:] = np.nan
         a["readings"][0] = np.nan if load_out[0] else reading[0]
@@ -149,7 +149,7 @@ class InterpretedStep:
         """What friction there will be on the way, and what is known of it by now."""
         a, own, ahead, newest = self._a, self._own, self._a["ahead"][self._late :], self._late + 1
         a["learnt"][:], *_, a["past"][:], a["rubs"][:], a["plan"][:] = self._learn()
-        a["belief"][Belief.DISTURBANCE] = own["d"][0]
+        a["kalman"][Kalman.DISTURBANCE] = own["d"][0]
         before, last = float(a["rubs"][newest]), a["rub"].size - 1
         samples = abs(before) / float(a["rubbing"][Rubbing.MOST_CHANGE])  # until friction is back at zero
         lead = int(samples) if samples < last + 1 else last + 1

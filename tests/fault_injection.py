@@ -88,7 +88,7 @@ class Patient:
                 controller.estimator.state = 10 ** rng.uniform(0, 308, len(controller.estimator.predictor.model.states))
                 controller.estimator.disturbance = float(rng.choice([0.0, 1e6, np.nan]))
             case "covariance spoilt":
-                controller.estimator.belief[3 + len(self._state) :] = rng.choice([np.nan, -1.0, 1e200, 0.0])
+                controller.estimator.kalman[3 + len(self._state) :] = rng.choice([np.nan, -1.0, 1e200, 0.0])
             case "memory spoilt":
                 name = str(rng.choice(["plan", "path", "told", "load", "bounds", "watched"]))
                 controller._arrays[name][:] = rng.choice([np.nan, np.inf, 1e200, -7.0])

@@ -18,7 +18,7 @@ from plant import ServoModel, catalogue
 
 END = 10.0  # of the log [s]; the loop goes on from there
 FINE = 2e-5  # noise of a good encoder [rad]
-UNSEEN = 1e-5  # a fifth of a count of the encoder [rad]
+UNRESOLVED = 1e-5  # a fifth of a count of the encoder [rad]
 SIZES = {case.effect: case.at(case.sizes[2]) for case in CASES}
 SIZES["input_delay"] = {"time": 0.02}
 SIZES["payload_change"] |= {"time": 4.0}
@@ -57,12 +57,12 @@ def test_a_model_that_knows_the_effect_follows_better(effect: str, share: float)
 
 @pytest.mark.parametrize("effect", ["torque_offset", "payload_change", "periodic_disturbance"])
 def test_nobody_follows_worse_for_knowing_more(effect: str) -> None:
-    assert informed(effect).rms < 1.05 * ignorant(effect).rms + UNSEEN
+    assert informed(effect).rms < 1.05 * ignorant(effect).rms + UNRESOLVED
 
 
 @pytest.mark.parametrize("effect", ["input_delay", "back_emf", "encoder_eccentricity"])
 def test_what_is_known_and_can_be_undone_costs_nothing(effect: str) -> None:
-    assert informed(effect).rms < 1.2 * informed(None).rms + UNSEEN
+    assert informed(effect).rms < 1.2 * informed(None).rms + UNRESOLVED
     assert informed(effect).degraded == 0
 
 
@@ -75,5 +75,5 @@ def test_so_it_is_with_the_loop_that_each_model_gets_by_default(effect: str) -> 
         fmean(track(machine, model, swing, 5.0, seed=seed, begin=END, noise=FINE, **chosen).rms for seed in range(8))
         for model in (knows, base)
     )
-    assert informed < 1.05 * ignorant + UNSEEN
+    assert informed < 1.05 * ignorant + UNRESOLVED
     assert informed < 1e-4

@@ -42,6 +42,6 @@ def test_a_diagnosis_says_that_its_validation_data_go_further() -> None:
         record(machine, scale * excitation(seed, duration=10.0), seed=seed, noise=1e-3).log()
         for seed, scale in ((1, 1.0), (1, 0.9), (1, 3.0))
     )
-    for unseen, further in ((near, False), (far, True)):
-        warnings = diagnose(log, None, unseen, candidates=["coulomb_friction"]).warnings
+    for validation, further in ((near, False), (far, True)):
+        warnings = diagnose(log, None, validation, candidates=["coulomb_friction"]).warnings
         assert any("the range of the estimation log" in warning for warning in warnings) is further

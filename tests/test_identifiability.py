@@ -96,9 +96,9 @@ def test_a_load_that_never_moves_has_no_diagnosis_but_advice(level, noise):
 
 
 def test_a_steady_speed_shows_no_inertia_and_no_viscous_friction():
-    unseen = {"Inertia cannot be seen", "Viscous friction is confounded with dry friction"}
-    assert unseen <= set(said(swung(3.0 * TIME)))
-    assert not unseen & set(said(swung(wave(0.05))))
+    blind = {"Inertia cannot be seen", "Viscous friction is confounded with dry friction"}
+    assert blind <= set(said(swung(3.0 * TIME)))
+    assert not blind & set(said(swung(wave(0.05))))
 
 
 def test_a_linear_axis_has_no_gravity_to_show():

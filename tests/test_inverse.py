@@ -39,11 +39,11 @@ def test_filtered_torque_respects_the_limit_of_the_drive() -> None:
 
 
 def test_the_torque_error_knows_the_direction_of_friction() -> None:
-    uneven = RIGID.with_effect(AsymmetricFriction(forward=0.2, backward=0.6))
+    asymmetric = RIGID.with_effect(AsymmetricFriction(forward=0.2, backward=0.6))
     turned = RIGID.with_effect(AsymmetricFriction(forward=0.6, backward=0.2))
     even = RIGID.with_effect(AsymmetricFriction(forward=0.4, backward=0.4))
-    log = recorded(uneven)
-    errors = [torque_error(log, model, cutoff=10.0) for model in (uneven, even, turned)]
+    log = recorded(asymmetric)
+    errors = [torque_error(log, model, cutoff=10.0) for model in (asymmetric, even, turned)]
     assert errors[0] < 0.05
     assert errors[1] > 2.5 * errors[0]
     assert errors[2] > 1.8 * errors[1]

@@ -340,7 +340,7 @@ def test_a_loop_that_holds_against_a_load_is_no_wrong_sign():
     ],
 )
 def test_measured_logs_raise_no_false_alarm(name, folder, joint):
-    """Spikes of a bus and uneven sampling are there; a lag, a repeat, a jump, a drift are not."""
+    """Spikes of a bus and irregular sampling are there; a lag, a repeat, a jump, a drift are not."""
     place = DATA / folder
     if not place.exists():
         pytest.skip(f"the data set {name} is not on this machine")

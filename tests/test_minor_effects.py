@@ -84,7 +84,7 @@ def posterior_of(sets: dict[tuple[str, ...], float], evident: tuple[str, ...] | 
     return Posterior(
         sets=fits,
         probabilities=tuple(p if evident is None else float(each == evident) for each, p in sets.items()),
-        believed=dict(sorted(((frozenset(each), p) for each, p in sets.items()), key=lambda item: -item[1])),
+        reported=dict(sorted(((frozenset(each), p) for each, p in sets.items()), key=lambda item: -item[1])),
     )
 
 

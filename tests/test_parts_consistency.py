@@ -12,11 +12,11 @@ from diagnosis import diagnose
 def test_an_unknown_cause_is_not_reported_as_sensor_lag() -> None:
     """A slew limit, left out: with a lag behind an observer the log is 37 likelier, all of it from a few fast steps."""
     limited = Machine().hiding(rate_limit={"rate": 50.0 / 0.22})
-    log, unseen = (
+    log, validation = (
         record(limited, excitation(120000 + k, duration=30.0 - 15.0 * k), seed=60000 + k, noise=1e-3).log()
         for k in (0, 1)
     )
-    found = diagnose(log, holdout=unseen, exclude=["rate_limit"])
+    found = diagnose(log, holdout=validation, exclude=["rate_limit"])
     assert (found.verdict, found.causes) == ("unknown", ())
 
 

@@ -73,9 +73,9 @@ def test_a_spring_that_hardly_swings_is_no_spring() -> None:
 def test_a_soft_spring_over_the_travel_is_no_end_stop() -> None:
     """The stop fits as well, and pays for two parameters where the cable pays for three."""
     cable = Machine().hiding(cable_stiffness={"stiffness": 5.54e-6, "cubic": 1.108e-7, "rest_angle": 0.4})
-    log, unseen = (record(cable, excitation(24000 + k, duration=30.0), seed=12000 + k).log() for k in (0, 1))
+    log, validation = (record(cable, excitation(24000 + k, duration=30.0), seed=12000 + k).log() for k in (0, 1))
     near = ["cable_stiffness", "end_stop", "torque_offset", "cogging"]
-    found = diagnose(log, holdout=unseen, candidates=near)
+    found = diagnose(log, holdout=validation, candidates=near)
     assert [cause.effect for cause in found.causes] == ["cable_stiffness"]
     (stop,) = (each for each in found.rejected if each.effect == "end_stop")
     assert stop.reason == "such a cause hardly ever has the fitted values"
@@ -98,9 +98,9 @@ def test_on_a_linear_axis_nothing_comes_once_a_turn() -> None:
 def test_an_unknown_offset_is_not_reported_as_a_distant_cable() -> None:
     """It would fit, from 70 rad away; a curve without a name says as much."""
     offset = Machine().hiding(torque_offset={"torque": 0.15})
-    log, unseen = (record(offset, excitation(24000 + k, duration=30.0), seed=12000 + k).log() for k in (0, 1))
+    log, validation = (record(offset, excitation(24000 + k, duration=30.0), seed=12000 + k).log() for k in (0, 1))
     near = ["cable_stiffness", "asymmetric_friction", "gravity_offset", "cogging"]
-    found = diagnose(log, holdout=unseen, candidates=near)
+    found = diagnose(log, holdout=validation, candidates=near)
     assert "cable_stiffness" not in {cause.effect for cause in found.causes}
     assert found.gain.cut > 0.95
 

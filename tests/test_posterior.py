@@ -24,7 +24,7 @@ def believing(**shares: float) -> Posterior:
     """A posterior over sets, whose names are joined by two underscores; fitted are all."""
     sets = {frozenset(filter(None, names.split("__"))): p for names, p in shares.items()}
     fits: Any = tuple(SimpleNamespace(names=names) for names in sets)
-    return Posterior(sets=fits, probabilities=tuple(sets.values()), believed=sets)
+    return Posterior(sets=fits, probabilities=tuple(sets.values()), reported=sets)
 
 
 def test_the_model_holds_names_likelier_there_than_not() -> None:
@@ -41,7 +41,7 @@ def test_without_a_likely_name_the_model_is_the_likeliest_set() -> None:
 def test_a_fit_that_holds_the_leading_names_is_the_model() -> None:
     posterior = believing(a=0.3, a__b__c=0.25, a__b=0.2, b=0.15, c=0.1)
     rest = tuple(each for each in posterior.sets if each.names != {"a", "b"})
-    fitted = replace(posterior, sets=rest, probabilities=tuple(posterior.believed[each.names] for each in rest))
+    fitted = replace(posterior, sets=rest, probabilities=tuple(posterior.reported[each.names] for each in rest))
     assert fitted.best.names == {"a", "b", "c"}
 
 
@@ -76,7 +76,7 @@ def test_look_alikes_together_say_that_one_is_missing(nothing: float, verdict: s
     }
     quiet = SimpleNamespace(something=0.0, at_its_limit=False)
     fits: Any = tuple(SimpleNamespace(names=n, discrepancy=SimpleNamespace(posterior=quiet)) for n in shares)
-    posterior = Posterior(sets=fits, probabilities=tuple(shares.values()), believed=shares)
+    posterior = Posterior(sets=fits, probabilities=tuple(shares.values()), reported=shares)
     missing: Any = SimpleNamespace(excess=0.0)
     found = judged(posterior, missing, shows=False, ruled_out=None)
     assert found.verdict == verdict

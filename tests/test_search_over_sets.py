@@ -190,11 +190,11 @@ def test_a_cable_that_gives_way_as_it_bends_is_refused() -> None:
 def test_a_hardly_touched_end_stop_is_found_at_the_reversal() -> None:
     """Once, 3 mrad deep at the end of 37 rad: no start lay near it, and it was told a payload change for sure."""
     machine = Machine().hiding(end_stop={"angle": 19.8366, "stiffness": 30.0})
-    log, unseen = (
+    log, validation = (
         record(machine, excitation(128000 + k, duration=30.0 - 15.0 * k), seed=64000 + k, noise=1e-3).log()
         for k in (0, 1)
     )
-    found = diagnose(log, holdout=unseen, candidates=["end_stop", "payload_change"])
+    found = diagnose(log, holdout=validation, candidates=["end_stop", "payload_change"])
     (cause,) = found.causes
     assert (found.verdict, cause.effect) == ("named", "end_stop")
     assert cause.parameters["angle"].value == pytest.approx(19.8366, abs=2e-3)

@@ -18,13 +18,13 @@ RPM = 2.0 * np.pi / 60.0
 LOGS = Path(__file__).parents[1].parent / "shared" / "cases" / "logs"
 
 
-def spun(seed=0, samples=2000, uneven=False, unlogged=0.0):
+def spun(seed=0, samples=2000, irregular=False, unlogged=0.0):
     """Time, torque and velocity of J v' = torque - K v - friction, which has a closed form while the torque is held.
 
     unlogged: standard deviation of a further torque of which the log knows nothing.
     """
     rng = np.random.default_rng(seed)
-    dt = 0.005 * (rng.uniform(0.5, 1.5, samples) if uneven else np.ones(samples))
+    dt = 0.005 * (rng.uniform(0.5, 1.5, samples) if irregular else np.ones(samples))
     time = np.concatenate(([0.0], np.cumsum(dt[:-1])))
     torque = 0.8 * np.repeat(rng.uniform(-1, 1, samples // 50 + 1), 50)[:samples]
     torque += 0.3 * np.sin(2 * np.pi * (0.3 + 0.1 * time) * time)
@@ -50,12 +50,12 @@ def base():
 
 
 @pytest.mark.parametrize(
-    ("noise", "step", "uneven"),
+    ("noise", "step", "irregular"),
     [(0.3, 0.0, False), (0.0, RPM, False), (0.3, 0.0, True), (0.1, 10 * RPM, True)],
-    ids=["noise", "tacho of 1 rpm", "uneven", "uneven tacho of 10 rpm"],
+    ids=["noise", "tacho of 1 rpm", "irregular", "irregular tacho of 10 rpm"],
 )
-def test_a_velocity_log_gives_inertia_and_friction_within_errors(noise, step, uneven):
-    time, torque, velocity = spun(uneven=uneven)
+def test_a_velocity_log_gives_inertia_and_friction_within_errors(noise, step, irregular):
+    time, torque, velocity = spun(irregular=irregular)
     shown = velocity + noise * np.random.default_rng(9).standard_normal(velocity.size)
     shown = np.round(shown / step) * step if step else shown
     found = fit(Log.from_arrays(time=time, torque=torque, velocity=shown), base())

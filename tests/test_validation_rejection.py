@@ -15,8 +15,8 @@ def told(held_out: Machine) -> Diagnosis:
     """Of a log with dry friction and held-out data of some machine."""
     hidden = Machine().hiding(coulomb_friction={"torque": 0.3})
     log = record(hidden, excitation(2, duration=15.0), seed=2).log()
-    unseen = record(held_out, excitation(3, duration=10.0), seed=3).log()
-    return diagnose(log, None, unseen, candidates=["coulomb_friction"])
+    validation = record(held_out, excitation(3, duration=10.0), seed=3).log()
+    return diagnose(log, None, validation, candidates=["coulomb_friction"])
 
 
 @pytest.mark.parametrize(("friction", "against"), [(0.0, True), (0.3, False)])
@@ -28,8 +28,8 @@ def test_an_effect_that_worsens_validation_is_not_named(friction: float, against
 
 
 def test_where_nothing_was_added_nothing_is_refuted() -> None:
-    log, unseen = (record(Machine(), excitation(k, duration=10.0), seed=k).log() for k in (2, 3))
-    found = diagnose(log, None, unseen, candidates=["coulomb_friction"])
+    log, validation = (record(Machine(), excitation(k, duration=10.0), seed=k).log() for k in (2, 3))
+    found = diagnose(log, None, validation, candidates=["coulomb_friction"])
     assert found.verdict == "nothing_missing"
     assert "validation" not in found.rejected[0].reason
 

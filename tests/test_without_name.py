@@ -101,7 +101,7 @@ def posterior_of(**shares: float) -> Posterior:
     fits: Any = tuple(
         SimpleNamespace(names=names, discrepancy=discrepancy, fit=log, log_marginal=0.0) for names in sets
     )
-    return Posterior(sets=fits, probabilities=tuple(sets.values()), believed=sets)
+    return Posterior(sets=fits, probabilities=tuple(sets.values()), reported=sets)
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_a_set_that_was_not_fitted_says_what_stands_in_a_place() -> None:
     posterior = posterior_of(cogging_and_curve_over_angle=0.9, cogging=0.1)
     left = {frozenset({"curve_over_angle"}): 0.8, frozenset({"cogging"}): 0.2}
     judgement = Judgement(verdict="unknown", causes={}, minor={}, depends_on=("position",))
-    first, second = _sets(replace(posterior, believed=left), judgement)
+    first, second = _sets(replace(posterior, reported=left), judgement)
     assert (first.effects, first.unknown, first.fit) == ((), ("position",), None)
     assert (second.effects, second.unknown) == (("cogging",), ())
 

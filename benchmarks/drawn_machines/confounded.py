@@ -107,9 +107,9 @@ def _columns(told: str, seen: Seen) -> Array | None:
 
 def _dry(seen: Seen) -> Array:
     """Dry friction of one level as it acted, or as it would by the direction."""
-    uneven = seen.machine.effects.get("asymmetric_friction")
-    if uneven:
-        return seen.worth["asymmetric_friction"] + 0.5 * (uneven["forward"] - uneven["backward"])
+    asymmetric = seen.machine.effects.get("asymmetric_friction")
+    if asymmetric:
+        return seen.worth["asymmetric_friction"] + 0.5 * (asymmetric["forward"] - asymmetric["backward"])
     if "coulomb_friction" in seen.machine.effects:
         return seen.worth["coulomb_friction"]
     curve = seen.machine.effects.get("stribeck_friction")

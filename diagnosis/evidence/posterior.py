@@ -50,24 +50,24 @@ class Posterior:
     Attributes:
         sets: as they were fitted, the likeliest first.
         probabilities: of each, by the evidence alone, averaged over the blocks drawn again.
-        believed: sets of names, the likeliest first, with what remains for each beside the discrepancy.
+        reported: sets of names, the likeliest first, with what remains of each beside the discrepancy.
     """
 
     sets: tuple[Explanation, ...]
     probabilities: tuple[float, ...]
-    believed: Mapping[frozenset[str], float]
+    reported: Mapping[frozenset[str], float]
 
     @classmethod
     def over(cls, explanations: Iterable[Explanation], against: Mapping[str, Array] | None = None) -> Posterior:
         """Of all that were weighed; `against` has (B,) log-likelihoods by which validation data speak against names."""
         ordered = sorted(explanations, key=lambda each: -each.log_marginal)
         probabilities = tuple(over_blocks(ordered, against or {}).tolist())
-        believed: dict[frozenset[str], float] = {}
+        reported: dict[frozenset[str], float] = {}
         for each, p in zip(ordered, probabilities, strict=True):
             for names, share in beside_discrepancy(each, p).items():
-                believed[names] = believed.get(names, 0.0) + share
-        ranked = dict(sorted(believed.items(), key=lambda item: -item[1]))
-        return cls(sets=tuple(ordered), probabilities=probabilities, believed=ranked)
+                reported[names] = reported.get(names, 0.0) + share
+        ranked = dict(sorted(reported.items(), key=lambda item: -item[1]))
+        return cls(sets=tuple(ordered), probabilities=probabilities, reported=ranked)
 
     @cached_property
     def leading(self) -> frozenset[str]:
@@ -77,10 +77,10 @@ class Posterior:
         the likeliest set that holds them: of look-alikes none may be likely by itself, but one of them is there. What
         is likely by the evidence alone is minor, and no more.
         """
-        names = frozenset(name for each in self.believed for name in each)
+        names = frozenset(name for each in self.reported for name in each)
         likely = frozenset(name for name in names if self.told(name) > LIKELY)
         minor = frozenset(name for name in names - likely if self.of(name) > LIKELY)
-        holding = [each for each in self.believed if likely <= each and not each & minor]
+        holding = [each for each in self.reported if likely <= each and not each & minor]
         return likely if self.complete(likely | minor) > LIKELY or not holding else holding[0]
 
     @cached_property
@@ -96,20 +96,20 @@ class Posterior:
 
     def told(self, name: str) -> float:
         """Probability that an effect is there, and no part of what no name explains."""
-        return sum(p for names, p in self.believed.items() if name in names)
+        return sum(p for names, p in self.reported.items() if name in names)
 
     def complete(self, told: Collection[str]) -> float:
         """Probability that nothing is missing beside some names, wider forms of them aside."""
-        return sum(p for names, p in self.believed.items() if all(special_cases(n) & {*told} for n in names))
+        return sum(p for names, p in self.reported.items() if all(special_cases(n) & {*told} for n in names))
 
     def names(self) -> dict[str, float]:
         """Each name with its probability by the evidence alone, the likeliest first."""
-        every = {name for names in self.believed for name in names.difference(unnamed)}
+        every = {name for names in self.reported for name in names.difference(unnamed)}
         return dict(sorted(((name, self.of(name)) for name in every), key=lambda item: -item[1]))
 
     def nameless(self, kinds: Collection[str] = tuple(unnamed)) -> float:
         """Probability that something without a name, of some kinds, is there in the place of effects."""
-        return sum(p for names, p in self.believed.items() if not names.isdisjoint(kinds))
+        return sum(p for names, p in self.reported.items() if not names.isdisjoint(kinds))
 
     def over_discrepancy(self, name: str) -> float:
         """Size of an effect over that of what has no name, in the likeliest set that holds it."""

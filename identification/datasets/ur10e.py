@@ -1,7 +1,7 @@
 """UR10e: one joint of a robot arm sweeps while the others rest.
 
 Mamedov, Mikhel: Practical Aspects of Model-Based Collision Detection. Frontiers in Robotics and AI, 2020. One file a
-joint, about 100 Hz with uneven steps; the motor current stands for the torque.
+joint, about 100 Hz with irregular steps; the motor current stands for the torque.
 """
 
 from __future__ import annotations
