@@ -50,25 +50,20 @@ def no_objection(*_: Any) -> Any:
 
 CONSTANTS: dict[str, tuple[str, str]] = {
     "discrepancy.AMPLITUDES": ("diagnosis.evidence.discrepancy", "sizes of the unmodelled torque that are weighed"),
-    "discrepancy._SCALE": ("diagnosis.evidence.discrepancy", "scale of their prior"),
     "discrepancy._READINGS": ("diagnosis.evidence.discrepancy", "sizes of errors of the measurement"),
     "families._BENDS": ("diagnosis.evidence.families", "bends of a smooth function"),
     "families._LAGS": ("diagnosis.evidence.families", "lags of a torque [samples]"),
     "families._WAYS": ("diagnosis.evidence.families", "ways after which a direction is forgotten"),
     "prior._DECADES": ("diagnosis.evidence.prior", "log of the range of a size"),
-    "posterior.BLOCKS": ("diagnosis.jackknife", "blocks of the log that are drawn again"),
-    "sizes.EXACT": ("diagnosis.evidence.sizes", "of an effect that a wider form, or another effect, has to exceed"),
-    "larger_sets.BELOW": ("diagnosis.evidence.larger_sets", "that a set may promise below the best"),
-    "search_over_sets._NEAR": ("diagnosis.evidence.search_over_sets", "... as a share"),
+    "jackknife.BLOCKS": ("diagnosis.jackknife", "blocks of the log that are drawn again"),
     "larger_sets.ASKED": ("diagnosis.evidence.larger_sets", "sets that are fitted at once"),
-    "fitted_sets._ITERATIONS": ("diagnosis.evidence.fitted_sets", "iterations of a fit"),
-    "verdict.SURE": ("diagnosis.verdict", "probability from which a name is sure"),
-    "posterior.LIKELY": ("diagnosis.evidence.posterior", "... and is told"),
-    "verdict.HARDLY_EVER": ("diagnosis.verdict", "log odds against odd values"),
-    "verdict._NOISE": ("diagnosis.verdict", "share of the torque that may pass for noise"),
-    "verdict._CARRIES": ("diagnosis.verdict", "from which a variable is told beside the most telling"),
-    "falsification.SURELY": ("diagnosis.falsification", "standard errors that rule out"),
-    "falsification.TWICE": ("diagnosis.falsification", "rise of a multi-step error that is another one"),
+    "search_over_sets._NEAR": ("diagnosis.evidence.search_over_sets", "share by which a promise may be too large"),
+    "levels.SURE": ("diagnosis.levels", "probability from which something is sure"),
+    "levels.LIKELY": ("diagnosis.levels", "... and is told"),
+    "levels.HARDLY_EVER": ("diagnosis.levels", "log odds against what hardly ever comes"),
+    "levels.SURELY": ("diagnosis.levels", "standard errors that rule out"),
+    "levels.TWICE": ("diagnosis.levels", "rise of a multi-step error that is another one"),
+    "levels.INEXACT": ("diagnosis.levels", "share by which laws and models are wrong"),
 }
 """Each constant with the module that defines it and what it is."""
 RULES: dict[str, tuple[str, str, Any, str]] = {

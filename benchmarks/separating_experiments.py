@@ -31,7 +31,7 @@ from machine import Machine, chirp, record  # noqa: E402
 from diagnosis import Limits  # noqa: E402
 from diagnosis.experiment.separation import Rival  # noqa: E402
 from diagnosis.experiment.signal_design import Design, Found  # noqa: E402
-from diagnosis.verdict import SURE  # noqa: E402
+from diagnosis.levels import SURE  # noqa: E402
 from identification.fit import fit  # noqa: E402
 from identification.fit_result import Fit  # noqa: E402
 from identification.log import Log  # noqa: E402

@@ -11,7 +11,7 @@ import numpy as np
 from diagnosis.candidates import Choice, chosen
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.evidence.marginal import Explanation
-from diagnosis.evidence.posterior import LIKELY, Posterior
+from diagnosis.evidence.posterior import Posterior
 from diagnosis.evidence.search_over_sets import explore
 from diagnosis.extrapolation import extrapolation_warning
 from diagnosis.falsification import Tenable, tenable
@@ -19,6 +19,7 @@ from diagnosis.formula_suggestion import suggested_formula
 from diagnosis.holdout import inverse_errors, measure_gain, remaining
 from diagnosis.holdout_refit import holdout_differences
 from diagnosis.identifiability import blind_spots, standstill
+from diagnosis.levels import CLEARLY, HARDLY_EVER, LIKELY, SURE
 from diagnosis.multimodal_likelihood import on_its_best_peak
 from diagnosis.nonparametric_residual import with_curves
 from diagnosis.refit import estimates
@@ -29,7 +30,7 @@ from diagnosis.result import Cause, EffectSet, Minor, Unknown
 from diagnosis.stretches import stretches
 from diagnosis.validation_only import is_of_parameters, only_in_validation
 from diagnosis.validation_split import parts, split_otherwise
-from diagnosis.verdict import CLEARLY, HARDLY_EVER, SURE, Judgement, judged, log_bayes, rivals, variables_instead
+from diagnosis.verdict import Judgement, judged, log_bayes, rivals, variables_instead
 from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable
 from identification.fit import base_model, fit_with_prior, known_of

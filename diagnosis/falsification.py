@@ -17,6 +17,7 @@ from diagnosis.evidence.posterior import Posterior
 from diagnosis.explanation.wording import measured, percent
 from diagnosis.holdout import bounded, cut, restart_window, squared_errors
 from diagnosis.jackknife import BLOCKS
+from diagnosis.levels import SURELY, TWICE
 from diagnosis.refit import estimates, is_plausible, settled, without
 from diagnosis.result import Estimate
 from identification.fit_result import Fit
@@ -26,11 +27,6 @@ from plant.effects import catalogue
 from plant.effects.effect import Array
 from plant.effects.nonparametric import unnamed
 from plant.servo import ServoModel
-
-SURELY = 3.0
-"""Standard errors from which validation data speak for or against something."""
-TWICE = 1.0
-"""Rise of an error from which it is another one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

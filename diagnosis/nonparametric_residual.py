@@ -13,12 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.evidence.without_name import promising
-from diagnosis.falsification import SURELY, errors_of_many_steps
+from diagnosis.falsification import errors_of_many_steps
 from diagnosis.holdout import cut
+from diagnosis.levels import HARDLY_EVER, SURELY
 from diagnosis.refit import fitted_from, fitted_to, problem_near
 from diagnosis.score_test import Screen
 from diagnosis.validation_split import split
-from diagnosis.verdict import HARDLY_EVER
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.problem import Problem

@@ -7,8 +7,9 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from diagnosis.evidence.marginal import Explanation
-from diagnosis.evidence.posterior import LIKELY, Posterior, special_cases
+from diagnosis.evidence.posterior import Posterior, special_cases
 from diagnosis.explanation.wording import joined_words, percent, title_of
+from diagnosis.levels import LIKELY
 from diagnosis.result import Rejected
 from identification.fit_result import Fit
 from plant.effects import Effect

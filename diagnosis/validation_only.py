@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.falsification import TWICE
 from diagnosis.holdout import restart_window, squared_errors
+from diagnosis.levels import HARDLY_EVER, TWICE
 from diagnosis.refit import fitted_to
-from diagnosis.verdict import HARDLY_EVER
 from identification.fit_result import Fit
 from identification.log import Log
 from identification.run import Run

@@ -12,22 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.evidence.discrepancy import Discrepancy
-from diagnosis.evidence.posterior import LIKELY, Posterior, special_cases
+from diagnosis.evidence.posterior import Posterior, special_cases
+from diagnosis.levels import LIKELY, SURE
 from diagnosis.residual_torque import ResidualTorque, effects_over
 from diagnosis.result import LISTED, Verdict
 from plant.effects import catalogue
 from plant.effects.nonparametric import unnamed
 
-SURE = 0.9
-"""Probability from which a name stands alone."""
-CLEARLY = float(np.log(SURE / (1.0 - SURE)))
-"""Log Bayes factor to the same odds."""
-HARDLY_EVER = float(np.log(1000.0))
-"""Log odds against values that a cause hardly ever has, or a dependence without a name that nobody asked for."""
-_CARRIES = 0.8  # of what the most telling variable explains, from which another is told too
-_ADDS = 0.1  # share of what all explain that a variable adds to others, from which it is told beside them
-_NOISE = 0.1  # share of the torque up to which a random load may pass for noise
-_TELLING = 0.2  # share of the residual torque's variance from which a variable is said to carry it
 _CONSTANT = "nothing"  # what a constant torque depends on
 
 
@@ -70,7 +61,7 @@ def judged(
     if causes and among is None:
         causes |= {name: told[name] for name in posterior.leading if name in told}
     instead = posterior.nameless() > LIKELY
-    left = beside.something > SURE or missing.excess > _NOISE or shows or instead
+    left = beside.something > SURE or missing.excess > 1.0 - SURE or shows or instead
     small = {name: told[name] for name in probable if told[name] <= LIKELY}  # the others take a ruled-out one's place
     minor = {name: p for name, p in small.items() if not special_cases(name) & causes.keys()}
     more = left or bool(minor) or ruled_out is not None
@@ -94,7 +85,7 @@ def variables(posterior: Posterior, missing: ResidualTorque, ruled_out: frozense
     """
     best = posterior.best
     found = variables_instead(best.names) or variables_instead(ruled_out) or _carrying(best.discrepancy)
-    found = found or tuple(curve.variable for curve in missing.curves if curve.share > _TELLING)
+    found = found or tuple(curve.variable for curve in missing.curves if curve.share > 1.0 - SURE)
     each = dict.fromkeys(variable for several in found for variable in several.split(" and "))
     return tuple(effects_over(variable, best.fit.log.axis) for variable in each if variable != _CONSTANT)
 
@@ -113,10 +104,10 @@ def _carrying(discrepancy: Discrepancy) -> tuple[str, ...]:
     needed = ranked[:1]
     while more := discrepancy.explained_by(beside=needed):
         further = max(more, key=lambda variable: more[variable])
-        if more[further] < _ADDS:
+        if more[further] < 1.0 - SURE:
             break
         needed.append(further)
-    alike = (variable for variable in ranked if alone[variable] >= _CARRIES * alone[ranked[0]])
+    alike = (variable for variable in ranked if alone[variable] >= SURE * alone[ranked[0]])
     return tuple(dict.fromkeys((*alike, *needed)))
 
 

@@ -53,7 +53,8 @@ def covered(low: float, high: float, turn: float = TURN) -> Covered:
         (PayloadChange(time=5.0, inertia=0.1, gravity=0.2), True),
         (PayloadChange(time=0.1, inertia=0.1, gravity=0.2), False),  # the first load hardly moves
         (PayloadChange(time=19.9, inertia=0.1, gravity=0.2), False),
-        (EncoderEccentricity(amplitude=0.7, order=1.5, phase=0.3), False),  # the reading would go back on the way
+        (EncoderEccentricity(amplitude=0.3, order=1.5, phase=0.3), True),
+        (EncoderEccentricity(amplitude=0.4, order=1.5, phase=0.3), False),  # by 0.6 of the radius of its disc
     ],
     ids=lambda value: " ".join(map(str, (value.name, *value.values))) if isinstance(value, Effect) else "",
 )

@@ -13,7 +13,7 @@ from machine import Machine, excitation, record
 from diagnosis import falsification
 from diagnosis.evidence.fitted_sets import Explored, fitted
 from diagnosis.evidence.marginal import families_along
-from diagnosis.evidence.posterior import Posterior, beside_discrepancy
+from diagnosis.evidence.posterior import Posterior, beside_discrepancy, beside_names
 from diagnosis.falsification import tenable
 from diagnosis.verdict import judged, rivals
 from identification.fit import fit
@@ -178,3 +178,20 @@ def test_a_wider_form_beside_a_sure_name_is_not_taken_for_it() -> None:
         coulomb_friction=0.3, coulomb_friction__asymmetric_friction=0.4, coulomb_friction__stribeck_friction=0.3
     )
     assert posterior.leading == {"coulomb_friction"}
+
+
+@pytest.mark.parametrize(("more", "kept"), [(-3.0, 0.0), (0.0, 0.0), (0.5, 0.5), (50.0, 100.0 / 101.0)])
+def test_what_has_no_name_explains_more_than_a_law_may_err_by(more: float, kept: float) -> None:
+    """Friction that changes the innovations by 1 rad may err by 0.01; half a unit of log-likelihood is worth that."""
+
+    def weighed(log_marginal: float, **sizes: float) -> Any:
+        noise = SimpleNamespace(posterior=SimpleNamespace(variance=1e-4))
+        told = SimpleNamespace(effects=sizes)
+        return SimpleNamespace(names=frozenset(sizes), log_marginal=log_marginal, sizes=told, discrepancy=noise)
+
+    named, nothing = weighed(7.0, coulomb_friction=1.0, torque_offset=0.2), weighed(7.0)
+    beside, alone = weighed(7.0 + more, friction_over_velocity=1.0), weighed(7.0 + more, stribeck_friction=1.0)
+    assert beside_names(beside, named) == pytest.approx(kept)
+    assert beside_names(beside, nothing) == 1.0  # there is no law that could err
+    assert beside_names(alone, named) == 1.0  # it has a name
+    assert beside_names(beside, weighed(7.0, backlash=np.inf)) == 1.0  # its size is not known

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.evidence.families import Families
+from diagnosis.levels import INEXACT
 from diagnosis.linear import Linear, response
 from diagnosis.nuisance import Nuisance
 from plant.effects.effect import Array
 
 AMPLITUDES = (0.0, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)  # of the torque in the log
 _READINGS = (0.0, 0.3, 1.0)  # errors of the measurement, of its noise
-_SCALE = 0.01  # of the half-Cauchy prior of the amplitude
 _HUGE = 1e100  # the response of a free simulation that runs off
 _ALONE = (1.0, 3.0)  # times as large as all together, where one variable has to explain everything
 _PASSES = 4  # of noise and discrepancy, each from the other
@@ -181,7 +181,7 @@ def _learned(gram: Array, pull: Array, power: float, degrees: int, torques: int)
     scales = [_scale(*place, len(pull), torques) for place in places]
     tried = [_at(gram, pull, power, degrees, scale) for scale in scales]
     amplitudes, errors = (np.array(sizes) for sizes in zip(*product(AMPLITUDES, _READINGS), strict=True))
-    scores = np.array([likelihood for likelihood, *_ in tried]) - np.log1p((amplitudes / _SCALE) ** 2)
+    scores = np.array([likelihood for likelihood, *_ in tried]) - np.log1p((amplitudes / INEXACT) ** 2)
     best = int(np.argmax(scores))
     weights = np.exp(scores - scores[best])
     _, variance, functions, inverse = tried[best]

@@ -12,6 +12,7 @@ from diagnosis.evidence.fitted_sets import Explored
 from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.proposals import Proposal, proposals_of
 from diagnosis.evidence.signatures import Signatures
+from diagnosis.levels import HARDLY_EVER
 from identification.fit_result import Fit
 from identification.predictor import HELD
 from identification.threads import in_threads
@@ -19,8 +20,6 @@ from plant.effects import Effect
 
 ASKED = 2
 """Sets with one name more, and with two, that are tried beside a set; and names in the place of one."""
-BELOW = 5.0
-"""That a set may promise below the one at hand: linearised, a promise is rough."""
 STEP = 4.0
 """From bandwidth to bandwidth."""
 _NOTHING = 1e-3  # rise of the log-likelihood that says nothing
@@ -81,7 +80,7 @@ def extend(
             if proposal.leads:
                 leading.add(proposal.names)
     ranked = sorted(proposed.values(), key=lambda each: -each[0])
-    promising = [each.names for value, _, each in ranked if value > -BELOW]
+    promising = [each.names for value, _, each in ranked if value > -HARDLY_EVER]
     likeliest = set[frozenset[str]]()
     if not leading_alone:
         likeliest = {names for size in (1, 2) for names in [n for n in promising if len(n) == size][:ASKED]}
@@ -89,7 +88,7 @@ def extend(
     chosen = [(value, parent, _with_starts_of(found, parents, each)) for value, parent, each in wanted]
     for costly in (0, 1, 2):
         reached = found.best.log_marginal - best
-        now = [Trial(p, e) for v, p, e in chosen if e.costly == costly and (not costly or v > reached - BELOW)]
+        now = [Trial(p, e) for v, p, e in chosen if e.costly == costly and (not costly or v > reached - HARDLY_EVER)]
         try_sets(found, now, bandwidth)
 
 

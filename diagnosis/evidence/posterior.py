@@ -19,6 +19,9 @@ of its probability, with r what it changes in the innovations over what has no n
 hundredth of the largest other effect, which that one's law may be wrong by; the rest goes to the same set without it.
 An effect that has a simpler one as its special case is asked twice: what it adds to that may be a part of the
 discrepancy, and so may all of it.
+
+Likewise a set with something that has no name keeps as much beside the likeliest set of names alone: what it explains
+beyond that has to exceed a hundredth of the largest effect there.
 """
 
 from __future__ import annotations
@@ -26,18 +29,17 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
 from diagnosis.evidence.marginal import Explanation
-from diagnosis.evidence.sizes import EXACT
 from diagnosis.jackknife import BLOCKS
+from diagnosis.levels import INEXACT, LIKELY
 from plant.effects import catalogue
 from plant.effects.effect import Array
 from plant.effects.nonparametric import unnamed
 
-LIKELY = 0.5
-"""Probability from which a name is told, and is in the model."""
 _NEGLIGIBLE = 1e-4  # probability of a set that is not weighed against the discrepancy any further
 _DRAWS = 1000  # of the blocks
 _SURELY = 1e6  # ratio that is as good as any larger one
@@ -63,8 +65,11 @@ class Posterior:
         ordered = sorted(explanations, key=lambda each: -each.log_marginal)
         probabilities = tuple(over_blocks(ordered, against or {}).tolist())
         reported: dict[frozenset[str], float] = {}
+        named = next((each for each in ordered if each.names.isdisjoint(unnamed)), None)
         for each, p in zip(ordered, probabilities, strict=True):
-            for names, share in beside_discrepancy(each, p).items():
+            kept = 1.0 if named is None else beside_names(each, named)
+            parts = [(each, p * kept), *([(named, p * (1.0 - kept))] if named is not None and kept < 1.0 else [])]
+            for names, share in chain.from_iterable(beside_discrepancy(*part).items() for part in parts):
                 reported[names] = reported.get(names, 0.0) + share
         ranked = dict(sorted(reported.items(), key=lambda item: -item[1]))
         return cls(sets=tuple(ordered), probabilities=probabilities, reported=ranked)
@@ -157,7 +162,7 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
         whole = wide = sound * kept_share(sizes[name], explanation.sizes.to_exceed(name))
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
-            wide = whole * kept_share(more, max(explanation.sizes.without_name, EXACT * sizes[name]))
+            wide = whole * kept_share(more, max(explanation.sizes.without_name, INEXACT * sizes[name]))
             ask(left - {name}, kept | {special}, out, p * (whole - wide))
         ask(left - {name}, kept | {name}, out, p * wide)
         ask(left - {name}, kept, out | {name}, p * (1.0 - whole))
@@ -165,6 +170,18 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
     instead = explanation.names.intersection(unnamed)
     ask(explanation.names - instead, instead, frozenset(), probability)
     return found
+
+
+def beside_names(explanation: Explanation, named: Explanation) -> float:
+    """Share of its probability that a set with something without a name keeps beside the likeliest set of names alone.
+
+    What it explains beyond those is counted by its likelihood: a change d of the innovations is worth d^2 / (2 s^2).
+    """
+    laws = [size for size in named.sizes.effects.values() if np.isfinite(size)]
+    if explanation.names.isdisjoint(unnamed) or not laws:
+        return 1.0
+    more = max(explanation.log_marginal - named.log_marginal, 0.0)
+    return kept_share(float(np.sqrt(2.0 * more * named.discrepancy.posterior.variance)), INEXACT * max(laws))
 
 
 def kept_share(size: float, beside: float) -> float:

@@ -15,7 +15,6 @@ import numpy as np
 from diagnosis.evidence.fitted_sets import Explored
 from diagnosis.evidence.larger_sets import (
     ASKED,
-    BELOW,
     STEP,
     Trial,
     extend,
@@ -25,9 +24,10 @@ from diagnosis.evidence.larger_sets import (
     with_other_observers,
 )
 from diagnosis.evidence.marginal import Explanation, families_along
-from diagnosis.evidence.posterior import LIKELY, Posterior
+from diagnosis.evidence.posterior import Posterior
 from diagnosis.evidence.proposals import Proposal
 from diagnosis.evidence.without_name import without_name
+from diagnosis.levels import HARDLY_EVER, LIKELY
 from identification.errors import Unidentifiable
 from identification.fit_result import Fit
 from identification.threads import in_threads, without_blas_threads
@@ -137,7 +137,7 @@ def _retune(found: Explored) -> None:
 def _replace(found: Explored) -> None:
     """Ask for every name that is not minor, and two that one effect is confounded with, what may stand there."""
     before = -np.inf
-    while (best := found.best).names and best.log_marginal > before + BELOW:
+    while (best := found.best).names and best.log_marginal > before + HARDLY_EVER:
         before = best.log_marginal
         _try_in_places(found, best, _places(found, best), _in_place)
         for narrow in _narrowed(found, best):
@@ -153,7 +153,7 @@ def _replace_without_name(found: Explored) -> None:
     what has no name is asked by itself.
     """
     before = -np.inf
-    while (best := found.best).log_marginal > before + BELOW:
+    while (best := found.best).log_marginal > before + HARDLY_EVER:
         before = best.log_marginal
         places = [*_places(found, best), *([frozenset[str]()] if _names_nothing(found) else [])]
         _try_in_places(found, best, places, _without_name)
@@ -165,7 +165,8 @@ def _replace_without_name(found: Explored) -> None:
 def _names_nothing(found: Explored) -> bool:
     """Whether no effect of the machine is likelier there than not."""
     posterior = Posterior.over(found.known.values())
-    return not any(posterior.told(name) > LIKELY for name in posterior.names() if not found.effects[name].measured)
+    measured = {name for name, kind in found.effects.items() if kind.measured}
+    return not any(posterior.told(name) > LIKELY for name in posterior.names().keys() - measured)
 
 
 def _try_in_places(found: Explored, best: Explanation, places: Sequence[frozenset[str]], in_place: _InPlace) -> None:
@@ -203,7 +204,7 @@ def _narrowed(found: Explored, best: Explanation) -> list[Explanation]:
 def _roughly_promised(found: Explored, less: Explanation, out: frozenset[str]) -> float | None:
     """The least that names which were taken out of a set may be worth there: linearised, a promise is rough."""
     promised = [each.value for each in proposals(found, less) if each.names == out]
-    return max(promised) - max(BELOW, _NEAR * max(promised)) if promised else None
+    return max(promised) - max(HARDLY_EVER, _NEAR * max(promised)) if promised else None
 
 
 def _in_place(found: Explored, less: Explanation, out: frozenset[str], least: float | None) -> list[Proposal]:

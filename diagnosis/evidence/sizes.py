@@ -15,13 +15,11 @@ import numpy as np
 from diagnosis.evidence.discrepancy import Responses
 from diagnosis.evidence.families import Families
 from diagnosis.evidence.linearised import Linearised, is_bounded, predicted
+from diagnosis.levels import INEXACT
 from diagnosis.nuisance import Nuisance, basis
 from identification.fit_result import Fit
 from plant.effects.effect import Array
 from plant.effects.nonparametric import unnamed
-
-EXACT = 0.01
-"""Of an effect: no law is exact to less, so a wider form, or another effect, has to add more to be told."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,7 +61,7 @@ class Sizes:
     def to_exceed(self, name: str) -> float:
         """What an effect has to be larger than: what has no name, and what the law of another may be wrong by."""
         others = (size for other, size in self.effects.items() if other != name)
-        return max(self.without_name, EXACT * max(others, default=0.0))
+        return max(self.without_name, INEXACT * max(others, default=0.0))
 
     @cached_property
     def effects(self) -> dict[str, float]:

@@ -15,8 +15,8 @@ from diagnosis.experiment.separation import Rival
 from diagnosis.experiment.signal_design import Design, Found, Limits
 from diagnosis.experiment.signal_families import Signal
 from diagnosis.experiment.time_scale import time_scale
+from diagnosis.levels import SURE
 from diagnosis.result import Findings
-from diagnosis.verdict import SURE
 from identification.fit_result import Fit
 from plant.effects.effect import Array, Axis
 from plant.errors import BadParameter

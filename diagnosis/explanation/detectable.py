@@ -13,10 +13,10 @@ from collections.abc import Collection
 import numpy as np
 
 from diagnosis.evidence.prior import LOG_UNIFORM
+from diagnosis.levels import CLEARLY
 from diagnosis.linear import response
 from diagnosis.result import Estimate
 from diagnosis.score_test import Screen
-from diagnosis.verdict import CLEARLY
 from identification.fit_result import Fit
 from plant.effects import Trace, catalogue
 

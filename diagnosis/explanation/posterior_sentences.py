@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from diagnosis.explanation.wording import joined_words, measured, percent, title_of, torque_or_force
+from diagnosis.levels import SURE
 from diagnosis.result import EffectSet, Findings
-from diagnosis.verdict import SURE
 from plant.effects.nonparametric import unnamed
 
 NOTHING = "nothing more"

@@ -25,9 +25,9 @@ from diagnosis.explanation.wording import (
     title_of,
     torque_or_force,
 )
+from diagnosis.levels import SURE
 from diagnosis.refit import without
 from diagnosis.result import Cause, Findings, Rejected
-from diagnosis.verdict import SURE
 from identification.fit_result import Fit
 
 _ONE_MOMENT = 0.5  # share of the evidence from one tenth of the log that calls for a look at it

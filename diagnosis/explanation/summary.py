@@ -19,9 +19,10 @@ from diagnosis.explanation.wording import (
     torque_or_force,
 )
 from diagnosis.holdout import gain_errors
+from diagnosis.levels import SURE
 from diagnosis.repeated_runs import repeated_pairs
 from diagnosis.result import Cause, Findings
-from diagnosis.verdict import SURE, in_doubt, of_the_measurement
+from diagnosis.verdict import in_doubt, of_the_measurement
 
 _LATE = "The torque of this log was measured, and its measurement is late."
 

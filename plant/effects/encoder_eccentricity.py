@@ -39,9 +39,9 @@ class EncoderEccentricity(Effect):
     def plausible(self, log: Covered) -> bool:
         """Once a turn or more often, or two periods were seen: a slower wave is the bend of something else.
 
-        And no reading goes back while the load goes on.
+        And no disc is off its centre by half of its radius, where the reading is half as fast again, or half as slow.
         """
-        return is_wave(self.order, log.travel, log.turn) and self.amplitude * self.order < 1.0
+        return is_wave(self.order, log.travel, log.turn) and self.amplitude * self.order < 0.5
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:
