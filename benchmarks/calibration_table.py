@@ -54,6 +54,12 @@ def honest(told: Told) -> bool:
     return len(rivals) <= 2 and told["truth"][0] in [*names(told), *rivals]
 
 
+def not_misled(told: Told) -> bool:
+    """Right, or `ambiguous` or `unknown` without a wrong name that is sure: right or honest, as on drawn machines."""
+    sure = {cause["effect"] for cause in told["causes"] if cause["probability"] > 0.9}
+    return alone(told) or (told["verdict"] in ("ambiguous", "unknown") and sure <= set(told["truth"]))
+
+
 def shown(told: Told) -> bool:
     """Whether some size has about the lambda that was wanted: torque saturates at once by much, or not at all."""
     return bool(0.5 <= told["lambda"] / told["wanted"] <= 2.0)
@@ -98,6 +104,7 @@ def _hidden(told: list[Told]) -> str:
     for size in sizes:
         at = [t for t in told if t["wanted"] == size]
         lines.append(f"lambda {size:.0f}: alone or honestly ambiguous {rate(sum(map(honest, at)), len(at))}")
+        lines.append(f"lambda {size:.0f}: right, or not sure {rate(sum(map(not_misled, at)), len(at))}")
         lines.append(f"lambda {size:.0f}: named alone {rate(sum(map(alone, at)), len(at))}")
         seen = sum(t["verdict"] != "nothing_missing" for t in at)
         lines.append(f"lambda {size:.0f}: detected {rate(seen, len(at))}")
