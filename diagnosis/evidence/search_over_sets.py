@@ -155,8 +155,8 @@ def _replace_without_name(found: Explored) -> None:
     before = -np.inf
     while (best := found.best).log_marginal > before + HARDLY_EVER:
         before = best.log_marginal
-        places = [*_places(found, best), *([frozenset[str]()] if _names_nothing(found) else [])]
-        _try_in_places(found, best, places, _without_name)
+        alone = len(best.names) < _MOST and _names_nothing(found)
+        _try_in_places(found, best, [*_places(found, best), *([frozenset[str]()] if alone else [])], _without_name)
         if found.best is not best:
             _retune(found)
             _without_each(found, found.best)
