@@ -117,3 +117,13 @@ def test_an_end_stop_at_the_edge_of_the_travel_is_identified() -> None:
     (cause,) = diagnose(record(stop, command, seed=16000).log(), candidates=near).causes
     assert cause.effect == "end_stop"
     assert cause.parameters["angle"].value == pytest.approx(angle, abs=0.01)
+
+
+def test_friction_in_one_direction_only_is_none() -> None:
+    """It is an offset in part, and stands for one that may not be named."""
+    log = record(Machine().hiding(torque_offset={"torque": 0.5}), excitation(24000, duration=20.0), seed=12000).log()
+    found = diagnose(log, candidates=["asymmetric_friction"])
+    assert not found.causes
+    assert found.verdict == "unknown"
+    (why,) = (each.reason for each in found.rejected if each.effect == "asymmetric_friction")
+    assert why.endswith("is nothing") or why.endswith("are nothing")
