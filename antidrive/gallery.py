@@ -162,9 +162,9 @@ def _size(found: Signature) -> str:
 
 def _pictures(found: Signature) -> Sequence[tuple[Any, str]]:
     sensor = found.effect.stage is Stage.SENSOR
-    lacking = "error of the reading [rad]" if sensor else "residual torque [N m]"
+    lacking = "measurement error [rad]" if sensor else "residual torque [N m]"
     variable = found.variable
-    what = "The error of the reading" if sensor else "The torque that the model lacks without it"
+    what = "The measurement error" if sensor else "The torque that the model lacks without it"
     rms = float(np.sqrt(np.mean(found.change**2)))
     return (
         (
@@ -173,6 +173,6 @@ def _pictures(found: Signature) -> Sequence[tuple[Any, str]]:
         ),
         (
             figures.change_figure(found),
-            f"The reading without it and with it, and the difference: {rms:.2g} rad rms.",
+            f"The measurement without it and with it, and the difference: {rms:.2g} rad rms.",
         ),
     )

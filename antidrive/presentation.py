@@ -107,10 +107,10 @@ def _(result: Fit) -> Any:
 
 @to_frame.register
 def _(result: Diagnosis) -> Any:
-    """A row for each parameter of each cause, the rivals beside it."""
+    """A row for each parameter of each cause, the alternatives beside it."""
     import pandas as pd
 
-    columns = ["effect", "probability", "gain", "parameter", "value", "std", "unit", "rivals"]
+    columns = ["effect", "probability", "gain", "parameter", "value", "std", "unit", "alternatives"]
     rows = [
         (
             cause.effect,
@@ -120,7 +120,7 @@ def _(result: Diagnosis) -> Any:
             estimate.value,
             estimate.std,
             estimate.unit,
-            ", ".join(rival for rival, _ in cause.alternatives),
+            ", ".join(other for other, _ in cause.alternatives),
         )
         for cause in result.causes
         for name, estimate in cause.parameters.items()

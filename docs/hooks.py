@@ -108,7 +108,7 @@ def picture(found: Signature) -> str:
 
     grey, every = "#8a8a8a", slice(None, None, 3)
     flows = {"torque": "torque [N m]", "angle": "angle [rad]", "velocity": "velocity [rad/s]", "time": "time [s]"}
-    lacking = "error of the reading [rad]" if found.effect.stage is Stage.SENSOR else "residual torque [N m]"
+    lacking = "measurement error [rad]" if found.effect.stage is Stage.SENSOR else "residual torque [N m]"
     style = dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), grey)
     with matplotlib.rc_context({**style, "font.size": 8, "svg.fonttype": "none", "svg.hashsalt": found.effect.name}):
         figure, (left, right) = pyplot.subplots(1, 2, figsize=(7.2, 2.2), layout="constrained")
