@@ -205,8 +205,8 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
         return "this log does not tell its parameters from those of the others"
     if sizes and all(_is_zero(value) for value in sizes.values()):
         return f"its {_said(sizes)} {'is' if len(sizes) == 1 else 'are'} zero within the standard error"
-    gone = {key: value for key, value in torques.items() if fit[f"{name}.{key}"].at_bound}
-    if gone:  # of friction in two directions, say: then it only stands for a simpler cause
+    gone = {key: value for key, value in torques.items() if fit[f"{name}.{key}"].at_bound and value.value == 0.0}
+    if gone:  # as of friction in one of two directions: then it only stands for a simpler cause
         return f"its {_said(gone)} {'is' if len(gone) == 1 else 'are'} nothing"
     swings = [fit[f"{name}.{spec}"] for spec in _swings(name)]
     if any(line.at_bound or line.value is None for line in swings):
