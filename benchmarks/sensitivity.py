@@ -56,6 +56,7 @@ CONSTANTS: dict[str, tuple[str, str]] = {
     "families._WAYS": ("diagnosis.evidence.families", "ways after which a direction is forgotten"),
     "prior._DECADES": ("diagnosis.evidence.prior", "log of the range of a size"),
     "jackknife.BLOCKS": ("diagnosis.jackknife", "blocks of the log that are drawn again"),
+    "fitted_sets._ITERATIONS": ("diagnosis.evidence.fitted_sets", "iterations of a fit"),
     "larger_sets.ASKED": ("diagnosis.evidence.larger_sets", "sets that are fitted at once"),
     "search_over_sets._NEAR": ("diagnosis.evidence.search_over_sets", "share by which a promise may be too large"),
     "levels.SURE": ("diagnosis.levels", "probability from which something is sure"),

@@ -17,6 +17,7 @@ from plant.effects import Effect
 from plant.servo import ServoModel
 
 _STAGES = (0, 1, 2, 2)  # of a search among shapes that look alike
+_ITERATIONS = 20  # of a fit; what takes longer hardly belongs there, and would be followed to odd values
 
 
 @dataclass(eq=False)
@@ -151,4 +152,4 @@ def fitted(start: Fit, models: list[ServoModel], bandwidth: float) -> Fit:
     if len(problems) > 1:
         problems = most_promising(problems, near, bandwidth)[:1]
     (problem,) = problems
-    return fitted_from(near, problem)
+    return fitted_from(near, problem, _ITERATIONS)
