@@ -59,6 +59,7 @@ CONSTANTS: dict[str, tuple[str, str]] = {
     "fitted_sets._ITERATIONS": ("diagnosis.evidence.fitted_sets", "iterations of a fit"),
     "larger_sets.ASKED": ("diagnosis.evidence.larger_sets", "sets that are fitted at once"),
     "search_over_sets._NEAR": ("diagnosis.evidence.search_over_sets", "share by which a promise may be too large"),
+    "verdict._CARRIES": ("diagnosis.verdict", "from which a variable is told beside the most telling"),
     "levels.SURE": ("diagnosis.levels", "probability from which something is sure"),
     "levels.LIKELY": ("diagnosis.levels", "... and is told"),
     "levels.HARDLY_EVER": ("diagnosis.levels", "log odds against what hardly ever comes"),

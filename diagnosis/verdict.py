@@ -19,6 +19,7 @@ from diagnosis.result import LISTED, Verdict
 from plant.effects import catalogue
 from plant.effects.nonparametric import unnamed
 
+_CARRIES = 0.8  # of what the most telling variable explains, from which another is told too
 _CONSTANT = "nothing"  # what a constant torque depends on
 
 
@@ -107,7 +108,7 @@ def _carrying(discrepancy: Discrepancy) -> tuple[str, ...]:
         if more[further] < 1.0 - SURE:
             break
         needed.append(further)
-    alike = (variable for variable in ranked if alone[variable] >= SURE * alone[ranked[0]])
+    alike = (variable for variable in ranked if alone[variable] >= _CARRIES * alone[ranked[0]])
     return tuple(dict.fromkeys((*alike, *needed)))
 
 

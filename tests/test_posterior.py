@@ -184,10 +184,11 @@ def test_a_wider_form_beside_a_sure_name_is_not_taken_for_it() -> None:
 def test_what_has_no_name_explains_more_than_a_law_may_err_by(more: float, kept: float) -> None:
     """Friction that changes the innovations by 1 rad may err by 0.01; half a unit of log-likelihood is worth that."""
 
-    def weighed(log_marginal: float, **sizes: float) -> Any:
+    def weighed(log_likelihood: float, **sizes: float) -> Any:
         noise = SimpleNamespace(posterior=SimpleNamespace(variance=1e-4))
         told = SimpleNamespace(effects=sizes)
-        return SimpleNamespace(names=frozenset(sizes), log_marginal=log_marginal, sizes=told, discrepancy=noise)
+        by = SimpleNamespace(log_likelihood=log_likelihood)
+        return SimpleNamespace(names=frozenset(sizes), weighed=by, sizes=told, discrepancy=noise)
 
     named, nothing = weighed(7.0, coulomb_friction=1.0, torque_offset=0.2), weighed(7.0)
     beside, alone = weighed(7.0 + more, friction_over_velocity=1.0), weighed(7.0 + more, stribeck_friction=1.0)

@@ -14,6 +14,7 @@ from identification.fit_result import Fit
 from identification.noise import log_likelihood
 from plant.discrete import Structure
 from plant.effects import Effect
+from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
 
 _STAGES = (0, 1, 2, 2)  # of a search among shapes that look alike
@@ -79,12 +80,21 @@ class Explored:
         """
         models = [fit.model]
         for starts in proposal.starts:
-            models = [model.with_effect(start) for model in models for start in starts]
+            models = [self._with(model, start) for model in models for start in starts]
         found = self.fitted(fit, models, bandwidth)
         least += _likelihood(fit, bandwidth)
         for starts in proposal.starts:
             found = self._among_look_alikes(found, starts[0].name, bandwidth, least)
         return found
+
+    def _with(self, model: ServoModel, start: Effect) -> ServoModel:
+        """A model with an effect; what of it something without a name could be stays as in the base model."""
+        if isinstance(start, Nonparametric):
+            base = dict(zip(self.null.model.names, self.null.model.values.tolist(), strict=True))
+            stays = {name: base[name] for name in start.shape() if name in base}
+            values = dict(zip(model.names, model.values.tolist(), strict=True)) | stays
+            model = model.with_values([values[name] for name in model.names])
+        return model.with_effect(start)
 
     def _among_look_alikes(self, fit: Fit, name: str, bandwidth: float, least: float) -> Fit:
         """The best among shapes of an effect between which a descent cannot choose; at first anywhere, then nearby.

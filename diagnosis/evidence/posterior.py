@@ -175,12 +175,13 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
 def beside_names(explanation: Explanation, named: Explanation) -> float:
     """Share of its probability that a set with something without a name keeps beside the likeliest set of names alone.
 
-    What it explains beyond those is counted by its likelihood: a change d of the innovations is worth d^2 / (2 s^2).
+    What it explains beyond those is counted by the likelihood, without the charges for a choice: a change d of the
+    innovations is worth d^2 / (2 s^2).
     """
     laws = [size for size in named.sizes.effects.values() if np.isfinite(size)]
     if explanation.names.isdisjoint(unnamed) or not laws:
         return 1.0
-    more = max(explanation.log_marginal - named.log_marginal, 0.0)
+    more = max(explanation.weighed.log_likelihood - named.weighed.log_likelihood, 0.0)
     return kept_share(float(np.sqrt(2.0 * more * named.discrepancy.posterior.variance)), INEXACT * max(laws))
 
 
