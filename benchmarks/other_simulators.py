@@ -63,9 +63,8 @@ def line(name: str, learnt: Log, judged: Log, start: ServoModel, fixed: tuple[st
     run, ours = judged.runs[0], free_simulation(judged, identified)[0]
     model = replace(identified, torque_unit=None)  # the simulators count in N m, whatever that is
     steps = np.diff(run.time)
-    dt = float(np.median(steps)) / (
-        1 if np.ptp(steps) < 1e-3 * np.median(steps) else 5
-    )  # of irregular times a finer grid
+    even = np.ptp(steps) < 1e-3 * np.median(steps)
+    dt = float(np.median(steps)) / (1 if even else 5)  # irregular times are met by a finer grid
     grid = run.time[0] + dt * np.arange(int(np.ceil((run.time[-1] - run.time[0]) / dt - 1e-6)) + 1)
     command = run.command[np.searchsorted(run.time, grid + 1e-6, side="right") - 1]
     slope = float(np.gradient(ours[:3], run.time[:3], edge_order=2)[0])

@@ -53,6 +53,7 @@ def covered(low: float, high: float, turn: float = TURN) -> Covered:
         (PayloadChange(time=5.0, inertia=0.1, gravity=0.2), True),
         (PayloadChange(time=0.1, inertia=0.1, gravity=0.2), False),  # the first load hardly moves
         (PayloadChange(time=19.9, inertia=0.1, gravity=0.2), False),
+        (EncoderEccentricity(amplitude=0.7, order=1.5, phase=0.3), False),  # the reading would go back on the way
         (EncoderEccentricity(amplitude=0.3, order=1.5, phase=0.3), True),
         (EncoderEccentricity(amplitude=0.4, order=1.5, phase=0.3), False),  # by 0.6 of the radius of its disc
     ],
@@ -127,3 +128,13 @@ def test_friction_in_one_direction_only_is_none() -> None:
     assert found.verdict == "unknown"
     (why,) = (each.reason for each in found.rejected if each.effect == "asymmetric_friction")
     assert why.endswith("is nothing") or why.endswith("are nothing")
+
+
+def test_a_size_that_a_given_bound_holds_is_not_nothing() -> None:
+    """Friction of 0.6 N m backward, of which a person says that it is 0.59 at most."""
+    machine = Machine().hiding(asymmetric_friction={"forward": 0.2, "backward": 0.6, "viscous_difference": 0.0})
+    log = record(machine, excitation(24000, duration=20.0), seed=12000).log()
+    bounds = {"asymmetric_friction.backward": (0.0, 0.59)}
+    found = diagnose(log, candidates=["asymmetric_friction"], bounds=bounds)
+    (cause,) = found.causes
+    assert cause.parameters["backward"].value == pytest.approx(0.59)

@@ -196,3 +196,22 @@ def test_what_has_no_name_explains_more_than_a_law_may_err_by(more: float, kept:
     assert beside_names(beside, nothing) == 1.0  # there is no law that could err
     assert beside_names(alone, named) == 1.0  # it has a name
     assert beside_names(beside, weighed(7.0, backlash=np.inf)) == 1.0  # its size is not known
+
+
+@pytest.mark.parametrize(("more", "share"), [(0.5, 0.5), (50.0, 100.0 / 101.0)])
+def test_what_a_law_may_err_by_goes_to_the_names(more: float, share: float) -> None:
+    """The set without a name is far likelier by its evidence; what it does not keep is the friction's."""
+
+    def weighed(name: str, log_likelihood: float, log_marginal: float) -> Any:
+        sizes = {"effects": {name: 1.0}, "beyond_special": {}, "without_name": 0.0}
+        told = SimpleNamespace(**sizes, beyond=lambda name, out: 1.0, to_exceed=lambda name: 0.0)
+        by = SimpleNamespace(log_likelihood=log_likelihood, by_block=np.zeros)
+        noise = SimpleNamespace(posterior=SimpleNamespace(variance=1e-4, at_its_limit=False))
+        names = frozenset({name})
+        return SimpleNamespace(names=names, log_marginal=log_marginal, weighed=by, sizes=told, discrepancy=noise)
+
+    sets = [weighed("coulomb_friction", 7.0, 0.0), weighed("friction_over_velocity", 7.0 + more, 90.0)]
+    posterior = Posterior.over(sets)
+    assert posterior.nameless() == pytest.approx(share)
+    assert posterior.told("coulomb_friction") == pytest.approx(1.0 - share, abs=1e-9)
+    assert posterior.of("friction_over_velocity") == pytest.approx(1.0)
