@@ -14,7 +14,7 @@ from diagnosis.evidence.marginal import Explanation
 from diagnosis.evidence.posterior import Posterior
 from diagnosis.evidence.search_over_sets import explore
 from diagnosis.extrapolation import extrapolation_warning
-from diagnosis.falsification import Tenable, tenable
+from diagnosis.falsification import Tenable, predicts_worse, tenable
 from diagnosis.formula_suggestion import suggested_formula
 from diagnosis.holdout import inverse_errors, measure_gain, remaining
 from diagnosis.holdout_refit import holdout_differences
@@ -140,6 +140,8 @@ def _diagnosed(
     missing, again = residual_torque(named), repeats(named)
     final = with_curves(named, null)
     shows = final is not named or (again is not None and again.deterministic)
+    if final is not named and predicts_worse(named, final, held_out):
+        final = named
     ruled_out = found.likeliest if found.lost > CLEARLY + HARDLY_EVER else None
     tell("measuring the gain on validation data")
     gain, _, replays = measure_gain(held_out, [null, final])

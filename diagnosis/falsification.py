@@ -3,6 +3,7 @@
 An effect does not stand where the log tells none of its sizes (of its parameters, if it has none), where they are all
 zero within their standard errors, where its torque is larger than any in the log, nor where it surely makes predictions
 of the validation data worse. Where they get worse within chance, it loses as much evidence as they speak against it.
+A set with which they surely get worse than with none is no explanation, whichever of its effects is to blame.
 """
 
 from __future__ import annotations
@@ -78,6 +79,10 @@ def tenable(base: Fit, explanations: Collection[Explanation], validation: Log) -
             reason = f"the validation error is larger with it, by {percent(wrong[worst])}"
             left, falsified = rest, {worst: reason} | falsified
             continue
+        others = [each for each in left if each.names != leading.names]
+        if here.worse_together and others:
+            left = others
+            continue
         fresh = {n: each.against for n, each in found.items() if n not in against and each.against.sum() < 0.0}
         if not fresh:
             break
@@ -103,12 +108,14 @@ class _Validated:
         less: for each of them that without it, fitted again.
         gains: of each of them, as in `Tenable`.
         objections: to each of them.
+        worse_together: whether predictions surely get worse with all of them than with none.
     """
 
     fit: Fit
     less: Mapping[str, Fit]
     gains: Mapping[str, tuple[float, float]]
     objections: Mapping[str, _Objection]
+    worse_together: bool
 
     @classmethod
     def of(cls, base: Fit, explanation: Explanation, validation: Log) -> _Validated:
@@ -117,11 +124,13 @@ class _Validated:
         fit = settled(explanation.fit, base.bandwidth) if names else base
         less = {name: base if len(names) == 1 else without(fit, name, base.bandwidth) for name in names}
         gains = dict[str, tuple[float, float]]()
+        worse_together = False
         if names:
             after = errors_of_many_steps(fit.model, validation)
             gains = {name: cut(errors_of_many_steps(other.model, validation), after) for name, other in less.items()}
+            worse_together = predicts_worse(base, fit, validation)
         objections = {name: _objection(other, fit, validation, gains[name]) for name, other in less.items()}
-        return cls(fit=fit, less=less, gains=gains, objections=objections)
+        return cls(fit=fit, less=less, gains=gains, objections=objections, worse_together=worse_together)
 
 
 def errors_of_many_steps(model: ServoModel, validation: Log) -> Array:
@@ -131,6 +140,12 @@ def errors_of_many_steps(model: ServoModel, validation: Log) -> Array:
     that begin anew are many.
     """
     return squared_errors(validation, model, restart_window(validation))[0]
+
+
+def predicts_worse(less: Fit, fit: Fit, validation: Log) -> bool:
+    """Whether a fit surely predicts validation data worse than one of a model with less."""
+    before, after = (errors_of_many_steps(each.model, validation) for each in (less, fit))
+    return _objection(less, fit, validation, cut(before, after)).worse > 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -200,8 +215,8 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
     torques = {key: value for key, value in values.items() if value.unit == fit.log.command_unit}
     sizes = {key: values[key] for key in {*torques, *_sizes(name)} & values.keys()}
     lines = [line for key in sizes or values if not (line := fit[f"{name}.{key}"]).fixed]
-    untold = bool(lines) and all(line.value is None or line.at_bound for line in lines)
-    if untold or not np.isfinite(explanation.log_marginal):
+    unclear = [(line.value is None and not _is_told_together(fit, line.name)) or line.at_bound for line in lines]
+    if (unclear and all(unclear)) or not np.isfinite(explanation.log_marginal):
         return "this log does not tell its parameters from those of the others"
     if sizes and all(_is_zero(value) for value in sizes.values()):
         return f"its {_said(sizes)} {'is' if len(sizes) == 1 else 'are'} zero within the standard error"
@@ -218,6 +233,22 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
     if beyond:
         return f"its {_said(beyond)} is larger than any torque in the log, {most:.3g} {fit.log.command_unit}"
     return None
+
+
+def _is_told_together(fit: Fit, size: str) -> bool:
+    """Whether a size would be told if the other parameters of its effect were known, and is not for them alone.
+
+    As the stiffness of a stop that was touched once: with it the instant of the contact trades places.
+    """
+    effect = size.split(".")[0]
+    own = [row for row, place in enumerate(fit.free) if fit.model.names[place].split(".")[0] == effect]
+    here = [fit.model.names[fit.free[row]] for row in own].index(size)
+    covariance = fit.covariance[np.ix_(own, own)]
+    value = fit.model.values[fit.free[own[here]]]
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    precision = np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True)[here, here]
+    alone = scale[here] / np.sqrt(max(precision, 1e-300))
+    return bool(alone < abs(value) < scale[here])
 
 
 def _sizes(name: str) -> list[str]:

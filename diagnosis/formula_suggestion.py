@@ -1,5 +1,8 @@
 """What an unnamed curve looks like: a short formula, suggested from its knots and not fitted to the log.
 
+A ripple is told by its waves, as far as each has a hundredth of its power.
+
+
 Formulas of one or two terms are laid through the heights of the knots by least squares, weighted with what the log
 knows of them, beside what the model's own parameters may take over of the curve. One is told only where it leaves next
 to nothing of the curve, and one of two terms only where none of a single term does.
@@ -14,10 +17,11 @@ import numpy as np
 
 from diagnosis.residual_torque import effects_over
 from identification.fit_result import Fit
-from plant.effects.effect import Array
+from plant.effects.effect import Array, Stage
 from plant.effects.friction_over_velocity import FrictionOverVelocity
 from plant.effects.nonparametric import plain
 from plant.effects.nonparametric_curve import KNOTS, Curve
+from plant.effects.ripple import HARMONICS, Ripple
 
 Term = Callable[[Array], Array]
 
@@ -54,32 +58,55 @@ _TERMS: Mapping[str, Mapping[str, Term]] = {
     },
 }
 _TAKEN_OVER: Mapping[str, Term] = {"velocity": np.positive}  # by viscous friction
-_SYMBOL = {"velocity": "v", "angle": "x", "torque": "u"}
+_SYMBOL = {"velocity": "v", "angle": "x", "torque": "u", "time": "t"}
 
 
 def suggested_formula(fit: Fit) -> str | None:
-    """A sentence with the formula that the curve over one variable of a fitted model looks like; None without one."""
+    """A sentence with the formula that what has no name in a fitted model looks like over one variable, or None."""
+    over, law = _of_a_ripple(fit) or _of_a_curve(fit) or ("", "")
+    if not law:
+        return None
+    variable, torque = effects_over(over, fit.log.axis), effects_over("torque", fit.log.axis)
+    return (
+        f"Over {variable} {_SYMBOL[over]} the {torque} that the model lacks looks like {law}. "
+        "This is a suggestion from the curve, not a finding."
+    )
+
+
+def _of_a_ripple(fit: Fit) -> tuple[str, str] | None:
+    """Variable and waves of a ripple of the torque."""
+    ripple = next((effect for effect in fit.model.effects if isinstance(effect, Ripple)), None)
+    if ripple is None or ripple.stage is not Stage.LOAD:
+        return None
+    (over,) = ripple.variables
+    turns = [f"{k * ripple.rate:.4g} {_SYMBOL[over]}" for k in range(1, HARMONICS + 1)]
+    waves = [f"{wave}({turn})" for turn in turns for wave in ("sin", "cos")]
+    sizes = dict(zip(waves, map(float, ripple.values[1:]), strict=True))
+    least = _LEFT * sum(size**2 for size in sizes.values())
+    shown = {wave: size for wave, size in sizes.items() if size**2 > least}
+    return (over, f"{_sum_of(shown)} [{fit.log.command_unit}]") if shown else None
+
+
+def _of_a_curve(fit: Fit) -> tuple[str, str] | None:
+    """Variable and formula of a curve, if one describes it."""
     curve = next((effect for effect in fit.model.effects if type(effect) in plain.values()), None)
     if not isinstance(curve, Curve) or curve.over not in _TERMS:
         return None
     rows = [row for row, place in enumerate(fit.free) if fit.model.names[place].startswith(f"{curve.name}.c")]
     if len(rows) < KNOTS:
         return None
-    over, torque = effects_over(curve.over, fit.log.axis), effects_over("torque", fit.log.axis)
-    variable = over if over in _TERMS else curve.over
+    over = effects_over(curve.over, fit.log.axis)
     information = np.asarray(np.linalg.pinv(fit.covariance[np.ix_(rows, rows)]), dtype=float)
     places = np.array([float(knot) for knot in curve.knots(curve.low, curve.high)])
-    found = formula_terms(variable, places, np.array(curve.values[2 : 2 + KNOTS], dtype=float), information)
-    if not found:
-        return None
-    formula = " ".join(f"{size:+.3g} {name}".replace(" 1", "") for name, size in found.items()).removeprefix("+")
+    heights = np.array(curve.values[2 : 2 + KNOTS], dtype=float)
+    found = formula_terms(over if over in _TERMS else curve.over, places, heights, information)
     dry = "dry and " if curve.name == FrictionOverVelocity.name else ""
     beside = f", beside {dry}viscous friction" if curve.over in _TAKEN_OVER else ""
-    law = f"{formula} [{fit.log.command_unit}]{beside}"
-    return (
-        f"Over {over} {_SYMBOL[curve.over]} the {torque} that the model lacks looks like {law}. "
-        "This is a suggestion from the curve, not a finding."
-    )
+    return (curve.over, f"{_sum_of(found)} [{fit.log.command_unit}]{beside}") if found else None
+
+
+def _sum_of(terms: Mapping[str, float]) -> str:
+    return " ".join(f"{size:+.3g}{'' if name == '1' else f' {name}'}" for name, size in terms.items()).removeprefix("+")
 
 
 def formula_terms(over: str, places: Array, heights: Array, information: Array) -> dict[str, float]:
