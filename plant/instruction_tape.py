@@ -3,6 +3,7 @@
 To compile each function takes as long as following it along a hundred thousand rows; most functions of a search over
 models are followed along fewer. So the compiler translates the loop alone, once for all of them. Instructions of one
 kind stand side by side, as far as what they need allows, and are done in one go: that saves two thirds of the time.
+What neither the row nor anything carried moves is worked out in the first row alone.
 The numbers are those of machine code and of CasADi's virtual machine to the last bit: the same operations, of which
 each still finds what it needs.
 """
@@ -52,14 +53,15 @@ __declspec(dllexport)
 int follow_tape(long long rows, long long width, const double* row, long long handed, const long long* size,
                 double** carried, long long written, const long long* shown_size, double** shown, const int* outputs,
                 double dust, long long groups, const int* kinds, const int* counts, const int* first, const int* second,
-                double* values, double* results) {
+                double* values, double* results, long long once, long long still) {
   long long i, j, k, g;
   for (k = 0; k < rows; ++k) {
-    double *entry = values, *out = results;
-    const int *a = first, *b = second, *o = outputs;
+    const long long begun = k ? still : 0;
+    double *entry = values, *out = results + begun;
+    const int *a = first + begun, *b = second + begun, *o = outputs;
     for (i = 0; i < handed; entry += size[i++]) memcpy(entry, carried[i], size[i] * sizeof(double));
     memcpy(entry, row + k * width, width * sizeof(double));
-    for (g = 0; g < groups; a += counts[g], b += counts[g], out += counts[g], ++g) {
+    for (g = k ? once : 0; g < groups; a += counts[g], b += counts[g], out += counts[g], ++g) {
       const long long n = counts[g];
       switch (kinds[g]) {
 %s
@@ -87,6 +89,7 @@ class InstructionTape:
         shown: number of elements of each output that is not.
         constants: that the instructions need.
         kinds, counts: operation of each group of instructions, and how many it has.
+        once: groups, which stand first, that give the same in every row.
         first, second: places of each instruction's operands.
         outputs: places of the elements of all outputs.
         written: number of instructions in the function's code, where what is called several times stands once.
@@ -98,6 +101,7 @@ class InstructionTape:
     constants: Array
     kinds: Places
     counts: Places
+    once: int
     first: Places
     second: Places
     outputs: Places
@@ -132,7 +136,7 @@ class InstructionTape:
                 unplaced -= 1
             else:
                 return None
-        order, groups = _grouped(kinds, operands)
+        order, groups, once = _ordered(kinds, operands, moving=sum(inputs[: carried + 1]))
         results = begins[-1] + len(constants)
         place_of = np.empty(len(order), dtype=np.int32)
         place_of[order] = results + np.arange(len(order))
@@ -149,6 +153,7 @@ class InstructionTape:
             constants=np.array([float.fromhex(constant) for constant in constants]),
             kinds=np.array([kind for kind, _ in groups], dtype=np.int32),
             counts=np.array([count for _, count in groups], dtype=np.int32),
+            once=once,
             first=placed([operands[k][0] for k in order]),
             second=placed([operands[k][1] for k in order]),
             outputs=placed([outputs[p, e] for p, size in enumerate(shown) for e in range(size)]),
@@ -159,7 +164,7 @@ class InstructionTape:
     def read(cls, content: bytes) -> Self:
         """What `content` has written."""
         with np.load(BytesIO(content)) as stored:
-            sizes = {name: stored[name].tolist() for name in ("inputs", "carried", "shown", "written")}
+            sizes = {name: stored[name].tolist() for name in ("inputs", "carried", "shown", "once", "written")}
             arrays = {name: stored[name] for name in stored.files if name not in sizes}
         sizes |= {name: tuple(sizes[name]) for name in ("inputs", "shown")}
         return cls(**sizes, **arrays)
@@ -175,7 +180,7 @@ class InstructionTape:
     def mark(self) -> str:
         """What two tapes have in common only if they are the same."""
         arrays = (self.constants, self.kinds, self.counts, self.first, self.second, self.outputs)
-        sizes = repr((self.inputs, self.carried, self.shown))
+        sizes = repr((self.inputs, self.carried, self.shown, self.once))
         return sha256(sizes.encode() + b"".join(values.tobytes() for values in arrays)).hexdigest()
 
     def follow(
@@ -200,6 +205,7 @@ class InstructionTape:
             *(ctypes.c_longlong(len(self.shown)), _pointer(written), pointers(shown), _pointer(self.outputs)),
             *(ctypes.c_double(dust), ctypes.c_longlong(len(self.kinds)), _pointer(self.kinds), _pointer(self.counts)),
             *(_pointer(self.first), _pointer(self.second), _pointer(values), _pointer(results)),
+            *(ctypes.c_longlong(self.once), ctypes.c_longlong(int(self.counts[: self.once].sum()))),
         )
         return not failed
 
@@ -212,23 +218,44 @@ def _written(function: Any) -> int:
     )
 
 
-def _grouped(kinds: Sequence[int], operands: Sequence[tuple[int, int]]) -> tuple[list[int], list[tuple[int, int]]]:
-    """An order in which each instruction comes after those that it needs, and its groups of one kind.
+def _ordered(
+    kinds: Sequence[int], operands: Sequence[tuple[int, int]], moving: int
+) -> tuple[list[int], list[tuple[int, int]], int]:
+    """An order of the instructions, its groups of one kind, and how many of these come before what differs by row.
 
-    The kind of which most are ready is always next. Operands below zero are results: -1 that of the first instruction.
+    Operands below zero are results: -1 that of the first instruction. Those below `moving` differ by row.
     """
-    users: list[list[int]] = [[] for _ in kinds]
-    missing = [0] * len(kinds)
+    moves = list[bool]()
+    for both in operands:
+        moves.append(any(moves[-1 - each] if each < 0 else each < moving for each in both))
+    order, groups, once = list[int](), list[tuple[int, int]](), 0
+    for moved in (False, True):
+        once = len(groups)
+        members, more = _grouped([k for k, each in enumerate(moves) if each is moved], kinds, operands)
+        order += members
+        groups += more
+    return order, groups, once
+
+
+def _grouped(
+    members: Sequence[int], kinds: Sequence[int], operands: Sequence[tuple[int, int]]
+) -> tuple[list[int], list[tuple[int, int]]]:
+    """Some of the instructions so that each comes after those of them that it needs, and the groups of one kind.
+
+    The kind of which most are ready is always next.
+    """
+    users: dict[int, list[int]] = {k: [] for k in members}
+    missing = dict.fromkeys(members, 0)
     ready: dict[int, list[int]] = defaultdict(list)
-    for k, both in enumerate(operands):
-        needed = {-1 - each for each in both if each < 0}
+    for k in members:
+        needed = {-1 - each for each in operands[k] if each < 0 and -1 - each in users}
         missing[k] = len(needed)
         for each in needed:
             users[each].append(k)
         if not needed:
             ready[kinds[k]].append(k)
     order, groups = list[int](), list[tuple[int, int]]()
-    while len(order) < len(kinds):
+    while len(order) < len(members):
         kind = max(ready, key=lambda each: len(ready[each]))
         group, begun = ready[kind], len(order)
         for k in group:  # which grows by what gets ready

@@ -136,9 +136,15 @@ class Recursion:
         return self._code.wait()
 
     def _library(self) -> ctypes.CDLL | None:
-        """The machine code, if there is some; the compiler is called, and waited for, once that pays."""
+        """The machine code, if there is some; the compiler is called once that pays.
+
+        It works beside the program, most of whose threads wait for one of them most of the time. Only the virtual
+        machine is so slow that it is better to wait.
+        """
         if self._code.library is None and self._followed >= self._patience:
-            self.wait()
+            self._code.start()
+            if self._tape is None:
+                self._code.wait()
         return self._code.library
 
     def _in_virtual_machine(

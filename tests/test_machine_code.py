@@ -126,6 +126,10 @@ def test_what_is_followed_long_is_compiled(monkeypatch: pytest.MonkeyPatch) -> N
     for _ in range(3):
         assert is_right(recursion)
         assert recursion._code.library is None
+        assert recursion._code._build is None
+    assert is_right(recursion)
+    assert recursion._code._build is not None or recursion._code.library is not None  # at work, or done
+    assert recursion._code.wait()
     assert is_right(recursion)
     assert recursion._code.library is not None
 
@@ -147,6 +151,24 @@ def test_a_thread_that_compiles_waits_for_none_that_waits_for_it() -> None:
     builder.join(20.0)
     assert not builder.is_alive()
     assert is_right(compiled)
+
+
+@with_compiler
+def test_what_no_row_moves_is_worked_out_once() -> None:
+    """The sine of a constant stands before the rows' own instructions, and the numbers are the same."""
+    carried, row, constant = (ca.SX.sym(name) for name in ("carried", "row", "constant"))
+    still = ca.sin(constant) * ca.exp(constant)
+    function = ca.Function("once", [carried, row, constant], [carried + still * row, still * carried])
+    tape = InstructionTape.of(function, 1)
+    assert tape is not None
+    assert tape.counts[: tape.once].sum() == 3
+    assert tape.once < len(tape.counts)
+    rows, held, shown = np.arange(5.0)[:, None], [np.array([0.5])], [np.empty((5, 1))]
+    assert tape.follow(held, rows, [np.array([0.7])], shown)
+    factor = np.sin(0.7) * np.exp(0.7)
+    before = 0.5 + factor * np.array([0.0, 0.0, 1.0, 3.0, 6.0])
+    assert shown[0][:, 0] == pytest.approx(factor * before, rel=1e-14)
+    assert held[0] == pytest.approx(0.5 + factor * 10.0, rel=1e-14)
 
 
 def test_what_is_called_several_times_is_written_once() -> None:

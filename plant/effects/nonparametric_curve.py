@@ -203,8 +203,11 @@ class CurveOverVelocity(Curve):
         beyond = value - ca.fmax(ca.fmin(value, farther), -farther)
         slowest = ca.fmax(low, 0) + ca.fmin(high, 0)  # that was seen, where the load went one way only
         between = ca.fmax(ca.fmin(value, ca.fabs(slowest)), -ca.fabs(slowest)) - slowest
-        nearest = ca.fmax(ca.fmin(value, high), low)
-        return within(value) + within(-nearest) - within(-value) + slope * (beyond + between)
+        above, below = value > high, value < low
+        outside = ca.logic_or(above, below)
+        at_the_end = above * (heights[-1] + within(-high)) + below * (heights[0] + within(-low))
+        sign = 1 - 2 * outside  # outside, the course of the other direction is turned round
+        return at_the_end + sign * within(sign * value) + slope * (beyond + between)
 
 
 @dataclass(frozen=True, kw_only=True)
