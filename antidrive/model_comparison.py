@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from diagnosis.explanation.wording import title_of
+from diagnosis.levels import SURE
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.simulation import free_simulation
@@ -71,7 +72,8 @@ class Comparison(Presented):
     Attributes:
         changes: one for each parameter of the known model that the new one still has.
         diagnosis: of the log, from the known model on.
-        new: names of the effects that it found and the model does not have.
+        new: names of the effects that it found for sure and the model does not have.
+        possible: names of those that it found, but not for sure.
         gone: names of effects of the model that are not in the new one, because a new effect takes their place.
         error_before, error_after: rms error of an open-loop simulation of the log with the known and the new model.
         unit: of these.
@@ -80,6 +82,7 @@ class Comparison(Presented):
     changes: tuple[Change, ...]
     diagnosis: Diagnosis
     new: tuple[str, ...]
+    possible: tuple[str, ...]
     gone: tuple[str, ...]
     error_before: float
     error_after: float
@@ -104,8 +107,10 @@ class Comparison(Presented):
         moved = [change for change in self.changes if change.moved]
         lines = [f"Changed: {change}" for change in moved] or ["No parameter has changed beyond its error."]
         causes = {cause.effect: cause for cause in self.diagnosis.causes}
-        lines += [f"New: {title_of(name)}, probability {_share(causes[name].probability)}" for name in self.new]
-        if not self.new:
+        told = {name: f"{title_of(name)}, probability {_share(causes[name].probability)}" for name in causes}
+        lines += [f"New: {told[name]}" for name in self.new]
+        lines += [f"Perhaps new: {told[name]}; another log would show whether it is" for name in self.possible]
+        if not (self.new or self.possible):
             lines.append(
                 "No effect is new."
                 if self.diagnosis.verdict != "unknown"
@@ -137,6 +142,7 @@ class Comparison(Presented):
             "schema": 1,
             "changes": [_row(change) for change in self.changes],
             "new": list(self.new),
+            "possible": list(self.possible),
             "gone": list(self.gone),
             "verdict": self.diagnosis.verdict,
             "rms": {"before": self.error_before, "after": self.error_after, "unit": self.unit},
@@ -175,11 +181,13 @@ def compare(
     found = diagnose(read, before.model, holdout, progress=progress, **known)
     kept = {effect.name for effect in found.model.effects}
     had = {effect.name for effect in before.model.effects}
+    added = [cause for cause in found.causes if cause.effect not in had]
     errors = [_rms(read, servo) for servo in (before.model, found.model)]
     return Comparison(
         changes=_changes(before, found),
         diagnosis=found,
-        new=tuple(cause.effect for cause in found.causes if cause.effect not in had),
+        new=tuple(cause.effect for cause in added if cause.probability > SURE),
+        possible=tuple(cause.effect for cause in added if cause.probability <= SURE),
         gone=tuple(effect.name for effect in before.model.effects if effect.name not in kept),
         error_before=errors[0],
         error_after=errors[1],

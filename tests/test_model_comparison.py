@@ -10,7 +10,7 @@ from front_door import TRUTH, antidrive, columns, listing, write_csv, write_mode
 
 import antidrive as ad
 from antidrive.model_comparison import Change
-from plant.effects import Cogging
+from plant.effects import Cogging, InputDelay
 from plant.model_file import ModelFile
 
 DURATION = 12.0
@@ -31,6 +31,21 @@ def test_wear_and_a_new_effect_are_told_apart():
     assert lines[0].startswith("Changed: viscous_friction: 0.5 +- 0.0001 -> 0.")
     assert "+20 %" in lines[0]
     assert lines[1] == "New: cogging, probability above 0.99"
+
+
+def test_what_is_not_sure_is_not_told_as_new():
+    """Where another effect does the same in this log, neither is new for sure: the machine is not stopped for it."""
+    late = TRUTH.with_effect(InputDelay(time=0.004))
+    log = columns(late, seed=2, duration=DURATION)
+    found = ad.compare(ModelFile(model=TRUTH, std=STD), log, candidates=["sensor_lag", "input_delay", "actuator_lag"])
+    unsure = [cause.effect for cause in found.diagnosis.causes if cause.probability <= 0.9]
+    assert unsure
+    assert found.possible == tuple(unsure)
+    assert found.new == ()
+    assert any(line.startswith("Perhaps new: ") for line in found.sentences())
+    assert "No effect is new." not in found.sentences()
+    assert "New" not in found.headline()
+    assert found.to_dict()["possible"] == unsure
 
 
 def test_the_command_says_that_nothing_changed(tmp_path):
