@@ -185,31 +185,54 @@ class ClosedLoopRun:
 
     def figure(self) -> Any:
         """Reference and angle, error, pinion torques, flank torques."""
-        from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
-        from antidrive.figures import traces_figure
+        limits = (-self.max_torque, -self.min_torque, self.min_torque, self.max_torque)
+        return loop_figure(self.result, single=self.single, intact=self.intact, limits=limits)
 
-        r, (angle, rad, torque, newton) = self.result, axis_quantities(self.result.axis)
-        angles = [("reference", MEASURED, r.reference), (angle, AFTER, r.angle)]
-        errors = [(angle, AFTER, r.angle - r.reference)]
-        if self.intact is not None:
-            errors.append(("angle, nothing lost", MEASURED, self.intact.angle - self.intact.reference))
-        if self.single is not None:
-            angles.append(("angle, one drive", BEFORE, self.single.angle))
-            errors.append(("angle, one drive", BEFORE, self.single.angle - self.single.reference))
-        torques, flanks = (
-            [(f"drive {i + 1}", (SECOND, THIRD)[i], column) for i, column in enumerate(both.T)]
-            for both in (r.torques, r.flank_torques)
-        )
-        return traces_figure(
-            r.time,
-            [
-                (f"{angle} [{rad}]", angles),
-                (f"error [{rad}]", errors),
-                ("pinion torque [N m]", torques),
-                (f"flank {torque} [{newton}]", flanks),
-            ],
-            bounds={3: (-self.max_torque, -self.min_torque, self.min_torque, self.max_torque), 4: (0.0,)},
-        )
+
+def loop_figure(
+    result: ClosedLoopResult,
+    *,
+    single: ClosedLoopResult | None = None,
+    intact: ClosedLoopResult | None = None,
+    limits: tuple[float, ...] = (),
+) -> Any:
+    """Reference and angle, error, pinion torques with their limits, flank torques; beside it other loops."""
+    from antidrive.chart import AFTER, BEFORE, MEASURED, SECOND, THIRD
+    from antidrive.figures import traces_figure
+
+    angle, rad, torque, newton = axis_quantities(result.axis)
+    angles = [("reference", MEASURED, result.reference), (angle, AFTER, result.angle)]
+    errors = [(angle, AFTER, result.angle - result.reference)]
+    if intact is not None:
+        errors.append(("angle, nothing lost", MEASURED, intact.angle - intact.reference))
+    if single is not None:
+        angles.append(("angle, one drive", BEFORE, single.angle))
+        errors.append(("angle, one drive", BEFORE, single.angle - single.reference))
+    torques, flanks = (
+        [(f"drive {i + 1}", (SECOND, THIRD)[i], column) for i, column in enumerate(both.T)]
+        for both in (result.torques, result.flank_torques)
+    )
+    return traces_figure(
+        result.time,
+        [
+            (f"{angle} [{rad}]", angles),
+            (f"error [{rad}]", errors),
+            ("pinion torque [N m]", torques),
+            (f"flank {torque} [{newton}]", flanks),
+        ],
+        bounds={3: limits, 4: (0.0,)},
+    )
+
+
+def loop_sentences(result: ClosedLoopResult) -> list[str]:
+    """What happened in a loop, in words."""
+    _, rad, _, newton = axis_quantities(result.axis)
+    least, optimal = result.least_flank_torque, result.time.size - result.degraded
+    contact = f"minimum contact torque {least:.3g} {newton}" if least > 0.0 else "contact was lost"
+    return [
+        f"Tracking error {result.tracking_rms:.3g} {rad} rms; {contact}.",
+        f"{optimal} of {result.time.size} samples were optimal.",
+    ]
 
 
 def flat(summary: Mapping[str, Any]) -> dict[str, Any]:

@@ -186,3 +186,10 @@ def _(result: Comparison) -> str:
     from antidrive.comparison_page import changes_page
 
     return changes_page(result, _made(result.diagnosis.base.log.sources))
+
+
+@_page.register
+def _(result: ClosedLoopResult) -> str:
+    from antidrive.report import loop_page
+
+    return loop_page(result, Provenance.now(("python",)))

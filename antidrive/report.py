@@ -10,6 +10,7 @@ import numpy as np
 from antidrive import figures
 from antidrive.capability import ROTARY, Units
 from antidrive.chart import Bars, Figure
+from antidrive.closed_loop_run import loop_figure, loop_sentences
 from antidrive.equations import model_equations
 from antidrive.experiment_figures import picture_figure
 from antidrive.experiments.outcome import Outcome
@@ -33,11 +34,13 @@ from diagnosis.result import LISTED, Cause, Gain
 from identification.fit_result import Fit, FittedParameter, correlations
 from identification.standard_errors import bandwidth_std
 from plant.effects.effect import Array
+from plant.units import axis_quantities
 
 if TYPE_CHECKING:
     from allocation import CapabilityMap
     from antidrive.closed_loop_run import ClosedLoopRun
     from antidrive.demo import Demo
+    from mpc import ClosedLoopResult
 
 _SAID = {"least_preload_margin": "minimum contact torque", "heat": "copper-loss index"}
 _RUNS_DRAWN = 3  # held-out runs that are drawn; the rest is in the numbers
@@ -113,6 +116,20 @@ def experiment_page(found: Outcome, provenance: Provenance) -> str:
 def closed_loop_page(trial: ClosedLoopRun, provenance: Provenance) -> str:
     """The page of a closed loop."""
     return page("closed_loop", provenance, trial.title, trials=[_trial(trial)])
+
+
+def loop_page(result: ClosedLoopResult, provenance: Provenance) -> str:
+    """The page of a loop that was closed in Python."""
+    _, length, _, newton = axis_quantities(result.axis)
+    title, error = "Closed loop", result.angle - result.reference
+    numbers = [
+        ("tracking rms", f"{result.tracking_rms:.4g} {length}"),
+        ("largest error", f"{float(np.max(np.abs(error))):.4g} {length}"),
+        ("minimum contact torque", f"{result.least_flank_torque:.4g} {newton}"),
+        ("copper-loss index", f"{result.heat:.4g} N² m²"),
+    ]
+    content = {"title": title, "note": "", "sentences": loop_sentences(result), "figure": loop_figure(result)}
+    return page("closed_loop", provenance, title, trials=[{**content, "numbers": numbers}])
 
 
 def capability_page(found: CapabilityMap, told: Sequence[str], provenance: Provenance, units: Units = ROTARY) -> str:

@@ -12,7 +12,7 @@ from allocation import least_effort
 from mpc.controller import Controller
 from plant.effects.parameter import Axis
 from plant.errors import BadParameter
-from plant.result_display import Drawn
+from plant.result_display import Presented
 from plant.rig import Rig
 from plant.units import axis_quantities
 
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ClosedLoopResult(Drawn):
+class ClosedLoopResult(Presented):
     """What happened over T samples; on a linear axis positions [m] in place of angles, and forces [N].
 
     Attributes:

@@ -47,7 +47,7 @@ def results(log, fitted, diagnosed) -> dict[str, Tabled]:
         "fit": fitted,
         "friction test": friction_test(ad.Log.from_arrays(**driven(PLAIN, SWEEP))),
         "comparison": Comparison(
-            changes=(Change(name="inertia", **change),), diagnosis=diagnosed, new=(), gone=(), **errors
+            changes=(Change(name="inertia", **change),), diagnosis=diagnosed, new=(), possible=(), gone=(), **errors
         ),
         "table": drive_table(TRUTH, "friction", points=10),
         "map": capability_map(drives, inertia=2.0, acceleration=axis, load_torque=axis),
@@ -107,12 +107,20 @@ def test_tables_hold_the_numbers(log, fitted, diagnosed):
     assert causes.loc["coulomb_friction", "value"] == pytest.approx(0.4, rel=0.02)
 
 
-@pytest.mark.parametrize("name", ["fit", "friction test", "comparison"])
+@pytest.mark.parametrize("name", ["fit", "friction test", "comparison", "loop"])
 def test_a_result_writes_its_page(name, results, tmp_path):
     path = results[name].report(tmp_path / "page.html")
     page = path.read_text(encoding="utf-8")
     assert page.count('class="plot"') >= 1 or "plot" in page
     assert "<h1>" in page
+
+
+def test_the_page_of_a_loop_has_its_numbers(results, tmp_path):
+    loop = results["loop"]
+    words = Text(loop.report(tmp_path / "loop.html").read_text(encoding="utf-8")).words
+    for number in (loop.tracking_rms, loop.least_flank_torque, loop.heat):
+        assert f"{number:.4g}" in words
+    assert f"{loop.time.size - loop.degraded} of {loop.time.size} samples were optimal." in words
 
 
 def test_a_diagnosis_is_drawn_and_written(diagnosed, tmp_path):
