@@ -136,6 +136,7 @@ def test_only_what_has_a_report_offers_one(results):
         "fit",
         "friction test",
         "comparison",
+        "loop",
     }
 
 
