@@ -30,7 +30,7 @@ from diagnosis.result import Cause, EffectSet, Minor, Unknown
 from diagnosis.stretches import stretches
 from diagnosis.validation_only import is_of_parameters, only_in_validation
 from diagnosis.validation_split import parts, split_otherwise
-from diagnosis.verdict import Judgement, judged, log_bayes, rivals, variables_instead
+from diagnosis.verdict import Judgement, alternatives, judged, log_bayes, variables_instead
 from identification.between_run_differences import between_run_differences
 from identification.errors import Unidentifiable
 from identification.fit import base_model, fit_with_prior, known_of
@@ -183,7 +183,7 @@ def _cause(found: Tenable, judgement: Judgement, name: str) -> Cause:
     return Cause(
         effect=name,
         probability=judgement.causes[name],
-        alternatives=rivals(posterior, name),
+        alternatives=alternatives(posterior, name),
         parameters=estimates(fit, name),
         share=share,
         rms=rms,

@@ -67,7 +67,7 @@ def _behind(posterior: Posterior, holder: Explanation, name: str) -> str:
         return f"it costs more than it explains (log Bayes factor {worth:.1f})"
     behind = posterior.best.log_marginal - holder.log_marginal
     others = joined_words([title_of(other) for other in sorted(posterior.best.names - holder.names)])
-    if posterior.told(name) > LIKELY:
+    if posterior.probability(name) > LIKELY:
         return "it only takes the place of an effect that is ruled out"
     if not others:
         return f"its probability is only {percent(posterior.of(name))}"

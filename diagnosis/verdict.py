@@ -56,7 +56,7 @@ def judged(
     beside = posterior.best.discrepancy.posterior
     probable = {name: p for name, p in posterior.names().items() if p > LIKELY}
     fitted = frozenset[str]().union(*(each.names for each in posterior.sets))
-    told = {name: posterior.told(name) for name in posterior.names() if name in fitted}
+    told = {name: posterior.probability(name) for name in posterior.names() if name in fitted}
     among = None if ruled_out is None else frozenset[str]().union(*map(special_cases, ruled_out))
     causes = {name: p for name, p in told.items() if p > LIKELY and (among is None or name in among)}
     if causes and among is None:
@@ -112,7 +112,7 @@ def _carrying(discrepancy: Discrepancy) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*alike, *needed)))
 
 
-def rivals(posterior: Posterior, name: str) -> tuple[tuple[str, float], ...]:
+def alternatives(posterior: Posterior, name: str) -> tuple[tuple[str, float], ...]:
     """Names that the sets without it have in its place, with the probability of those sets; not what has none.
 
     In its place is what is likelier without it than beside it.
@@ -123,7 +123,7 @@ def rivals(posterior: Posterior, name: str) -> tuple[tuple[str, float], ...]:
         found = beside if name in names else instead
         for other in names.difference(posterior.best.names, unnamed):
             found[other] = found.get(other, 0.0) + p
-    told = posterior.told(name)
+    told = posterior.probability(name)
     alike = {n: p for n, p in instead.items() if p * told > beside.get(n, 0.0) * (1.0 - told)}
     return tuple(sorted(((n, p) for n, p in alike.items() if p >= LISTED), key=lambda item: -item[1]))
 
@@ -161,6 +161,6 @@ def _verdict(posterior: Posterior, causes: Mapping[str, float], *, more: bool, i
 
 def _leading(posterior: Posterior) -> dict[str, float]:
     """The name that is told with the highest probability."""
-    told = {name: posterior.told(name) for each in posterior.sets for name in each.names.difference(unnamed)}
+    told = {name: posterior.probability(name) for each in posterior.sets for name in each.names.difference(unnamed)}
     best = max(told, key=lambda name: told[name])
     return {best: told[best]}

@@ -15,7 +15,7 @@ from diagnosis.evidence.fitted_sets import Explored, fitted
 from diagnosis.evidence.marginal import families_along
 from diagnosis.evidence.posterior import Posterior, beside_discrepancy, beside_names
 from diagnosis.falsification import tenable
-from diagnosis.verdict import judged, rivals
+from diagnosis.verdict import alternatives, judged
 from identification.fit import fit
 from plant.effects import Compliance, PayloadChange, StribeckFriction, TorqueOffset, catalogue
 
@@ -61,9 +61,9 @@ def test_what_is_likely_by_the_evidence_alone_is_in_no_model() -> None:
 def test_a_rival_is_likelier_without_a_name_than_beside_it() -> None:
     """`b` stands in the place of `a`; `c` is about as likely in any case."""
     posterior = believing(a=0.5, b=0.25, a__c=0.15, b__c=0.07, c=0.03)
-    told = dict(rivals(posterior, "a"))
+    told = dict(alternatives(posterior, "a"))
     assert told["b"] == pytest.approx(0.32)
-    found = dict(rivals(believing(a=0.5, b=0.3, a__c=0.18, b__c=0.02), "a"))
+    found = dict(alternatives(believing(a=0.5, b=0.3, a__c=0.18, b__c=0.02), "a"))
     assert "c" not in found
 
 
@@ -213,5 +213,5 @@ def test_what_a_law_may_err_by_goes_to_the_names(more: float, share: float) -> N
     sets = [weighed("coulomb_friction", 7.0, 0.0), weighed("friction_over_velocity", 7.0 + more, 90.0)]
     posterior = Posterior.over(sets)
     assert posterior.nameless() == pytest.approx(share)
-    assert posterior.told("coulomb_friction") == pytest.approx(1.0 - share, abs=1e-9)
+    assert posterior.probability("coulomb_friction") == pytest.approx(1.0 - share, abs=1e-9)
     assert posterior.of("friction_over_velocity") == pytest.approx(1.0)

@@ -16,7 +16,7 @@ from diagnosis.evidence.posterior import Posterior, beside_discrepancy
 from diagnosis.evidence.prior import forms
 from diagnosis.evidence.sizes import Sizes
 from diagnosis.explanation.posterior_sentences import set_title
-from diagnosis.verdict import Judgement, judged, rivals, variables
+from diagnosis.verdict import Judgement, alternatives, judged, variables
 from identification.log import Log
 from identification.objective import Objective
 from mpc import Controller, analyse_loop
@@ -115,7 +115,7 @@ def test_what_stands_in_the_place_of_a_name_is_no_cause(without: float, verdict:
     assert set(found.causes) == {"cogging"}
     assert set(posterior.names()) == {"cogging"}
     assert found.depends_on == (("position",) if without > 0.5 else ())
-    assert rivals(posterior, "cogging") == ()
+    assert alternatives(posterior, "cogging") == ()
 
 
 def test_a_set_that_was_not_fitted_says_what_stands_in_a_place() -> None:

@@ -83,7 +83,7 @@ class Posterior:
         is likely by the evidence alone is minor, and no more.
         """
         names = frozenset(name for each in self.reported for name in each)
-        likely = frozenset(name for name in names if self.told(name) > LIKELY)
+        likely = frozenset(name for name in names if self.probability(name) > LIKELY)
         minor = frozenset(name for name in names - likely if self.of(name) > LIKELY)
         holding = [each for each in self.reported if likely <= each and not each & minor]
         return likely if self.complete(likely | minor) > LIKELY or not holding else holding[0]
@@ -99,7 +99,7 @@ class Posterior:
         """Probability that an effect is there by the evidence alone: of all sets that hold it together."""
         return sum(p for each, p in zip(self.sets, self.probabilities, strict=True) if name in each.names)
 
-    def told(self, name: str) -> float:
+    def probability(self, name: str) -> float:
         """Probability that an effect is there, and no part of what no name explains."""
         return sum(p for names, p in self.reported.items() if name in names)
 

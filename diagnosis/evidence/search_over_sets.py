@@ -166,7 +166,7 @@ def _names_nothing(found: Explored) -> bool:
     """Whether no effect of the machine is likelier there than not."""
     posterior = Posterior.over(found.known.values())
     measured = {name for name, kind in found.effects.items() if kind.measured}
-    return not any(posterior.told(name) > LIKELY for name in posterior.names().keys() - measured)
+    return not any(posterior.probability(name) > LIKELY for name in posterior.names().keys() - measured)
 
 
 def _try_in_places(found: Explored, best: Explanation, places: Sequence[frozenset[str]], in_place: _InPlace) -> None:
