@@ -17,8 +17,8 @@ What is significant, but smaller than what no name explains, may well be a part 
 
 of its probability, with r what it changes in the innovations over what has no name does there, or over a
 hundredth of the largest other effect, which that one's law may be wrong by; the rest goes to the same set without it.
-An effect that has a simpler one as its special case is asked twice: what it adds to that may be a part of the
-discrepancy, and so may all of it.
+An effect that has a simpler one as its special case is asked twice: what it adds to that has to exceed a hundredth of
+itself. Whether a discrepancy explains it as well is asked by the evidence alone.
 
 Likewise a set with something that has no name keeps as much beside the likeliest set of names alone: what it explains
 beyond that has to exceed a hundredth of the largest effect there.
@@ -162,7 +162,7 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
         whole = wide = sound * kept_share(sizes[name], explanation.sizes.to_exceed(name))
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
-            wide = whole * kept_share(more, max(explanation.sizes.without_name, INEXACT * sizes[name]))
+            wide = whole * kept_share(more, INEXACT * sizes[name])
             ask(left - {name}, kept | {special}, out, p * (whole - wide))
         ask(left - {name}, kept | {name}, out, p * wide)
         ask(left - {name}, kept, out | {name}, p * (1.0 - whole))
