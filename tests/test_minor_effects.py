@@ -49,10 +49,16 @@ def test_of_what_no_effect_explains_no_part_is_sure() -> None:
     assert 0.02 / 5.0 < found.unknown.share < 0.02 * 5.0
 
 
-def explanation_of(sizes: dict[str, float], discrepancy: float = 0.0, *, at_its_limit: bool = False) -> Explanation:
-    """A set whose effects have such sizes beside a discrepancy."""
+def explanation_of(
+    sizes: dict[str, float],
+    discrepancy: float = 0.0,
+    *,
+    at_its_limit: bool = False,
+    special: dict[str, tuple[str, float]] | None = None,
+) -> Explanation:
+    """A set whose effects have such sizes beside a discrepancy, and beyond their special cases."""
     beyond = Sizes(fit=None, names=frozenset(sizes), bandwidth=0.0, here=None, discrepancy=discrepancy)  # type: ignore[arg-type]
-    beyond.__dict__.update(effects=sizes, beyond_special={}, beyond=lambda name, out: sizes[name])
+    beyond.__dict__.update(effects=sizes, beyond_special=special or {}, beyond=lambda name, out: sizes[name])
     beside = SimpleNamespace(posterior=SimpleNamespace(at_its_limit=at_its_limit))
     made: Any = SimpleNamespace(names=frozenset(sizes), sizes=beyond, discrepancy=beside)
     return cast(Explanation, made)
@@ -69,6 +75,15 @@ def test_what_a_law_may_be_wrong_by_is_no_cause() -> None:
     assert share_told(explanation_of({"drift": 1.0, "wave": 1e-3}), "drift") > 0.999
     assert share_told(explanation_of({"drift": 1.0, "wave": 0.1}), "wave") > 0.98
     assert share_told(explanation_of({"wave": 1e-3}), "wave") > 0.999
+
+
+def test_what_an_effect_adds_to_its_special_case_may_be_small() -> None:
+    """But not below a hundredth of the effect. Whether the discrepancy explains it is asked by the evidence."""
+    for more, kept in ((0.05, 25.0 / 26.0), (0.01, 0.5), (0.001, 1.0 / 101.0)):
+        told = explanation_of({"stribeck": 1.0}, 0.1, special={"stribeck": ("coulomb", more)})
+        whole = 100.0 / 101.0
+        assert share_told(told, "stribeck") == pytest.approx(whole * kept)
+        assert share_told(told, "coulomb") == pytest.approx(whole * (1.0 - kept))
 
 
 def test_nothing_is_sure_where_the_fit_has_failed() -> None:
