@@ -268,7 +268,7 @@ def demo(*, out: Path, seed: int, console: Console) -> None:
     from antidrive.demo import run_demo, write_log
 
     with whole_folder(out) as draft:
-        with console.progress("recording a synthetic log on the rig") as progress:
+        with console.progress("recording a synthetic log in the test-bench simulation") as progress:
             told = run_demo(seed=seed, progress=progress)
         write_log(told.log, draft / "log.csv")
         write_log(told.validation, draft / "validation.csv")

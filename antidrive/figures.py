@@ -163,7 +163,7 @@ def change_figure(found: Signature) -> Figure:
     ]
     difference = [Curve(name="difference", colour=BEFORE, x=time, y=found.change)]
     rows = [
-        Row(title="reading [rad]", curves=shown, share=0.55),
+        Row(title="measurement [rad]", curves=shown, share=0.55),
         Row(title="difference [rad]", curves=difference, share=0.45),
     ]
     return Figure(x="time [s]", height=280, rows=rows)

@@ -19,7 +19,7 @@ FIRST = (
     "  antidrive demo",
     "  antidrive inspect log.csv",
     "  antidrive diagnose antidrive-out/log.toml",
-    "Exit code 0: done; 2: bad input, told in one sentence; 1: anything else. More on a command: antidrive COMMAND "
+    "Exit code 0: done; 2: bad input, reported in one sentence; 1: anything else. More on a command: antidrive COMMAND "
     "--help.",
 )
 """What stands below the commands, a paragraph each."""

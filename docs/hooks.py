@@ -187,7 +187,7 @@ def front_door() -> str:
 
 def commands() -> str:
     """What `--help` says of each command."""
-    parts = ["# Commands", "Exit code 0: done; 2: bad input, told in one sentence on stderr; 1: anything else."]
+    parts = ["# Commands", "Exit code 0: done; 2: bad input, reported in one sentence on stderr; 1: anything else."]
     for command in app.registered_commands:
         name = command.name or command.callback.__name__  # type: ignore[union-attr]
         said = io.StringIO()

@@ -201,7 +201,7 @@ def _value(p: FittedParameter, failed: bool) -> str:
     if p.fixed and p.value is not None:
         return f"{p.value:.6g} {printed(p.unit)} (fixed)"
     if p.value is None or p.std is None:
-        return "not found" if failed else f"cannot be told from this log (start {p.start:.4g} {printed(p.unit)})"
+        return "not found" if failed else f"cannot be determined from this log (start {p.start:.4g} {printed(p.unit)})"
     share = f" ({100.0 * p.std / abs(p.value):.2g} %)" if p.value else ""
     bound = "  AT BOUND" if p.at_bound else ""
     return f"{p.value:.6g} +- {p.std:.2g} {printed(p.unit)}{share}  from {p.start:.4g}{bound}"

@@ -116,7 +116,9 @@ def sweep(
     for number, outcome in enumerate(in_order(Trial.outcome, trials, executor), start=1):
         outcomes.append(outcome)
         if progress is not None:
-            progress(f"{number} of {len(trials)}: rms {outcome[0]:.3g} rad, least flank torque {outcome[1]:.3g} N m")
+            progress(
+                f"{number} of {len(trials)}: rms {outcome[0]:.3g} rad, minimum contact torque {outcome[1]:.3g} N m"
+            )
     rms, flank, degraded, heat = zip(*outcomes, strict=True)
     return Sweep(
         tracking_rms=np.array(rms),

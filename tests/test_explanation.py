@@ -167,7 +167,7 @@ def test_competing_hypotheses_come_with_signature_and_experiment() -> None:
     explained = found.explain(experiment)
     text = str(explained)
     assert "This log does not tell " in text
-    assert "the reading lags by a fixed time" in text
+    assert "the measurement lags by a fixed time" in text
     assert "phase falls with frequency" in text
     assert "the two are known to be confounded" in text
     assert any(sentence.startswith("Either-or: ") for sentence in explained.posterior)

@@ -15,8 +15,8 @@ from plant.rig import Rig
 ONE, SIZED, WARM, SHAPED, PLANNED = LAWS = (
     "one drive",
     "constant preload",
-    "constant preload of equal heat",
-    "load-dependent preload of equal heat",
+    "constant preload of equal copper loss",
+    "load-dependent preload of equal copper loss",
     "least effort by flank torque",
 )
 

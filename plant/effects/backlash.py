@@ -65,10 +65,10 @@ class Backlash(Effect):
     states = (State.ANGLE, State.VELOCITY)
     flexible = True
 
-    gap: float = parameter("{angle}", "free play from flank to flank", lower=0.0)
+    gap: float = parameter("{angle}", "angle from flank to flank", lower=0.0)
     motor_share: float = parameter("-", "share of the inertia on the motor's side", lower=0.02, upper=0.98)
     flank_frequency: float = parameter(
-        "rad/s", "swing of both masses on a flank", lower=POSITIVE, swing=True, fitted=False, default=_STIFF
+        "rad/s", "natural frequency of both masses in contact", lower=POSITIVE, swing=True, fitted=False, default=_STIFF
     )
     flank_damping: float = parameter(
         "-", "damping ratio of that swing", lower=0.0, upper=10.0, fitted=False, default=_DAMPING

@@ -27,7 +27,7 @@ class GoalRateLimit(Ramp):
     confused_with = ("input_delay", "actuator_lag", "rate_limit", "torque_saturation")
     states = (State.GOAL,)
 
-    rate: float = parameter("{angle}/s", "largest speed r of the internal goal", lower=POSITIVE)
+    rate: float = parameter("{angle}/s", "largest speed r of the internal set-point", lower=POSITIVE)
 
     @classmethod
     def traces(cls, motion: Motion) -> Iterator[Trace]:

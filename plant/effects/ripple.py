@@ -118,7 +118,7 @@ class RippleOfReading(Ripple):
     """An error of the encoder that repeats with the angle: by the turn of its disc, or faster."""
 
     name = "ripple_of_reading"
-    title = "error of the reading that repeats with the angle"
+    title = "measurement error that repeats with the angle"
     stage = Stage.SENSOR
     size = "{angle}"
     variables = ("angle",)

@@ -19,7 +19,7 @@ class SensorLag(Effect):
     stage = Stage.SENSOR
     needs_angle = True
     equation = r"T_s \dot y = x - y"
-    trace = "the reading lags by a fixed time, whatever the torque"
+    trace = "the measurement lags by a fixed time, whatever the torque"
     confused_with = ("input_delay", "actuator_lag")
     states = (State.ANGLE,)
 
