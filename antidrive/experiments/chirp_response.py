@@ -158,8 +158,8 @@ def run(settings: ChirpSettings, seed: int) -> Outcome:
         title=settings.title,
         said=(
             "With the same chirp, eq. (4) with the paper's J = 2, alpha = 0.5, K = 0.8 fits the test bench to "
-            f"{of_paper:.1f} %. With numbers found on another sweep, J = {J:.3f}, alpha = {alpha:.3f}, K = {K:.3f}, it fits "
-            f"to {of_found:.1f} %. The paper shows a picture and gives no number.",
+            f"{of_paper:.1f} %. With numbers found on another sweep, J = {J:.3f}, alpha = {alpha:.3f}, K = {K:.3f}, it "
+            f"fits to {of_found:.1f} %. The paper shows a picture and gives no number.",
             f"The remaining error is dry friction: with {found.friction:.3f} N m of it in the model the fit is "
             f"{of_rubbing:.2f} %. The simulated motors have {rubs:.3f} N m. "
             f"Contact was {'lost' if found.contact_lost else 'never lost'}.",
