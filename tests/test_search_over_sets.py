@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import pytest
@@ -10,8 +12,9 @@ from machine import Follower, Machine, excitation, record, wandering_reference
 
 from diagnosis import Diagnosis, diagnose
 from diagnosis.evidence.fitted_sets import Explored, fitted
-from diagnosis.evidence.larger_sets import Trial, proposals, rise, try_sets
+from diagnosis.evidence.larger_sets import Trial, _try_held, proposals, rise, try_sets
 from diagnosis.evidence.marginal import families_along
+from diagnosis.evidence.proposals import Proposal
 from diagnosis.evidence.search_over_sets import explore
 from identification.fit import fit
 from identification.log import Log
@@ -198,3 +201,46 @@ def test_a_hardly_touched_end_stop_is_found_at_the_reversal() -> None:
     (cause,) = found.causes
     assert (found.verdict, cause.effect) == ("named", "end_stop")
     assert cause.parameters["angle"].value == pytest.approx(19.8366, abs=2e-3)
+
+
+@pytest.mark.parametrize(("promise", "held"), [(50.0, False), (80.0, True)])
+def test_a_chaotic_set_has_to_beat_those_that_have_a_fit_there(promise: float, held: bool) -> None:
+    """The best set has no fit behind the observer that holds a chaotic one; the next best is worth 70 there."""
+
+    def explanation(names: str, value: float) -> Any:
+        return SimpleNamespace(
+            names=frozenset(names.split()), log_marginal=value, fit=SimpleNamespace(model=names, bandwidth=0.0)
+        )
+
+    class Found:
+        held = False
+        null = SimpleNamespace(model="", log=SimpleNamespace(sample_time=0.01))
+        effects: ClassVar[dict[str, Any]] = {}
+
+        def __init__(self) -> None:
+            sets = [explanation("a b", 200.0), explanation("a", 100.0), explanation("", 0.0)]
+            self.fits: Any = {(each.names, 0.0): each for each in sets}
+            self.values: dict[str, float | None] = {"a b": None, "a": 70.0, "": 10.0, "gap": promise}
+
+        @property
+        def known(self) -> dict[frozenset[str], Any]:
+            return {each.names: each for each in self.fits.values()}
+
+        def fitted(self, start: Any, models: list[str], bandwidth: float) -> Any:
+            return SimpleNamespace(model=models[0], bandwidth=bandwidth)
+
+        def fitted_with(self, fit: Any, proposal: Any, bandwidth: float) -> Any:
+            return SimpleNamespace(model="gap", bandwidth=bandwidth)
+
+        def weighed(self, fit: Any) -> Any:
+            value = self.values[fit.model]
+            return None if value is None else explanation(fit.model, value)
+
+        def add(self, some: Any) -> None:
+            self.fits |= {(each.names, 1.0): each for each in some if each is not None}
+
+    found: Any = Found()
+    _try_held(found, Trial(parent=explanation("", 0.0), proposal=cast(Proposal, SimpleNamespace(names=frozenset()))))
+    assert found.held is held
+    assert (frozenset({"a", "b"}) in found.known) is not held
+    assert (frozenset({"gap"}) in found.known) is held

@@ -162,19 +162,32 @@ def _tried(found: Explored, trial: Trial, bandwidth: float) -> Iterator[Explanat
 def _try_held(found: Explored, trial: Trial) -> None:
     """A set in which small errors grow without bound: it is weighed behind an observer that holds it.
 
-    Where it is likelier there than the best of the others, all go on behind that observer.
+    Where it is likelier there than the best of the others, all go on behind that observer, with those that compete.
     """
-    parent, best = trial.parent.fit, found.best
+    parent = trial.parent.fit
     bandwidth = max(HELD / found.null.log.sample_time, parent.bandwidth)
     tried = found.weighed(found.fitted_with(parent, trial.proposal, bandwidth))
     if found.held or tried is None:
         found.add([tried])
         return
-    rival = found.weighed(found.fitted(best.fit, [best.fit.model], bandwidth))
-    if rival is None or tried.log_marginal > rival.log_marginal:
+    others = _competing(found, bandwidth)
+    if all(tried.log_marginal > other.log_marginal for other in others):
         found.held, found.fits = True, {}
         alone = found.weighed(found.fitted(found.null, [found.null.model], bandwidth))
-        found.add((tried, rival, alone or found.weighed(found.null)))
+        found.add((tried, *others, alone or found.weighed(found.null)))
+
+
+def _competing(found: Explored, bandwidth: float) -> list[Explanation]:
+    """The likeliest sets behind another observer: the first that has a fit there, and what it competes with."""
+    others, least = list[Explanation](), -np.inf
+    for each in sorted(found.known.values(), key=lambda each: -each.log_marginal):
+        if each.log_marginal < least:
+            break
+        other = found.weighed(found.fitted(each.fit, [each.fit.model], bandwidth))
+        if other is not None:
+            others.append(other)
+            least = max(least, each.log_marginal - HARDLY_EVER)
+    return others
 
 
 def _would_add(fit: Fit, kind: type[Effect]) -> bool:
