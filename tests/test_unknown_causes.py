@@ -54,6 +54,18 @@ def test_a_curve_has_to_predict_better() -> None:
     assert again.gain.held_out_rms_after <= again.gain.held_out_rms_before
 
 
+def test_what_was_excluded_is_told_under_no_other_name() -> None:
+    """Coulomb friction is a special case of two other laws; excluded, it is unknown over velocity, and not one of them."""
+    log = log_of(coulomb_friction={"torque": 0.3})
+    found = diagnose(log, candidates=["asymmetric_friction", "stribeck_friction"])
+    assert (found.verdict, found.causes) == ("unknown", ())
+    assert "velocity" in found.unknown.depends_on
+    assert found.gain is not None
+    assert found.gain.held_out_rms_after < 0.1 * found.gain.held_out_rms_before
+    allowed = diagnose(log, candidates=["asymmetric_friction", "coulomb_friction"])
+    assert [(cause.effect, cause.probability > 0.99) for cause in allowed.causes] == [("coulomb_friction", True)]
+
+
 @pytest.mark.parametrize(
     ("hidden", "near", "variable", "carried", "formula"),
     [

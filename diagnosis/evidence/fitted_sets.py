@@ -13,7 +13,7 @@ from diagnosis.refit import fitted_from, is_its_special_case, most_promising, pr
 from identification.fit_result import Fit
 from identification.noise import log_likelihood
 from plant.discrete import Structure
-from plant.effects import Effect
+from plant.effects import Effect, catalogue
 from plant.effects.nonparametric_curve import Nonparametric
 from plant.servo import ServoModel
 
@@ -128,7 +128,10 @@ class Explored:
                 return None if narrow is None else self.weighed(narrow)
         if not fit.converged:
             return None
-        return weigh(fit, held, self.families, catalogue=len(self.effects), observer=self.null.bandwidth)
+        excluded = catalogue.keys() - self.effects.keys()
+        return weigh(
+            fit, held, self.families, catalogue=len(self.effects), observer=self.null.bandwidth, excluded=excluded
+        )
 
     def narrowed(self, fit: Fit, name: str) -> list[Fit]:
         """A fit with the special case of an effect in its place, if that has one and it may be named."""

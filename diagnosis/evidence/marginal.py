@@ -40,6 +40,7 @@ class Explanation:
         screen: to ask what more there may be.
         families: that the discrepancy is made of.
         observer: bandwidth of the observer that the base model needs [rad/s].
+        excluded: effects of the catalogue that may not be named.
     """
 
     names: frozenset[str]
@@ -48,6 +49,7 @@ class Explanation:
     screen: Screen
     families: Families
     observer: float
+    excluded: frozenset[str] = frozenset()
 
     @property
     def fit(self) -> Fit:
@@ -63,16 +65,23 @@ class Explanation:
     def sizes(self) -> Sizes:
         """Of the effects and of the discrepancy."""
         at = self.weighed
-        return Sizes.of(at.fit, self.names, self.families, at.noise, at.posterior.functions, self.observer)
+        found = Sizes.of(at.fit, self.names, self.families, at.noise, at.posterior.functions, self.observer)
+        return replace(found, excluded=self.excluded)
 
     @property
     def may_be(self) -> frozenset[str]:
         """Its names, and simpler effects that they may be instead."""
-        return self.names | {special for special, _ in self.sizes.beyond_special.values()}
+        return self.names | {special for special, _ in self.sizes.beyond_special.values() if special is not None}
 
 
 def weigh(
-    fit: Fit, base: Collection[str], families: Families, *, catalogue: int, observer: float
+    fit: Fit,
+    base: Collection[str],
+    families: Families,
+    *,
+    catalogue: int,
+    observer: float,
+    excluded: Collection[str] = (),
 ) -> Explanation | None:
     """A fit as an explanation; None where a motion or what depends on it grows without bound.
 
@@ -82,6 +91,7 @@ def weigh(
         families: the same for all that are compared.
         catalogue: number of effects that might be named.
         observer: bandwidth of the observer that the base model needs [rad/s].
+        excluded: effects of the catalogue that may not be named.
     """
     names = frozenset(effect.name for effect in fit.model.effects) - set(base)
     found = Weighed.at(fit, names, families)
@@ -104,6 +114,7 @@ def weigh(
         screen=Screen(fit=fit, motion=motion, innovations=here.innovations, nuisance=discrepancy, filters=here.filters),
         families=families,
         observer=observer,
+        excluded=frozenset(excluded),
     )
 
 

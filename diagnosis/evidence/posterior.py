@@ -163,7 +163,8 @@ def beside_discrepancy(explanation: Explanation, probability: float) -> dict[fro
         if name in explanation.sizes.beyond_special:
             special, more = explanation.sizes.beyond_special[name]
             wide = whole * kept_share(more, INEXACT * sizes[name])
-            ask(left - {name}, kept | {special}, out, p * (whole - wide))
+            simple = kept if special is None else kept | {special}  # excluded, it is there without a name
+            ask(left - {name}, simple, out, p * (whole - wide))
         ask(left - {name}, kept | {name}, out, p * wide)
         ask(left - {name}, kept, out | {name}, p * (1.0 - whole))
 

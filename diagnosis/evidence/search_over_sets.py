@@ -75,7 +75,7 @@ def _fit_leading(found: Explored) -> None:
         tried.add(names)
         model = holder.fit.model
         for name in sorted(holder.names - names):
-            special, _ = holder.sizes.beyond_special.get(name, ("", 0.0))
+            special, _ = holder.sizes.beyond_special.get(name, (None, 0.0))
             effect, model = model.effect(name), model.without_effect(name)
             if effect is not None and special in names:
                 model = model.with_effect(effect.reduced()[0])

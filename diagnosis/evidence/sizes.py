@@ -32,6 +32,7 @@ class Sizes:
         bandwidth: of the observer behind which is asked [rad/s].
         here: the fit behind it; None where its motion grows without bound: then each effect is larger than all else.
         discrepancy: of what has no name.
+        excluded: effects of the catalogue that may not be named.
     """
 
     fit: Fit
@@ -39,6 +40,7 @@ class Sizes:
     bandwidth: float
     here: Linearised | None
     discrepancy: float
+    excluded: frozenset[str] = frozenset()
 
     @classmethod
     def of(
@@ -79,9 +81,9 @@ class Sizes:
         return float(np.linalg.norm(change - held @ (held.T @ change)))
 
     @cached_property
-    def beyond_special(self) -> dict[str, tuple[str, float]]:
-        """Of those that have a simpler effect as a special case: its name, and what they change beyond it."""
-        found = {}
+    def beyond_special(self) -> dict[str, tuple[str | None, float]]:
+        """Of those that have a simpler effect as a special case: its name if it may have one, and what is beyond it."""
+        found: dict[str, tuple[str | None, float]] = {}
         for effect in self.fit.model.effects if self.here is not None else ():
             for special in effect.reduced()[:1] if effect.name in self.names else ():
                 if self.fit.model.effect(special.name) is None:
@@ -91,7 +93,7 @@ class Sizes:
                     if is_bounded(told) and self.here is not None:
                         other = np.concatenate([p.innovations for p in told])
                         change = float(np.linalg.norm(Nuisance.of(told).beyond(other - self.here.innovations)))
-                    found[effect.name] = special.name, change
+                    found[effect.name] = None if special.name in self.excluded else special.name, change
         return found
 
     @cached_property
