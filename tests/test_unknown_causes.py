@@ -55,7 +55,7 @@ def test_a_curve_has_to_predict_better() -> None:
 
 
 def test_what_was_excluded_is_told_under_no_other_name() -> None:
-    """Coulomb friction is a special case of two other laws; excluded, it is unknown over velocity, and not one of them."""
+    """Coulomb friction is a special case of both candidates; as it is excluded, the answer is unknown over velocity."""
     log = log_of(coulomb_friction={"torque": 0.3})
     found = diagnose(log, candidates=["asymmetric_friction", "stribeck_friction"])
     assert (found.verdict, found.causes) == ("unknown", ())
