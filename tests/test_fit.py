@@ -142,7 +142,7 @@ def test_a_load_that_never_turns_says_nothing_about_gravity(torque: float) -> No
     assert found["gravity"].value is None
     assert found["gravity"].std is None
     assert "gravity" in str(found)
-    assert "cannot be told" in str(found)
+    assert "cannot be determined" in str(found)
 
 
 def test_a_load_at_rest_does_not_determine_inertia_and_friction() -> None:

@@ -100,5 +100,5 @@ def test_an_unidentifiable_dead_zone_leaves_the_other_parameters() -> None:
     assert found.unidentifiable == ("dead_zone.half_width",)
     assert found.fixed == ("dead_zone.half_width",)
     assert found.failed is None
-    assert "dead_zone.half_width  cannot be told" in str(found)
+    assert "dead_zone.half_width  cannot be determined" in str(found)
     assert found.model.values[[0, 2, 3]] == pytest.approx([1.2e-3, 2.9e-2, 0.0], rel=0.02)
