@@ -43,4 +43,4 @@ def test_a_fit_to_the_wrong_torque_fails_with_advice() -> None:
     found = fit(type(log)(runs=(type(run)(**{**vars(run), "command": noise}),), axis=log.axis))
     assert found.failed is not None
     assert "The fit failed: " in str(found)
-    assert "cannot be told" not in str(found)
+    assert "cannot be determined" not in str(found)
