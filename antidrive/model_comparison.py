@@ -109,7 +109,7 @@ class Comparison(Presented):
         causes = {cause.effect: cause for cause in self.diagnosis.causes}
         told = {name: f"{title_of(name)}, probability {_share(causes[name].probability)}" for name in causes}
         lines += [f"New: {told[name]}" for name in self.new]
-        lines += [f"Perhaps new: {told[name]}; another log would show whether it is" for name in self.possible]
+        lines += [f"Perhaps new: {told[name]}; this log does not show whether it is" for name in self.possible]
         if not (self.new or self.possible):
             lines.append(
                 "No effect is new."

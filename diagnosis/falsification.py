@@ -128,7 +128,7 @@ class _Validated:
         if names:
             after = errors_of_many_steps(fit.model, validation)
             gains = {name: cut(errors_of_many_steps(other.model, validation), after) for name, other in less.items()}
-            worse_together = predicts_worse(base, fit, validation)
+            worse_together = len(names) > 1 and predicts_worse(base, fit, validation)
         objections = {name: _objection(other, fit, validation, gains[name]) for name, other in less.items()}
         return cls(fit=fit, less=less, gains=gains, objections=objections, worse_together=worse_together)
 

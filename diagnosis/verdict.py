@@ -1,7 +1,7 @@
 """The verdict: what may be said of each name, given the posterior over sets of effects.
 
-A name that is probable and larger than the discrepancy (`Posterior.told`) is a cause. One that is probable by the
-evidence alone (`Posterior.of`), but smaller, is a minor effect, on which no verdict rests.
+A name that is probable and larger than the discrepancy (`Posterior.probability`) is a cause. One that is probable by
+the evidence alone (`Posterior.of`), but smaller, is a minor effect, on which no verdict rests.
 """
 
 from __future__ import annotations

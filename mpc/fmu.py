@@ -37,7 +37,7 @@ def controller_fmu(controller: Controller, *, name: str = "antidrive") -> Fmu:
             for i in (drives if motors else ())
         ),
         *(Variable(name=f"torque_{i}", unit="N m", meaning=f"for drive {i}", causality="output") for i in drives),
-        Variable(name="margin", unit="N m", meaning="minimum predicted contact torque above the minimum, at the pinion",
+        Variable(name="margin", unit="N m", meaning="smallest predicted margin of contact, at the pinion",
                  causality="output"),
         Variable(name="disturbance", unit=newton, meaning=f"{torque} on the load that the model does not know",
                  causality="output"),

@@ -128,7 +128,7 @@ def test_what_is_followed_long_is_compiled(monkeypatch: pytest.MonkeyPatch) -> N
         assert recursion._code.library is None
         assert recursion._code._build is None
     assert is_right(recursion)
-    assert recursion._code._build is not None or recursion._code.library is not None  # at work, or done
+    assert recursion._code._build is not None or recursion._code.library is not None  # being compiled, or compiled
     assert recursion._code.wait()
     assert is_right(recursion)
     assert recursion._code.library is not None

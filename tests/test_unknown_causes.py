@@ -42,7 +42,6 @@ def cable_beside_gravity() -> Diagnosis:
     return diagnose(log_of(**CABLE), candidates=["gravity_offset"])
 
 
-@pytest.mark.long
 def test_a_curve_has_to_predict_better() -> None:
     """On data that it was not fitted to; paying for its parameters is not enough. Here the cable is gone in them."""
     assert cable_beside_gravity().model.effect("curve_over_angle") is not None

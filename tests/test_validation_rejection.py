@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from machine import Machine, excitation, record
 
 from diagnosis import Diagnosis, diagnose, falsification
+from diagnosis.falsification import _is_told_together
 
 
 def told(held_out: Machine) -> Diagnosis:
@@ -46,3 +48,17 @@ def test_data_that_several_steps_speak_for_rule_nothing_out(
     objection = falsification._objection(less, fit, None, several)  # type: ignore[arg-type]
     assert (objection.worse > 0.3) == worse
     assert (objection.against.sum() < 0.0) == worse
+
+
+@pytest.mark.parametrize(
+    ("together", "with_inertia", "clear"), [(0.9999, 0.0, True), (0.0, 0.0, False), (0.0, 0.9999, False)]
+)
+def test_a_size_may_be_told_with_its_own_shape_alone(together: float, with_inertia: float, clear: bool) -> None:
+    """A stiffness of 30 ± 60 is told if it trades places with the stop's angle, not with the load's inertia."""
+    correlations = np.array([[1.0, 0.0, with_inertia], [0.0, 1.0, together], [with_inertia, together, 1.0]])
+    std = np.array([0.1, 0.02, 60.0])
+    model = SimpleNamespace(
+        names=("inertia", "end_stop.angle", "end_stop.stiffness"), values=np.array([2.0, 1.0, 30.0])
+    )
+    fit: Any = SimpleNamespace(model=model, free=(0, 1, 2), covariance=correlations * np.outer(std, std))
+    assert _is_told_together(fit, "end_stop.stiffness") is clear

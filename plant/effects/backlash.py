@@ -71,7 +71,7 @@ class Backlash(Effect):
         "rad/s", "natural frequency of both masses in contact", lower=POSITIVE, swing=True, fitted=False, default=_STIFF
     )
     flank_damping: float = parameter(
-        "-", "damping ratio of that swing", lower=0.0, upper=10.0, fitted=False, default=_DAMPING
+        "-", "damping ratio in contact", lower=0.0, upper=10.0, fitted=False, default=_DAMPING
     )
 
     @property
