@@ -4,7 +4,7 @@
     python benchmarks/several_effects.py table
 
 The calibration hides twelve pairs and triples that somebody chose in one machine. Here the lot draws machine, commands
-and noise, as in `random_machine_diagnoses`, and two or three effects, of which none is known to be confused with
+and noise, and two or three effects, of which none is known to be confused with
 another. Each has a lambda of 200 alone. COUNT diagnoses from SEED on are added to
 benchmarks/results/several_effects.jsonl, a line each, which depends on its key alone.
 """
@@ -24,9 +24,9 @@ sys.path.insert(0, str(HERE.parent / "tests"))
 
 from calibration import answer, held_out_errors, window_of  # noqa: E402
 from calibration_table import table  # noqa: E402
-from hidden_effects import CASES, Hidden  # noqa: E402
+from effect_sizes import reaching  # noqa: E402
+from hidden_effects import CASES, Hidden, evidence, rival_model  # noqa: E402
 from machine import Machine  # noqa: E402
-from random_machine_diagnoses import HELD_OUT, size_on  # noqa: E402
 from random_machines import Bench, shaped  # noqa: E402
 from result_store import Key, add, attempted, stored  # noqa: E402
 
@@ -39,6 +39,7 @@ from plant.effects import catalogue  # noqa: E402
 
 STORE = HERE / "results" / "several_effects.jsonl"
 WANTED = 200.0  # lambda of each alone
+HELD_OUT = 15.0  # [s], before it is stretched
 
 
 def drawn(seed: int) -> list[Hidden]:
@@ -57,12 +58,26 @@ def drawn(seed: int) -> list[Hidden]:
     return chosen
 
 
+def size_on(case: Hidden, bench: Bench, seed: int) -> float:
+    """The size of an effect that comes closest to that lambda on a log of the bench."""
+
+    def lambda_of(size: float) -> float:
+        logs = [bench.log(case.machine(size), seed, sign=sign) for sign in (1.0, -1.0)]
+        more = len(case.truth(size).names) - len(rival_model(case, size).names)
+        return float(np.mean([evidence(case, size, log) for log in logs])) - more
+
+    # Of a gap narrower than the noise only the give of its flanks would show.
+    least = bench.noise if case.effect == "backlash" else case.sizes[0] / 1e3
+    ((found, _),) = reaching({WANTED: case.sizes[1]}, lambda_of, (least, 3.0 * case.sizes[2])).values()
+    return found
+
+
 def one(key: Key) -> dict[str, Any]:
     """One diagnosis; `shown` is the lambda of each effect beside the others."""
     _, _, seed = key
     bench = Bench.drawn(seed)
     cases = [shaped(case, bench, seed) for case in drawn(seed)]
-    values = {case.effect: case.at(size_on(case, bench, seed, WANTED)[0]) for case in cases}
+    values = {case.effect: case.at(size_on(case, bench, seed)) for case in cases}
     machine: Machine = bench.host.hiding(**values)
     log = bench.log(machine, seed)
     held = bench.log(machine, seed + 1_000_000, duration=HELD_OUT)

@@ -56,6 +56,7 @@ class Sample:
     control: Control
     error: float  # true angle less reference [rad]
     calm: int  # samples since the last mishap
+    settled: int  # samples since the error was last above a third of `BACK`
     thrown: bool  # beyond a limit of angle or speed, or too fast to stop before one
 
 
@@ -66,7 +67,7 @@ class Patient:
         self.controller, self.rng = controller, np.random.default_rng(seed)
         self._model, self._step = model, sample_step(model, substeps=2)
         self._state, self._last, self._reading = np.zeros(len(model.states)), 0.0, 0.0
-        self._wanted = 0.0
+        self._wanted, self._settled = 0.0, 0
 
     def sample(self, mishap: str, calm: int) -> Sample:
         rng, controller = self.rng, self.controller
@@ -102,6 +103,7 @@ class Patient:
         low, high = controller.angle_limits
         stopped = angle + speed * abs(speed) / (2 * BRAKES)
         thrown = not (low < angle < high and low < stopped < high and abs(speed) < controller.speed_limit)
+        self._settled = self._settled + 1 if abs(error) <= BACK / 3 else 0
         self._advance(mishap, control.torques)
         return Sample(
             mishap=mishap,
@@ -110,6 +112,7 @@ class Patient:
             control=control,
             error=error,
             calm=calm,
+            settled=self._settled,
             thrown=thrown,
         )
 
@@ -168,7 +171,8 @@ def broken_promises(controller: Controller, sample: Sample) -> list[str]:
             wrong.append("called optimal, but not certified")
     thrown = sample.thrown or abs(control.disturbance) > PUSHED  # or takes itself for it
     late = thrown and control.status == "degraded: a limit of angle or speed cannot be kept"
-    astray = sample.calm <= 3 * CALM or abs(sample.error) > BACK / 3  # and the loop says so
+    period = 1.0 / (controller.bandwidth * controller.sample_time)  # over which that status looks back
+    astray = sample.calm <= 3 * CALM or sample.settled <= period  # and the loop says so
     late = late or (astray and control.status.endswith("the load does not follow the reference"))
     if sample.calm > 20 and control.status != "optimal" and not late:
         wrong.append(f"not recovered: {control.status}")

@@ -1,4 +1,4 @@
-"""Randomly drawn machines on which causes were missed or misnamed; more in benchmarks/random_machine_diagnoses.py."""
+"""Randomly drawn machines on which causes were missed or misnamed."""
 
 import pytest
 from hidden_effects import CASES
