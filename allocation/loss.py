@@ -51,7 +51,7 @@ def loss(lost: Flags, preloaded: Flags) -> Iterator[str]:
     elif np.any(bare):
         yield f"{gone} lost, and the backlash control of {_are(bare).rsplit(' ', 1)[0]} with it"
     else:
-        yield f"{gone} lost, the others still hold the teeth together"
+        yield f"{gone} lost, the others still keep contact"
 
 
 def _are(drives: Flags) -> str:

@@ -1,10 +1,7 @@
 """How long a task still takes, where that is known: where its parts are counted, and the pace so far is the pace.
 
-A fit and a diagnosis do not know how much there is to do: each effect that is found adds a round, a gap whose
-likelihood has many peaks for 2 to 28 descents, a curve that is carried without a name for many fits. The best estimate
-that was tried, the median over other logs of what is left at each stage, in units of the base fit, was right within a
-factor of two at 39 of 71 stages of diagnoses; of fits, 1.6 times what the observers had taken, in 41 of 50. So of them
-the time that has passed is told, and what is being done.
+The remaining time of a fit or a diagnosis cannot be estimated well: each effect that is found adds fits. So only the
+elapsed time is shown, and what is being done.
 """
 
 from __future__ import annotations

@@ -44,9 +44,9 @@ _OVER: tuple[tuple[set[str], tuple[str, ...]], ...] = (
     ({"velocity"}, ("coulomb_friction", "stribeck_friction", "asymmetric_friction", "quadratic_drag")),
     ({"angle"}, ("gravity_offset", "cable_stiffness", "cogging", "encoder_eccentricity", "end_stop")),
     ({"time"}, ("periodic_disturbance", "payload_change")),
-    ({"torque", "past torque"}, ("input_delay", "actuator_lag", "sensor_lag", "compliance", "backlash")),
-    ({"torque", "past torque"}, ("rate_limit", "goal_rate_limit", "torque_saturation")),
-    ({"velocity", "angle", "way since turning"}, ("presliding_hysteresis",)),
+    ({"torque", "lagged torque"}, ("input_delay", "actuator_lag", "sensor_lag", "compliance", "backlash")),
+    ({"torque", "lagged torque"}, ("rate_limit", "goal_rate_limit", "torque_saturation")),
+    ({"velocity", "angle", "travel since reversal"}, ("presliding_hysteresis",)),
     ({"velocity", "torque"}, ("load_dependent_friction", "back_emf")),
     ({"time", "velocity"}, ("friction_drift",)),
 )

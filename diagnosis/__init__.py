@@ -1,4 +1,4 @@
-"""Diagnosis: what the model misses, by name, with proof."""
+"""Diagnosis: which physical effect a model lacks, with its posterior probability and the gain on validation data."""
 
 from __future__ import annotations
 

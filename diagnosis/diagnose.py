@@ -97,7 +97,7 @@ def diagnose(
     if is_of_parameters(found.extended, validation):
         changed = f"{found.only_in_validation}; the model follows it with other values of its parameters."
         return replace(found, warnings=(*found.warnings, changed))
-    alone = f"{found.only_in_validation}: something acts there that those do not show."
+    alone = f"{found.only_in_validation}: an effect acts there that the estimation data do not show."
     if given is None and (other := split_otherwise(log)) is not None:
         estimation, validation, sentence = other
         why = f"{alone} So that part is used for estimation."

@@ -24,8 +24,8 @@ def extrapolation_warning(held_out: Log, seen: Log) -> str | None:
         outside = float(np.mean((asked < low - margin) | (asked > high + margin)))
         if outside > _MUCH:
             return (
-                f"{100.0 * outside:.0f} % of them lie at {name} outside {low:.3g} to {high:.3g} {size}, the range "
-                "of the estimation log. Record a log that covers them."
+                f"{100.0 * outside:.0f} % of the validation data have {name} outside {low:.3g} to {high:.3g} {size}, "
+                "the range of the estimation log. Record a log that covers this range."
             )
     return None
 

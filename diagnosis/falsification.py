@@ -210,24 +210,24 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
     """Why a fitted effect cannot be there by its values; None if it can."""
     fit = explanation.fit
     if name in unnamed:
-        return None if np.isfinite(explanation.log_marginal) else "this log does not tell its course"
+        return None if np.isfinite(explanation.log_marginal) else "this log does not determine the curve"
     values = estimates(fit, name)
     torques = {key: value for key, value in values.items() if value.unit == fit.log.command_unit}
     sizes = {key: values[key] for key in {*torques, *_sizes(name)} & values.keys()}
     lines = [line for key in sizes or values if not (line := fit[f"{name}.{key}"]).fixed]
     unclear = [(line.value is None and not _is_told_together(fit, line.name)) or line.at_bound for line in lines]
     if (unclear and all(unclear)) or not np.isfinite(explanation.log_marginal):
-        return "this log does not tell its parameters from those of the others"
+        return "this log does not separate its parameters from the other parameters"
     if sizes and all(_is_zero(value) for value in sizes.values()):
         return f"its {_said(sizes)} {'is' if len(sizes) == 1 else 'are'} zero within the standard error"
     gone = {key: value for key, value in torques.items() if fit[f"{name}.{key}"].at_bound and value.value == 0.0}
     if gone:  # as of friction in one of two directions: then it only stands for a simpler cause
-        return f"its {_said(gone)} {'is' if len(gone) == 1 else 'are'} nothing"
+        return f"its {_said(gone)} {'is' if len(gone) == 1 else 'are'} zero, at a bound"
     swings = [fit[f"{name}.{spec}"] for spec in _swings(name)]
     if any(line.at_bound or line.value is None for line in swings):
         return "its resonance is faster than this log can show"
     if not is_plausible(fit, name):
-        return "such a cause hardly ever has the fitted values"
+        return "the fitted values are implausible for this effect"
     most = max(float(np.max(np.abs(run.drive))) for run in fit.log.runs)
     beyond = {key: value for key, value in torques.items() if abs(value.value) > most}
     if beyond:

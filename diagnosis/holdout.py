@@ -1,4 +1,4 @@
-"""What an extended model is worth on validation data, which no step of the search has seen."""
+"""What an extended model is worth on validation data, which may reject an effect but choose no value."""
 
 from __future__ import annotations
 

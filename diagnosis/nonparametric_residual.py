@@ -1,4 +1,4 @@
-"""What carries an unmodelled torque, so that its gain is had without a name: curves, laws that vary, loops and ripples.
+"""Non-parametric residual model of the unmodelled torque: curves, varying laws, loops and ripples.
 
 The named effects keep their values; what describes best what they leave is added, and what describes best what that
 leaves. Each must predict a part of the log that it was not fitted to better than the model without, and then pay for

@@ -56,7 +56,7 @@ def _reason(base: Fit, posterior: Posterior, kind: type[Effect], falsified: Mapp
         return "the base model has it"
     if not base.log.shows(kind):
         return "this log cannot show it"
-    return "a first look at it promised too little for a full fit"
+    return "its linearised evidence was too small for a full fit"
 
 
 def _behind(posterior: Posterior, holder: Explanation, name: str) -> str:

@@ -48,7 +48,7 @@ class Repeats:
         first, second = self.pairs[0]
         more = f" and {len(self.pairs) - 1} pairs more" if len(self.pairs) > 1 else ""
         band = f"{100 * self.share:.0f} +- {200 * self.chance:.0f} %"
-        end = "so the rest is model error and not noise" if self.deterministic else "as noise does"
+        end = "so this part is model error, not noise" if self.deterministic else "as expected of noise"
         return f"{second} repeats {first}{more}: {band} of the remaining error is the same in both, {end}."
 
 

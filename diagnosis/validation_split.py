@@ -1,4 +1,4 @@
-"""Which data are set apart for validation: no step of the search may see them."""
+"""Which data are set apart for validation: they may reject an effect, but choose no value and favour no effect."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Aim:
     def look(self, previewed: bool) -> int:
         """The wanted angle over the horizon and its changes; of a reference that is a number only that is given."""
         wanted, told, steps = self._a["wanted"], self._a["told"], self._a["steps"]
-        trouble = Trouble.NONE if np.isfinite(wanted if previewed else wanted[0]).all() else Trouble.AIMLESS
+        trouble = Trouble.NONE if np.isfinite(wanted if previewed else wanted[0]).all() else Trouble.NO_REFERENCE
         if trouble:
             previewed, wanted[0] = False, self._a["kalman"][Kalman.ANGLE]
         if previewed:
@@ -63,7 +63,7 @@ class Aim:
         governor.ask(wanted, self._a["steps"], self._asked, self._changes, limits)
         path, _, _, mean = self._aimed()
         governor.path[:], self._a["astray"][:] = path, mean
-        return Trouble.ASTRAY if mean[0] > 1 else Trouble.NONE
+        return Trouble.NOT_FOLLOWING if mean[0] > 1 else Trouble.NONE
 
     @staticmethod
     def _begin(kalman: Any, load: Any, machine: Any, tuning: Any, path: Any) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a controller remembers beside what it is made of: kept in a pickle, handed on, forgotten."""
+"""The state of a controller: pickled, transferred to another controller, reset."""
 
 from __future__ import annotations
 

@@ -87,12 +87,12 @@ def estimation(predictor: Predictor, motors: bool) -> Any:
     wild = ca.fabs(innovation) > _OUTLIER * ca.sqrt(expected) + levels[3]
     wilder = doubts + 1
     cases = [
-        (ca.logic_and(ca.logic_not(ca.logic_and(known, sound)), ca.logic_not(heard)), Trouble.LOST, False),
+        (ca.logic_and(ca.logic_not(ca.logic_and(known, sound)), ca.logic_not(heard)), Trouble.NO_ANGLE, False),
         (ca.logic_not(known), Trouble.NONE, True),
-        (ca.logic_not(sound), Trouble.DIVERGED, True),
-        (ca.logic_not(heard), Trouble.BRIDGED, False),
-        (ca.logic_and(wild, wilder >= _PATIENCE), Trouble.STAYED, True),
-        (wild, Trouble.JUMPED, False),
+        (ca.logic_not(sound), Trouble.ESTIMATE_DIVERGED, True),
+        (ca.logic_not(heard), Trouble.ANGLE_PREDICTED, False),
+        (ca.logic_and(wild, wilder >= _PATIENCE), Trouble.ESTIMATE_RESTARTED, True),
+        (wild, Trouble.ANGLE_JUMPED, False),
     ]
     trouble, anew = ca.SX(Trouble.NONE), ca.SX(0)
     for holds, name, begins in reversed(cases):

@@ -3,8 +3,9 @@
    The functions estimate, begin, govern, ... above are one stage each, written by CasADi from the same expressions that
    the Python form uses (mpc/step.py); here stand the loops around them. No memory is taken, every loop is bounded. */
 
-enum { LOST = 1, BRIDGED = 2, JUMPED = 4, STAYED = 8, DIVERGED = 16, AIMLESS = 32, UNCERTIFIED = 64, PARTING = 128,
-       BEYOND = 256, ASTRAY = 512, CONTRADICTED = 1024 };
+enum { NO_ANGLE = 1, ANGLE_PREDICTED = 2, ANGLE_JUMPED = 4, ESTIMATE_RESTARTED = 8, ESTIMATE_DIVERGED = 16,
+       NO_REFERENCE = 32, UNCERTIFIED = 64, CONTACT_AT_RISK = 128, LIMIT_VIOLATED = 256, NOT_FOLLOWING = 512,
+       ENCODER_FAULT = 1024 };
 
 #define CONVERGED 1e-9 /* change of the torques at which a full solution ends, in the same unit */
 
@@ -15,7 +16,7 @@ static int look(struct controller *c, int previewed)
   real speed = 0, told[4], angle = c->kalman[KALMAN_ANGLE];
   real *wanted = c->wanted;
   for (k = 0; k <= (previewed ? HORIZON : 0); ++k)
-    if (!isfinite(wanted[k])) trouble = AIMLESS;
+    if (!isfinite(wanted[k])) trouble = NO_REFERENCE;
   if (trouble) previewed = 0, wanted[0] = angle;
   if (previewed) {
     for (k = 0; k < HORIZON; ++k) c->steps[k] = wanted[k + 1] - wanted[k];
@@ -97,7 +98,7 @@ static int astray(struct controller *c)
   real miss = (ahead[0] - c->kalman[KALMAN_ANGLE]) / admitted;
   if (!(*mean >= 0 && *mean <= 2)) *mean = 0;
   *mean += own[TUNING_SHARE] * (smaller(miss * miss, 2) - *mean);
-  return *mean > 1 ? ASTRAY : 0;
+  return *mean > 1 ? NOT_FOLLOWING : 0;
 }
 
 /* What friction there will be on the way, and what is known of it by now. A disturbance that had a part of a friction
@@ -304,7 +305,7 @@ static int plan_ahead(struct controller *c)
     const real *state = c->states + N * (shift + k), *s = c->s + M * k;
     c->angles[k] = state[0] + s[0];
     if (k < HORIZON) c->acceleration[k] = (state[N + 1] + s[M + 1] - (state[1] + s[1])) / dt;
-    if (ROWS > 1 && k && broken(c, k)) beyond = BEYOND;
+    if (ROWS > 1 && k && broken(c, k)) beyond = LIMIT_VIOLATED;
     if (k < HORIZON) sum += fabs(c->acceleration[k]) + fabs(c->plan[k + 1]) + fabs(c->rub[k]);
   }
   if (!isfinite(sum)) {
@@ -324,7 +325,7 @@ static int plan_ahead(struct controller *c)
     c->rubs[shift + 2] = c->rub[0];
     c->preload[0] = preload;
   }
-  if (c->outcome[OUTCOME_MARGIN] < -1e-9 * TABLE(machine)[1]) trouble |= PARTING;
+  if (c->outcome[OUTCOME_MARGIN] < -1e-9 * TABLE(machine)[1]) trouble |= CONTACT_AT_RISK;
   return trouble | beyond;
 }
 
@@ -395,12 +396,12 @@ STEP int control_step(struct controller *c, real angle, int previewed)
   if (anew) begin(c->readings, acted, TABLE(model), TABLE(levels), kalman);
   memcpy(c->kalman, kalman, sizeof kalman);
   trouble = (int)code;
-  if (out) trouble = (trouble & ~BRIDGED) | CONTRADICTED;
+  if (out) trouble = (trouble & ~ANGLE_PREDICTED) | ENCODER_FAULT;
   if (!c->kalman[KALMAN_KNOWN]) {
     hold(c);
   } else {
     trouble |= look(c, previewed);
-    aim(c, previewed && !(trouble & AIMLESS));
+    aim(c, previewed && !(trouble & NO_REFERENCE));
     trouble |= astray(c);
     rubbed(c);
     feed_forward(c);

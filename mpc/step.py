@@ -81,10 +81,10 @@ class InterpretedStep:
         before, last = a["past"][:2].tolist()
         trouble = self._estimator.update(angle, last, before, (first, second), deaf)
         if out:
-            trouble = trouble & ~Trouble.BRIDGED | Trouble.CONTRADICTED
+            trouble = trouble & ~Trouble.ANGLE_PREDICTED | Trouble.ENCODER_FAULT
         if kalman[Kalman.KNOWN]:
             trouble |= self._aim.look(previewed)
-            trouble |= self._aim.aim(previewed and not trouble & Trouble.AIMLESS)
+            trouble |= self._aim.aim(previewed and not trouble & Trouble.NO_REFERENCE)
             self._rubbed()
             a["fed"][:] = self._feed_forward()[0]
             trouble |= self._plan_ahead()
@@ -186,8 +186,8 @@ class InterpretedStep:
         a["outcome"][Outcome.MARGIN] = own["margin"][0]
         a["past"][late + 2], a["rubs"][late + 2] = own["given"][0] - a["rub"][0], a["rub"][0]
         if own["margin"][0] < -1e-9 * a["machine"][1]:
-            trouble |= Trouble.PARTING
-        return trouble | (Trouble.BEYOND if own["beyond"][0] else Trouble.NONE)
+            trouble |= Trouble.CONTACT_AT_RISK
+        return trouble | (Trouble.LIMIT_VIOLATED if own["beyond"][0] else Trouble.NONE)
 
     def _hold(self) -> None:
         """Keep the teeth together with as little torque on the load as that allows, and know nothing."""

@@ -10,31 +10,31 @@ class Trouble(IntFlag):
     """Reasons why a control is not optimal; several may hold at once."""
 
     NONE = 0
-    LOST = 1
-    BRIDGED = 2
-    JUMPED = 4
-    STAYED = 8
-    DIVERGED = 16
-    AIMLESS = 32
+    NO_ANGLE = 1
+    ANGLE_PREDICTED = 2
+    ANGLE_JUMPED = 4
+    ESTIMATE_RESTARTED = 8
+    ESTIMATE_DIVERGED = 16
+    NO_REFERENCE = 32
     UNCERTIFIED = 64
-    PARTING = 128
-    BEYOND = 256
-    ASTRAY = 512
-    CONTRADICTED = 1024
+    CONTACT_AT_RISK = 128
+    LIMIT_VIOLATED = 256
+    NOT_FOLLOWING = 512
+    ENCODER_FAULT = 1024
 
 
 _SENTENCES = {
-    Trouble.LOST: "the angle is not a number",
-    Trouble.BRIDGED: "the angle is not a number, the model's prediction is used",
-    Trouble.JUMPED: "the angle jumped, the model's prediction is used",
-    Trouble.STAYED: "the angle stayed away from the prediction, the estimate restarted",
-    Trouble.DIVERGED: "the estimate diverged and restarted",
-    Trouble.AIMLESS: "the reference is not a number, the angle is held",
+    Trouble.NO_ANGLE: "the angle is not a number",
+    Trouble.ANGLE_PREDICTED: "the angle is not a number, the model's prediction is used",
+    Trouble.ANGLE_JUMPED: "the angle jumped, the model's prediction is used",
+    Trouble.ESTIMATE_RESTARTED: "the angle stayed away from the prediction, the estimate restarted",
+    Trouble.ESTIMATE_DIVERGED: "the estimate diverged and restarted",
+    Trouble.NO_REFERENCE: "the reference is not a number, the angle is held",
     Trouble.UNCERTIFIED: "the quadratic program was not solved, the last plan is followed",
-    Trouble.PARTING: "max_torque is too low to keep contact at the predicted acceleration",
-    Trouble.CONTRADICTED: "an encoder is contradicted (frozen, or unlike the others), the others are used",
-    Trouble.BEYOND: "a limit of angle or speed cannot be kept",
-    Trouble.ASTRAY: "the load does not follow the reference",
+    Trouble.CONTACT_AT_RISK: "max_torque is too low to keep contact at the predicted acceleration",
+    Trouble.ENCODER_FAULT: "an encoder is contradicted (frozen, or unlike the others), the others are used",
+    Trouble.LIMIT_VIOLATED: "a limit of angle or speed cannot be kept",
+    Trouble.NOT_FOLLOWING: "the load does not follow the reference",
 }
 
 

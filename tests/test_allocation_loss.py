@@ -63,7 +63,7 @@ def test_the_other_joint_keeps_its_preload() -> None:
 def test_a_structure_may_have_a_drive_to_spare() -> None:
     whole = Allocator(STAR, min_torque=0.02, max_torque=0.3)
     rest = whole.without(2).allocate([0.05, -0.05])
-    assert rest.status == "degraded: drive 2 is lost, the others still hold the teeth together"
+    assert rest.status == "degraded: drive 2 is lost, the others still keep contact"
     assert np.all(rest.torques[[0, 2, 3]] >= 0.02)
     assert np.array(STAR) @ rest.torques == pytest.approx([0.05, -0.05])
     worse = whole.without(2).without(4).allocate([0.05, -0.05])

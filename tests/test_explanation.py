@@ -83,14 +83,14 @@ def test_size_gain_and_rest_are_the_numbers_of_the_diagnosis() -> None:
     gain, error = found.gain, gain_errors(found)
     before = measured(gain.held_out_rms_before, error.before, "rad")
     after = measured(gain.held_out_rms_after, error.after, "rad")
-    assert f"cut by {percent(gain.cut, error.cut)}, from {before} to {after} rms" in told
+    assert f"reduced by {percent(gain.cut, error.cut)}, from {before} to {after} rms" in told
     floor = gain.noise_floor
     assert f"{measured(gain.held_out_rms_after / floor, error.after / floor)} times the noise floor" in told
     missing = found.residual_before
     assert f"the residual torque of the base model is {measured(missing.rms, missing.rms_std, 'N m')} rms" in told
     assert f"predict {percent(found.whiteness)} of the variance" in told
     worse = replace(gain, held_out_rms_after=1.5 * gain.held_out_rms_before)
-    assert "raised by 50" in str(replace(found, gain=worse).explain())
+    assert "increased by 50" in str(replace(found, gain=worse).explain())
 
 
 def test_the_evidence_adds_up_and_its_moments_are_told() -> None:
@@ -144,7 +144,7 @@ def test_each_of_several_causes_is_told_beside_the_others() -> None:
         assert reason.effect == cause.effect
         assert reason.cumulative_evidence is not None
         assert 100.0 < reason.cumulative_evidence.evidence[-1] < together - 10.0
-    assert "Sure: cogging and Coulomb friction." in found.explain().posterior
+    assert "Probability above 90 %: cogging and Coulomb friction." in found.explain().posterior
 
 
 def test_competing_hypotheses_come_with_signature_and_experiment() -> None:
@@ -170,7 +170,7 @@ def test_competing_hypotheses_come_with_signature_and_experiment() -> None:
     assert "the measurement lags by a fixed time" in text
     assert "phase falls with frequency" in text
     assert "the two are known to be confounded" in text
-    assert any(sentence.startswith("Either-or: ") for sentence in explained.posterior)
+    assert any(sentence.startswith("Alternatives: ") for sentence in explained.posterior)
     assert str(experiment) in text
     assert str(experiment) not in str(found.explain())
     assert "does not tell" not in str(friction().explain())

@@ -26,7 +26,9 @@ def test_angles_that_the_log_has_not_reached_are_said() -> None:
     assert extrapolation_warning(swinging(-0.09, 2.09), seen) is None  # hardly further
     told = extrapolation_warning(swinging(-2.0, 2.0), seen)
     assert told is not None
-    assert told.startswith("48 % of them lie at angles outside 0 to 2 rad")  # beyond a twentieth of the range
+    assert told.startswith(
+        "48 % of the validation data have angles outside 0 to 2 rad"
+    )  # beyond a twentieth of the range
 
 
 def test_speeds_are_said_where_the_angles_are_known() -> None:

@@ -52,7 +52,7 @@ def test_dahls_friction_that_may_not_be_named_is_unknown() -> None:
     )
     found = diagnose(log, None, held_out, candidates=["coulomb_friction", "asymmetric_friction", "stribeck_friction"])
     assert found.verdict == "unknown"
-    assert "way since turning" in found.unexplained.depends_on
+    assert "travel since reversal" in found.unexplained.depends_on
 
 
 @dataclass(frozen=True, kw_only=True)

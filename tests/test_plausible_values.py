@@ -80,7 +80,7 @@ def test_a_soft_spring_over_the_travel_is_no_end_stop() -> None:
     found = diagnose(log, holdout=validation, candidates=near)
     assert [cause.effect for cause in found.causes] == ["cable_stiffness"]
     (stop,) = (each for each in found.rejected if each.effect == "end_stop")
-    assert stop.reason == "such a cause hardly ever has the fitted values"
+    assert stop.reason == "the fitted values are implausible for this effect"
 
 
 def test_a_slow_wave_needs_two_periods_in_the_log() -> None:
@@ -127,7 +127,7 @@ def test_friction_in_one_direction_only_is_none() -> None:
     assert not found.causes
     assert found.verdict == "unknown"
     (why,) = (each.reason for each in found.rejected if each.effect == "asymmetric_friction")
-    assert why.endswith("is nothing") or why.endswith("are nothing")
+    assert why.endswith("is zero, at a bound") or why.endswith("are zero, at a bound")
 
 
 def test_a_size_that_a_given_bound_holds_is_not_nothing() -> None:

@@ -148,7 +148,7 @@ def test_what_changes_before_anything_is_seen_is_no_effect() -> None:
     assert base is not None
     assert wanted is not None
     left = tenable(found.null, [base, replace(wanted, log_marginal=base.log_marginal + 20.0)], found.null.log)
-    assert left.falsified["payload_change"] == "this log does not tell its parameters from those of the others"
+    assert left.falsified["payload_change"] == "this log does not separate its parameters from the other parameters"
 
 
 SAID = {"object": np.full(20, -2.0), "silent": np.zeros(20), "favour": np.full(20, 2.0), "mixed": np.full(20, -10.0)}

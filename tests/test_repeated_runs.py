@@ -48,7 +48,7 @@ def test_what_is_missing_repeats() -> None:
     assert found.pairs == (("machine 0 run 0", "machine 2 run 2"),)
     assert found.deterministic
     assert 0.05 < found.share < 0.5
-    assert "the rest is model error and not noise" in str(found)
+    assert "this part is model error, not noise" in str(found)
 
 
 def test_without_repeats_nothing_is_said() -> None:
@@ -64,4 +64,4 @@ def test_what_repeats_and_has_no_name_is_unknown() -> None:
     assert any("machine 1 run 1 repeats machine 0 run 0" in warning for warning in found.warnings)
     named = diagnose(log, candidates=["compliance"], holdout=holdout)
     assert named.verdict == "named"
-    assert any("as noise does" in warning for warning in named.warnings)
+    assert any("as expected of noise" in warning for warning in named.warnings)

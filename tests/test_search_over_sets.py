@@ -151,7 +151,7 @@ def test_what_is_softer_than_any_stop_gets_no_other_name():
     found = diagnose(log, None, held_out, candidates=["end_stop", "cable_stiffness", "payload_change"])
     assert (found.verdict, found.causes) == ("unknown", ())
     reasons = {each.effect: each.reason for each in found.rejected}
-    assert reasons["end_stop"] == "such a cause hardly ever has the fitted values"
+    assert reasons["end_stop"] == "the fitted values are implausible for this effect"
     assert reasons["cable_stiffness"] == "it only takes the place of an effect that is ruled out"
     assert all(each.probability <= 0.5 for each in found.minor)  # those are small, which it is not
 

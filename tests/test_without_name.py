@@ -48,16 +48,16 @@ def log_of_a_lag() -> Log:
 def test_a_lag_that_has_no_name_is_no_rate_limit() -> None:
     found = diagnose(log_of_a_lag(), exclude=LAGS)
     assert found.verdict == "unknown"
-    assert found.unknown.depends_on == ("past torque",)
+    assert found.unknown.depends_on == ("lagged torque",)
     assert found.unknown.probability > 0.9
     assert found.unknown.share > 0.01
     assert not [cause for cause in found.causes if cause.probability > 0.9]
     assert found.model.effect("lagged_torque") is not None
     likeliest = found.sets[0]
     assert likeliest.effects == ()
-    assert likeliest.unknown == ("past torque",)
+    assert likeliest.unknown == ("lagged torque",)
     assert set_title(likeliest, found) == "torque that lags"
-    assert set_title(replace(likeliest, fit=None), found) == "something over past torque"
+    assert set_title(replace(likeliest, fit=None), found) == "something over lagged torque"
 
 
 def test_a_lag_that_has_a_name_gets_it() -> None:

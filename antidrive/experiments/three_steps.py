@@ -230,11 +230,11 @@ def run(settings: ThreeStepsSettings, seed: int) -> Outcome:
             f"there are {_list(found.speeds, '.3f')} rad/s, within "
             f"{np.max(np.abs(found.speeds - settings.printed_speeds)):.2f} rad/s of the table{agreeing}.",
             f"From its own table eq. (8) gives the paper alpha = {found.printed[0]:.4f} N m for {settings.gravity:g}. "
-            f"Two things are wrong with it. The cosine was taken of the wrong unit: in radians alone alpha is "
+            f"Two errors explain that. Angles in radians were taken for degrees: with radians alone alpha is "
             f"{found.in_radians[0]:.4f}. And the load still accelerates; J x'' is "
-            f"{_list(found.inertia_torque, '+.3f')} N m, which carries the gravity: with it alone "
+            f"{_list(found.inertia_torque, '+.3f')} N m, which eq. (8) leaves out: with it alone "
             f"alpha is {found.not_steady[0]:.4f}, with both {found.both[0]:.6f}.",
-            f"The same six numbers hold more: the alpha, K, gamma and instant whose motion from rest comes nearest to "
+            f"A fit to the same six numbers is possible: the alpha, K, gamma and instant whose motion comes nearest to "
             f"them are {_list(found.table_fit[:3])} and {instant:.2f} s, alpha to {found.table_std[0]:.2f}. The ripple "
             f"of the speed, {_list(ripple, '.3f')} rad/s, holds the rest: fitted to the three trajectories with "
             f"{settings.noise:g} rad of noise, alpha is {found.ours[0]:.4f} +- {found.ours_std[0]:.4f}.",

@@ -76,10 +76,10 @@ def _torques(motion: Motion) -> Iterator[tuple[str, float, Array]]:
         yield "angle and velocity", weight, across * direction
     for samples in _LAGS:
         keep = float(np.exp(-1.0 / samples))
-        yield "past torque", 1.0, motion.by_run(partial(_lagged, motion.torque, keep)) - motion.torque
+        yield "lagged torque", 1.0, motion.by_run(partial(_lagged, motion.torque, keep)) - motion.torque
     for share in _WAYS:
         way = share * float(np.ptp(motion.angle))
-        yield "way since turning", 1.0, motion.by_run(partial(_bristle, motion.angle, way))
+        yield "travel since reversal", 1.0, motion.by_run(partial(_bristle, motion.angle, way))
 
 
 def _readings(motion: Motion) -> Iterator[tuple[str, float, Array]]:

@@ -1,4 +1,4 @@
-"""Sets with one or two names more than one at hand: which promise most, and their fits, behind slower observers too."""
+"""Sets with one or two more effects: ranked by their linearised evidence, then fitted, also with slower observers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What has no name in the place of an effect: a curve, a law that varies, a loop, a lag or a ripple.
+"""Non-parametric effects that compete with those of the catalogue: curve, varying law, loop, lag, ripple.
 
 The discrepancy is a part of every set, but small, and linear. A cause that the catalogue does not have may be neither;
 then the name that looks most like it is far likelier than nothing. So what follows no law of the catalogue is fitted

@@ -110,7 +110,7 @@ class Experiment:
         return (
             f"Apply {self.signal}, reshaped, for {self.duration:.3g} s to distinguish {first} from {second}. The "
             f"expected log-likelihood difference is {self.separation:.3g}; a plain chirp of that length has "
-            f"{self.chirp_separation:.3g}, and would have to last {chirp}."
+            f"{self.chirp_separation:.3g}, and would need {chirp}."
         )
 
 

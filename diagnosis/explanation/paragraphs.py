@@ -99,7 +99,7 @@ def _outcome(diagnosis: Findings) -> tuple[str, ...]:
             above = measured(gain.held_out_rms_after / gain.noise_floor, error.after / gain.noise_floor)
             floor = f"{above} times the {gain.floor_name}"
         by = "by " if gain.cut > -1.0 else ""
-        went = f"{'cut' if gain.cut >= 0.0 else 'raised'} {by}{change(gain.cut, error.cut)}, from "
+        went = f"{'reduced' if gain.cut >= 0.0 else 'increased'} {by}{change(gain.cut, error.cut)}, from "
         came = f"{went}{measured(gain.held_out_rms_before, error.before, gain.unit)} to " if extended else ""
         rms = f"{measured(gain.held_out_rms_after, error.after, gain.unit)} rms"
         lines.append(f"On validation data the simulation error is {', '.join(filter(None, (came + rms, floor)))}.")

@@ -16,7 +16,7 @@ _MOST = 4  # alternatives in a sentence
 def posterior_sentences(diagnosis: Findings) -> tuple[str, ...]:
     """Each thought in a sentence."""
     sure = [title_of(name, diagnosis) for name in sorted(_settled(diagnosis))]
-    return (*([f"Sure: {joined_words(sure)}."] if sure else []), *open_sentences(diagnosis))
+    return (*([f"Probability above 90 %: {joined_words(sure)}."] if sure else []), *open_sentences(diagnosis))
 
 
 def open_sentences(diagnosis: Findings) -> tuple[str, ...]:
@@ -60,7 +60,7 @@ def _either_or(diagnosis: Findings, settled: set[str]) -> list[str]:
     told = sorted((item for item in shares.items() if item[1] >= _SAID), key=lambda item: -item[1])[:_MOST]
     if len(told) < 2 or told[0][0] == NOTHING:
         return []
-    return [f"Either-or: {joined_words([f'{title} ({percent(share)})' for title, share in told], 'or')}."]
+    return [f"Alternatives: {joined_words([f'{title} ({percent(share)})' for title, share in told], 'or')}."]
 
 
 def _minor(diagnosis: Findings) -> list[str]:

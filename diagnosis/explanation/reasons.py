@@ -154,7 +154,7 @@ def reason_for_none(diagnosis: Findings) -> Reason:
     """Why a diagnosis gives no name."""
     title = "Why no effect is named"
     asked = len(diagnosis.rejected) + len(diagnosis.minor)
-    nearest = next((f" The nearest, {_rejected(diagnosis, each)}" for each in diagnosis.rejected), "")
+    nearest = next((f" The most probable of them is {_rejected(diagnosis, each)}" for each in diagnosis.rejected), "")
     if diagnosis.verdict == "nothing_missing":
         lines = [
             f"{asked} effects were tried. None improves the fit enough to justify its parameters.{nearest}",
@@ -194,6 +194,6 @@ def _could_hide(diagnosis: Findings) -> list[str]:
     if not told:
         return []
     return [
-        f"Smaller effects may be hidden. This log would show {joined_words(told, 'or')} with a probability of "
-        "50 %; half of that hardly ever."
+        f"Smaller effects may be hidden. Sizes that this log shows with a probability of 50 %: {joined_words(told)}. "
+        "Effects of half that size are almost never detected."
     ]

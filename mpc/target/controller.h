@@ -20,7 +20,7 @@ extern "C" {
 
 typedef ${real} ${name}_real;
 
-#define ${NAME}_SAMPLE_TIME ${sample_time} /* [s], between two steps; where it is not kept tell ${name}_elapsed */
+#define ${NAME}_SAMPLE_TIME ${sample_time} /* [s], between two steps; if it differs, call ${name}_elapsed */
 #define ${NAME}_MIN_TORQUE ${min_torque} /* [N m], least magnitude of a drive's torque */
 #define ${NAME}_MAX_TORQUE ${max_torque} /* [N m], greatest */
 ${intervals}

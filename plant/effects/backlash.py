@@ -47,9 +47,9 @@ class Backlash(Effect):
     flank frequency. At first that is so high that the log cannot tell the flank from a hard one, and is not fitted.
     Then flanks are tried that are softer, or damp a knock less; where one of them fits clearly better, frequency and
     damping are fitted too.
-    A light motor crosses a wide gap as soon as a heavy one a narrow one: a log of a few seconds knows gap times share
-    to some per cent, each alone to a quarter. The likelihood has many peaks; the standard errors of a fit hold beside
-    the one that it has climbed, those of a diagnosis come from how parts of the log disagree.
+    A light motor crosses a wide gap as fast as a heavy motor a narrow one: a log of a few seconds determines gap times
+    share to some per cent, each alone to a quarter. The likelihood has many maxima. The standard errors of a fit are
+    those at its maximum; those of a diagnosis come from the scatter over parts of the log.
     """
 
     name = "backlash"

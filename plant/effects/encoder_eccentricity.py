@@ -16,7 +16,7 @@ _FIRST = (1.0, 2.0)  # orders of a disc off its centre, and of one that is not r
 
 @dataclass(frozen=True, kw_only=True)
 class EncoderEccentricity(Effect):
-    """A reading that runs ahead and behind with the angle; order 1 for a disc, others for its spokes or a screw."""
+    """A measurement error, a sine of the angle: order 1 for an eccentric disc, other orders for spokes or a screw."""
 
     name = "encoder_eccentricity"
     title = "encoder eccentricity"

@@ -19,7 +19,7 @@ class LaggedTorque(Nonparametric):
     stage = Stage.ACTUATOR
     equation = r"\tau_u = c\,(z - \tau),\; T \dot z = \tau - z"
     trace = "phase falls at high frequency"
-    variables = ("past torque",)
+    variables = ("lagged torque",)
     states = (State.TORQUE,)
 
     time_constant: float = parameter("s", "time constant T", lower=POSITIVE, lag=True)
