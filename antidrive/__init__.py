@@ -11,7 +11,8 @@
     loop = ad.closed_loop(controller, ad.Rig.paper_like(), 0.2, duration=1.0, seed=0)
     print(loop.tracking_rms, loop.least_flank_torque)
 
-A log is a path, a DataFrame, arrays by name, or an `ad.Log`, which also takes other names and units. Everything here
+A log is a path, a DataFrame, arrays by name, or an `ad.Log`, which also takes other names and units; `ad.read_log`
+reads a log.toml of `antidrive inspect`. Everything here
 comes from a package of its own, `plant`, `allocation`, `identification`, `diagnosis` or `mpc`, which have more; each is
 imported when its first name is used.
 """
@@ -25,6 +26,7 @@ from antidrive.shadowed_packages import refuse_shadowing
 
 if TYPE_CHECKING:
     from allocation import Allocator
+    from antidrive.log_file import read_log
     from antidrive.model_comparison import compare
     from antidrive.prediction import predict
     from antidrive.version import VERSION as __version__
@@ -51,6 +53,7 @@ __all__ = [
     "friction_test",
     "identify",
     "predict",
+    "read_log",
     "read_model",
     "simulate",
     "write_model",
@@ -72,6 +75,7 @@ HOMES = {
     "friction_test": "identification",
     "identify": "identification",
     "predict": "antidrive.prediction",
+    "read_log": "antidrive.log_file",
     "read_model": "plant",
     "simulate": "plant",
     "write_model": "plant",

@@ -48,7 +48,7 @@ def identify(
     options: LogOptions, *, base: Path | None, known: FitOptions, force: bool, out: Path, seed: int, console: Console
 ) -> None:
     """Fit a model and write model.json, fit.json and report.html; of a fit without a result nothing, unless forced."""
-    from diagnosis import blind_spots, standstill
+    from diagnosis import blind_spots, standstill, torque_follows, unexplained_torque
     from identification.fit import fit
     from identification.fit_result import fit_report, fit_to_dict
     from identification.simulation import free_simulation
@@ -68,11 +68,14 @@ def identify(
                 force=force,
                 progress=progress,
             )
-            why = standstill(found) or (None if found.failed is None else f"The fit failed: {found.failed}")
+            why = standstill(found)
+            if why is None and found.failed is not None:
+                why = torque_follows(found.log) or f"The fit failed: {found.failed}"
             if why is not None and not force:
                 raise Unidentifiable(why)
             simulated = free_simulation(measured.log, found.model)
-        content, blind = fit_to_dict(found), blind_spots(found)
+        content = fit_to_dict(found)
+        blind = (*blind_spots(found), *filter(None, (unexplained_torque(found),)))
         content["data"]["warnings"] += blind
         provenance = Provenance.now(console.words, measured.log.sources)
         found.model_file(options.reading().gears).write(draft / "model.json")

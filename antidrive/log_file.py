@@ -23,6 +23,7 @@ from typing import Any
 
 from antidrive.fit_options import FitOptions
 from antidrive.log_options import NUMBERS, LogOptions
+from identification.log import Log
 from plant.errors import BadParameter
 
 _HEAD = (
@@ -31,6 +32,17 @@ _HEAD = (
 _TEXTS = ("gears", "ratio", "joint")
 _TABLES = ("columns", "units", "scale", "fit")
 _KEYS = ("files", "holdout", *_TEXTS, *NUMBERS, *_TABLES)
+
+
+def read_log(path: str | Path) -> Log:
+    """Read the log that a log.toml of `antidrive inspect` describes, or any other log file.
+
+    Raises:
+        BadParameter: the log.toml is missing, is no TOML, or has a key or value that it cannot have.
+        MalformedLog: a log file that cannot be used.
+    """
+    path = Path(path)
+    return read_log_file(path).read().log if path.suffix.lower() == ".toml" else Log.read(path)
 
 
 def read_log_file(path: Path) -> LogOptions:

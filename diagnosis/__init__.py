@@ -8,6 +8,7 @@ from diagnosis.diagnosis import Diagnosis
 from diagnosis.experiment import Experiment, Limits, rivals_of, separating_experiment
 from diagnosis.explanation import Explanation
 from diagnosis.identifiability import blind_spots, standstill
+from diagnosis.inverse_model import torque_follows, unexplained_torque
 from diagnosis.result import Cause, EffectSet, Findings, Gain, Minor, Rejected, Unknown
 
 __all__ = [
@@ -28,4 +29,6 @@ __all__ = [
     "rivals_of",
     "separating_experiment",
     "standstill",
+    "torque_follows",
+    "unexplained_torque",
 ]

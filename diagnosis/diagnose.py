@@ -16,9 +16,10 @@ from diagnosis.evidence.search_over_sets import explore
 from diagnosis.extrapolation import extrapolation_warning
 from diagnosis.falsification import Tenable, predicts_worse, tenable
 from diagnosis.formula_suggestion import suggested_formula
-from diagnosis.holdout import inverse_errors, measure_gain, remaining
+from diagnosis.holdout import measure_gain, remaining
 from diagnosis.holdout_refit import holdout_differences
 from diagnosis.identifiability import blind_spots, standstill
+from diagnosis.inverse_model import inverse_errors, torque_follows, torque_predicted_worse, unexplained_torque
 from diagnosis.levels import CLEARLY, HARDLY_EVER, LIKELY, SURE
 from diagnosis.multimodal_likelihood import on_its_best_peak
 from diagnosis.nonparametric_residual import with_curves
@@ -38,7 +39,7 @@ from identification.fit_result import Fit
 from identification.log import Log
 from identification.log_like import LogLike, log_of
 from identification.prior_knowledge import Fixed, Pairs, PriorKnowledge
-from identification.slower_observer import behind_a_slower_observer, worth_of_torque
+from identification.slower_observer import behind_a_slower_observer, by_regression, worth_of_torque
 from identification.threads import without_blas_threads
 from identification.time_stamp_jitter import evenly_timed
 from plant.effects.effect import Array, Effect
@@ -127,13 +128,13 @@ def _diagnosed(
         raise Unidentifiable(still)
     failed = null.failed
     if failed is not None:  # too much is missing
-        null = behind_a_slower_observer(log, start, known) or null
+        null = by_regression(log, start, known) or behind_a_slower_observer(log, start, known) or null
     if null.failed is not None:
-        raise Unidentifiable(_FAILED + null.failed)
+        raise Unidentifiable(torque_follows(log) or _FAILED + null.failed)
     held_out = evenly_timed(held_out) if null.log.evenly_timed else held_out
     found = tenable(null, explore(null, effects, tell).known.values(), held_out)
     if failed is not None and worth_of_torque(found.fit) < HARDLY_EVER:
-        raise Unidentifiable(_FAILED + failed)
+        raise Unidentifiable(torque_follows(log) or _FAILED + failed)
     tell("fitting non-parametric curves")
     found = replace(found, fit=on_its_best_peak(found.fit, found.without))
     best, named = found.posterior.best, found.fit
@@ -151,7 +152,9 @@ def _diagnosed(
     if judgement.verdict != "unknown" and (not judgement.causes or most):
         alone = only_in_validation(final, held_out)
     beside = best.discrepancy.posterior
-    if alone is not None or (judgement.verdict == "named" and most and beside.something > SURE):
+    torque_error, absurd = inverse_errors(null.log, held_out, null.model, final.model), unexplained_torque(final)
+    something = judgement.verdict == "named" and most and beside.something > SURE
+    if alone is not None or absurd is not None or something:
         judgement = replace(judgement, verdict="unknown")
     return Diagnosis(
         verdict=judgement.verdict,
@@ -162,10 +165,14 @@ def _diagnosed(
         without=found.without,
         rejected=rejected(null, found.posterior, effects, {*judgement.causes, *judgement.minor}, found.falsified),
         gain=gain,
-        torque_error=inverse_errors(null.log, held_out, null.model, final.model),
+        torque_error=torque_error,
         unexplained=left,
         only_in_validation=None if alone is None else str(alone),
-        warnings=(*_of_data(null, [*said, *filter(None, (shorter,))]), *_of_the_end(null, final, held_out)),
+        warnings=(
+            *_of_data(null, [*said, *filter(None, (shorter,))]),
+            *filter(None, (absurd or torque_predicted_worse(torque_error),)),
+            *_of_the_end(null, final, held_out),
+        ),
         base=null,
         extended=final,
         residual_before=residual_torque(null),

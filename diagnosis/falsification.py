@@ -20,6 +20,7 @@ from diagnosis.holdout import bounded, cut, restart_window, squared_errors
 from diagnosis.jackknife import BLOCKS
 from diagnosis.levels import SURELY, TWICE
 from diagnosis.refit import estimates, is_plausible, settled, without
+from diagnosis.residual_torque import torque_of
 from diagnosis.result import Estimate
 from identification.fit_result import Fit
 from identification.log import Log
@@ -229,9 +230,10 @@ def _impossible(explanation: Explanation, name: str) -> str | None:
     if not is_plausible(fit, name):
         return "the fitted values are implausible for this effect"
     most = max(float(np.max(np.abs(run.drive))) for run in fit.log.runs)
-    beyond = {key: value for key, value in torques.items() if abs(value.value) > most}
-    if beyond:
-        return f"its {_said(beyond)} is larger than any torque in the log, {most:.3g} {fit.log.command_unit}"
+    if any(abs(value.value) > most for value in torques.values()):  # an amplitude that the motion may not reach
+        rms, unit = torque_of(fit, name)[0], fit.log.command_unit
+        if rms > most:
+            return f"its torque ({measured(rms, None, unit)} rms) is larger than any in the log, {most:.3g} {unit}"
     return None
 
 

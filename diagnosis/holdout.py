@@ -8,9 +8,8 @@ import numpy as np
 
 from diagnosis.jackknife import BLOCKS, jackknife
 from diagnosis.measured_motion import reading_noise
-from diagnosis.result import Findings, Gain, Replay, TorqueError, Unexplained
+from diagnosis.result import Findings, Gain, Replay, Unexplained
 from identification.fit_result import Fit
-from identification.inverse import torque_error_samples
 from identification.log import Log
 from identification.simulation import free_simulation
 from plant.effects.effect import Array
@@ -114,34 +113,6 @@ def _floor_name(fit: Fit) -> str:
     noise = max(reading_noise(run) for run in fit.log.runs)
     irregular = any(np.diff(run.time).std() > _IRREGULAR * run.sample_time for run in fit.log.runs)
     return "one-step error" if irregular or fit.noise_floor > _MORE * noise else "noise floor"
-
-
-def inverse_errors(estimation: Log, held_out: Log, before: ServoModel, after: ServoModel) -> TorqueError:
-    """Relative error of the inverse model with both models on both logs."""
-    cutoff = min(40.0, 0.1 / estimation.runs[0].sample_time)
-    found = {
-        "estimation_before": _inverse_error(estimation, before, cutoff),
-        "estimation_after": _inverse_error(estimation, after, cutoff),
-        "held_out_before": _inverse_error(held_out, before, cutoff),
-        "held_out_after": _inverse_error(held_out, after, cutoff),
-    }
-    return TorqueError(
-        cutoff=cutoff,
-        **{name: error for name, (error, _) in found.items()},
-        std={name: std for name, (_, std) in found.items()},
-    )
-
-
-def _inverse_error(log: Log, model: ServoModel, cutoff: float) -> tuple[float, float]:
-    """Relative error of the inverse model over a log, and its standard error."""
-    squares = [record**2 for record in torque_error_samples(log, model, cutoff=cutoff)]
-
-    def relative(missed: float, torque: float) -> float:
-        if torque > 0.0:
-            return float(np.sqrt(missed / torque))
-        return float(missed > 0.0)  # a model that lets no torque through explains none of what the motion needs
-
-    return relative(*(float(np.mean(square)) for square in squares)), jackknife(relative, *squares)
 
 
 def remaining(gain: Gain, depends_on: tuple[str, ...]) -> Unexplained:

@@ -44,6 +44,11 @@ class FilteredMotion:
     still: NDArray[np.bool_]
 
 
+def inverse_cutoff(log: Log) -> float:
+    """Cutoff of the low pass behind which inverse models are compared on a log [Hz]."""
+    return min(40.0, 0.1 / log.runs[0].sample_time)
+
+
 def lowest_cutoff(log: Log) -> float:
     """Cutoff of a low pass that leaves a few periods of the longest run [Hz]: less would be no motion."""
     return _PERIODS / max(run.duration for run in log.runs)

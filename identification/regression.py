@@ -21,10 +21,13 @@ from identification.run import Run
 from identification.threads import in_threads
 from plant.effects import DeadZone
 from plant.effects.effect import Array
+from plant.effects.parameter import Axis
 from plant.servo import ServoModel
 
 _WIDEST, _APART = 0.2, 3.0  # highest cutoff, of the sampling rate, and from one to the next
 _FEWEST = 30  # samples that the low pass needs
+_BESIDE = (3, 4, 5)  # columns that take up what the base model lacks: friction, an offset, gravity of another zero
+_TORQUE, _SLOPE = 6, 7  # columns of the torque and of its slope
 _ZONES = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4)  # half widths of a dead zone, of the largest torque
 _ALIKE = 0.02  # share of the torque in which two starts may differ that are one
 _BETTER = 1e-6  # share of the squares from which a wider dead zone is one
@@ -47,6 +50,25 @@ def starting_values(log: Log, model: ServoModel) -> list[Array]:
     return found
 
 
+def regressed_torque_error(log: Log, cutoff: float) -> float:
+    """Relative error of a regression of the torque on the measured motion, after the low pass of `torque_error` [Hz].
+
+    The columns are acceleration, gravity with any zero of the angle, velocity, its sign and one.
+    """
+    columns, torques = [], []
+    for run in log.runs:
+        motion = filtered_motion(run, cutoff)
+        moved, inner = _moved(log.axis, motion, cutoff), _inner(motion, cutoff)
+        columns.append(moved[inner])
+        torques.append(_driven(run, None, motion, moved, cutoff)[inner, 0])
+    table, torque = np.vstack(columns), np.concatenate(torques)
+    sizes = np.linalg.norm(table, axis=0)
+    table = table / np.where(sizes > 0.0, sizes, 1.0)
+    left = torque - table @ np.linalg.lstsq(table, torque, rcond=None)[0]
+    level = float(np.linalg.norm(torque))
+    return float(np.linalg.norm(left)) / level if level > 0.0 else 1.0
+
+
 def _cutoffs(log: Log) -> list[float]:
     """From high to low [Hz]."""
     found, lowest = [_WIDEST / log.sample_time], lowest_cutoff(log)
@@ -67,11 +89,11 @@ def _alike(log: Log, one: Array, other: Array) -> bool:
 
 def _solved(products: Array) -> Iterator[tuple[str, float, Array]]:
     """Each way of doing it, the share of squares that it leaves, and J, alpha, K (3,), from the products of columns."""
-    for way, others in (("alone", ()), ("beside", (3, 4, 6))):
-        left, (torque, gravity, viscous, *_) = _regressed(products, 0, (5, 1, 2, *others), signs=(1, -1, -1))
+    for way, others in (("alone", ()), ("beside", (*_BESIDE, _SLOPE))):
+        left, (torque, gravity, viscous, *_) = _regressed(products, 0, (_TORQUE, 1, 2, *others), signs=(1, -1, -1))
         if torque > 0.0:
             yield f"motion {way}", left, np.array([1.0, gravity, viscous]) / torque
-        left, rigid = _regressed(products, 5, (0, 1, 2, *others[:2]), signs=(1, 1, 1))
+        left, rigid = _regressed(products, _TORQUE, (0, 1, 2, *others[: len(_BESIDE)]), signs=(1, 1, 1))
         if rigid[0] > 0.0:
             yield f"torque {way}", left, rigid[:3]
 
@@ -93,13 +115,13 @@ def _at_cutoff(log: Log, model: ServoModel, cutoff: float) -> list[Array]:
     """The starts (P,) at one cutoff, for each way the best dead zone."""
     best: dict[str, tuple[float, Array]] = {}
     motions = [filtered_motion(run, cutoff, model) for run in log.runs]
-    moved = [_moved(model, motion, cutoff) for motion in motions]
+    moved = [_moved(model.axis, motion, cutoff) for motion in motions]
     for half_width in _half_widths(log, model):
         variant = model.with_effect(DeadZone(half_width=half_width)) if model.effect("dead_zone") else model
         driven = [_driven(run, variant, m, by, cutoff) for run, m, by in zip(log.runs, motions, moved, strict=True)]
         table = np.vstack([np.hstack(both)[_inner(m, cutoff)] for *both, m in zip(moved, driven, motions, strict=True)])
         products = table.T @ table
-        if not (np.isfinite(products).all() and (np.diag(products)[[0, 2, 5]] > 0.0).all()):
+        if not (np.isfinite(products).all() and (np.diag(products)[[0, 2, _TORQUE]] > 0.0).all()):
             continue
         for way, left, rigid in _solved(products):
             if way not in best or left < best[way][0] - _BETTER:
@@ -116,18 +138,21 @@ def _half_widths(log: Log, model: ServoModel) -> list[float]:
     return [share * largest for share in _ZONES]
 
 
-def _moved(model: ServoModel, motion: FilteredMotion, cutoff: float) -> Array:
-    """(T, 5) acceleration, cos x, velocity, its sign and one behind the low pass."""
+def _moved(axis: Axis, motion: FilteredMotion, cutoff: float) -> Array:
+    """(T, 6) acceleration, cos x, velocity, its sign, one and sin x behind the low pass."""
     dt = float(motion.time[1] - motion.time[0])
     acceleration = np.zeros_like(motion.angle)
     acceleration[1:-1] = np.diff(motion.angle, 2) / dt**2  # the mean over the same two samples as that of the torque
     sign = np.where(motion.still, 0.0, np.sign(motion.velocity))
-    gravity = np.cos(motion.angle) if model.axis == "rotary" else np.zeros_like(motion.angle)
-    columns = (acceleration, gravity, motion.velocity, smooth(sign, cutoff, dt), np.ones_like(sign))
+    turns = axis == "rotary"
+    gravity = np.cos(motion.angle) if turns else np.zeros_like(motion.angle)
+    quadrature = np.sin(motion.angle) if turns else np.zeros_like(motion.angle)
+    signs = smooth(sign, cutoff, dt)
+    columns = (acceleration, gravity, motion.velocity, signs, np.ones_like(sign), quadrature)
     return np.column_stack(columns)
 
 
-def _driven(run: Run, model: ServoModel, motion: FilteredMotion, moved: Array, cutoff: float) -> Array:
+def _driven(run: Run, model: ServoModel | None, motion: FilteredMotion, moved: Array, cutoff: float) -> Array:
     """(T, 2) torque, without what a payload of this run takes of it, and its slope behind the low pass."""
     payload = np.array([run.own.get("inertia", 0.0), run.own.get("gravity", 0.0)])
     dt = float(motion.time[1] - motion.time[0])

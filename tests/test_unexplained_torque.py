@@ -1,0 +1,76 @@
+"""A model that only follows the motion, whatever the torque is, is no model of the machine, and that is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import antidrive as ad
+from diagnosis import diagnose, unexplained_torque
+from diagnosis.inverse_model import inverse_errors, torque_predicted_worse
+from identification import Log, Unidentifiable, fit
+from plant import ServoModel
+from plant.effects import GravityOffset
+
+TIME = np.arange(0.0, 20.0, 0.005)
+
+
+def tight_loop(angle_zero: float, disturbance: float) -> Log:
+    """A joint that a tight loop moves: its torque follows from the motion and from a slow disturbance [rad, N m]."""
+    parts = ((0.6, 0.13, 0.0), (0.4, 0.31, 1.0), (0.2, 0.47, 2.0))
+    angle = sum(size * np.sin(2 * np.pi * rate * TIME + phase) for size, rate, phase in parts)
+    speed = np.gradient(angle, TIME)
+    slow = 4.0 * np.sin(2 * np.pi * 0.21 * TIME + 0.5) + 3.0 * np.sin(2 * np.pi * 0.57 * TIME + 1.5)
+    torque = 0.6 * np.gradient(speed, TIME) + 30.0 * np.cos(angle - angle_zero) + 1.5 * speed + disturbance * slow
+    noise = 2e-5 * np.random.default_rng(0).normal(size=TIME.size)
+    return Log.from_arrays(time=TIME, torque=torque, angle=angle + noise)
+
+
+def test_a_torque_that_the_model_does_not_explain_is_said() -> None:
+    log = tight_loop(0.0, 0.3)
+    heavy = replace(fit(log), model=ServoModel(inertia=60.0, gravity=0.0))  # goes on as the load does
+    warning = unexplained_torque(heavy)
+    assert warning is not None
+    assert "A regression of the torque on the measured motion has an error of" in warning
+    noise = np.random.default_rng(1).normal(size=TIME.size)
+    other = Log.from_arrays(time=TIME, torque=20.0 * noise, angle=log.runs[0].output)
+    assert unexplained_torque(replace(heavy, log=other)) is None  # nothing explains this torque
+
+
+def test_a_model_that_explains_the_torque_is_not_warned_of() -> None:
+    assert unexplained_torque(fit(tight_loop(0.0, 0.0))) is None
+    assert unexplained_torque(fit(tight_loop(0.0, 0.3))) is None
+
+
+def test_a_pendulum_whose_angle_begins_where_it_hangs_is_diagnosed_in_a_tight_loop() -> None:
+    """Its base model has gravity over cos x alone: the likelihood of the motion gives it an inertia that is absurd."""
+    found = diagnose(tight_loop(np.pi / 2, 0.0))
+    assert (found.verdict, [cause.effect for cause in found.causes]) == ("named", ["gravity_offset"])
+    assert found.causes[0].parameters["beta"].value == pytest.approx(30.0, rel=1e-3)  # more than any torque in the log
+    assert found.extended.model.inertia == pytest.approx(0.6, rel=0.02)
+
+
+def test_a_torque_that_only_follows_the_motion_is_refused_as_such() -> None:
+    with pytest.raises(Unidentifiable, match="in this log the torque follows the motion"):
+        diagnose(tight_loop(0.7, 0.2))
+
+
+def test_an_extension_that_spoils_the_feedforward_is_said() -> None:
+    log, right = tight_loop(0.0, 0.0), ServoModel(inertia=0.6, gravity=30.0, viscous_friction=1.5)
+    wrong = right.with_effect(GravityOffset(beta=10.0))
+    spoilt = torque_predicted_worse(inverse_errors(log, log, right, wrong))
+    assert spoilt is not None
+    assert "not as a feedforward" in spoilt
+    assert torque_predicted_worse(inverse_errors(log, log, wrong, right)) is None
+    assert torque_predicted_worse(inverse_errors(log, log, right, replace(right, viscous_friction=1.51))) is None
+
+
+def test_a_log_toml_is_read_in_python(tmp_path) -> None:
+    log = tight_loop(0.0, 0.0)
+    run = log.runs[0]
+    rows = np.column_stack((run.time, run.command, np.degrees(run.output)))[:400]
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="t,u,phi", comments="")
+    described = 'files = ["log.csv"]\n[columns]\ntime = "t"\ntorque = "u"\nangle = "phi"\n[units]\nangle = "deg"\n'
+    (tmp_path / "log.toml").write_text(described)
+    read = ad.read_log(tmp_path / "log.toml")
+    assert read.runs[0].output == pytest.approx(run.output[:400], abs=1e-6)
